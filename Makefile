@@ -1,0 +1,82 @@
+# Partita. `make demo` and `make test` are all a newcomer needs; each sets up what it uses in .venv by itself.
+
+PYTHON ?= python3
+BIN := .venv/bin
+TOOLS := .venv/.tools
+BUILT := .venv/.built
+
+# Everything that the native module is made of.
+RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml')
+
+export VIRTUAL_ENV := $(CURDIR)/.venv
+export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
+export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export MPLBACKEND ?= Agg
+
+.DEFAULT_GOAL := all
+.DELETE_ON_ERROR:
+.PHONY: all install format lint test test-rust test-python bench docs demo clean
+
+## all: check, test, show and document everything
+all: lint test demo docs
+
+## install: .venv with the pinned tools and Partita itself, its core built for speed
+install: $(BUILT)
+
+$(TOOLS): constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+		{ echo "Partita needs Python 3.10 or newer; name one: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	@command -v cargo >/dev/null || { echo "Partita's core is written in Rust: install Rust 1.85 or newer" >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --only-binary=:all: --requirement constraints.txt
+	@touch $@
+
+$(BUILT): $(TOOLS) pyproject.toml $(RUST)
+	$(BIN)/maturin develop --release --locked
+	@touch $@
+
+## format: rewrite the sources in the house style
+format: $(TOOLS)
+	cargo fmt --all
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+## lint: style, types and lints; a warning is an error
+lint: $(TOOLS)
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+## test: the core, then the package with its docstrings' examples
+test: test-rust test-python
+
+test-rust: $(TOOLS)
+	cargo test --workspace --locked
+
+test-python: $(BUILT)
+	$(BIN)/python -m pytest
+
+## bench: measured costs against their limits
+bench: $(BUILT)
+	$(BIN)/python benches/run.py
+
+## docs: the reference of both languages, in out/docs
+docs: $(BUILT)
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
+	rm -rf out/docs
+	mkdir -p out/docs
+	cp -r target/doc out/docs/rust
+	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
+
+## demo: a four-bar and a squeezer, simulated, checked and drawn in out/
+demo: $(BUILT)
+	$(BIN)/python examples/demo.py
+
+## clean: back to a fresh clone
+clean:
+	rm -rf .venv target out dist .pytest_cache .mypy_cache .ruff_cache
+	find python tests -name '__pycache__' -type d -prune -exec rm -rf {} +
+	rm -f python/partita/_core*.so

@@ -1,0 +1,76 @@
+//! Linear combinations of stages, the stepper's own share of the work.
+//!
+//! Every vector is padded with zeros to whole tiles of eight numbers: a tile is summed in registers over all terms of
+//! a row and written once, without remainders, for a pendulum (one tile) as for a chain of a thousand loops.
+
+/// Numbers summed together in registers.
+pub(crate) const TILE: usize = 8;
+
+/// Length of a vector of `dim` numbers with its padding.
+pub(crate) fn padded(dim: usize) -> usize {
+    dim.div_ceil(TILE) * TILE
+}
+
+/// One non-zero weight and where its stage begins.
+#[derive(Debug, Clone, Copy)]
+struct Term {
+    offset: usize,
+    weight: f64,
+}
+
+/// The weights of one row of a tableau, zeros left out.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    terms: Box<[Term]>,
+}
+
+impl Row {
+    /// Row for stages laid one after another, `stride` numbers each.
+    pub(crate) fn new(weights: &[f64], stride: usize) -> Self {
+        let term = |(slot, &weight): (usize, &f64)| Term { offset: slot * stride, weight };
+        Self { terms: weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(term).collect() }
+    }
+
+    /// `Σ w_j k_j` on the tile that begins at component `at`.
+    #[inline(always)]
+    pub(crate) fn tile(&self, stages: &[f64], at: usize) -> [f64; TILE] {
+        let mut sum = [0.0; TILE];
+        for term in &self.terms {
+            let begin = term.offset + at;
+            let k = &stages[begin..begin + TILE];
+            for lane in 0..TILE {
+                sum[lane] += term.weight * k[lane];
+            }
+        }
+        sum
+    }
+
+    /// `out = base + h Σ w_j k_j`, all padded. The sum comes first: it rounds at the size of the increment.
+    pub(crate) fn advance(&self, stages: &[f64], h: f64, base: &[f64], out: &mut [f64]) {
+        let tiles = base.chunks_exact(TILE).zip(out.chunks_exact_mut(TILE));
+        for (i, (base, out)) in tiles.enumerate() {
+            let sum = self.tile(stages, i * TILE);
+            for lane in 0..TILE {
+                out[lane] = base[lane] + h * sum[lane];
+            }
+        }
+    }
+
+    /// `out = h Σ w_j k_j`, all padded.
+    pub(crate) fn scaled(&self, stages: &[f64], h: f64, out: &mut [f64]) {
+        for (i, out) in out.chunks_exact_mut(TILE).enumerate() {
+            let sum = self.tile(stages, i * TILE);
+            for lane in 0..TILE {
+                out[lane] = h * sum[lane];
+            }
+        }
+    }
+}
+
+/// First component that is not finite. The common case, that there is none, costs one pass without branches.
+pub(crate) fn first_not_finite(x: &[f64]) -> Option<usize> {
+    if x.iter().fold(true, |all, v| all & v.is_finite()) {
+        return None;
+    }
+    x.iter().position(|v| !v.is_finite())
+}

@@ -1,0 +1,18 @@
+//! The work an integration has done.
+
+/// Counted work; exact, so that tests can state it and results can show it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Steps committed.
+    pub steps: u64,
+    /// Attempts thrown away, whatever the reason.
+    pub rejected: u64,
+    /// Those of `rejected` that ended at a point where the right-hand side could not be evaluated.
+    pub retries: u64,
+    /// Those of `rejected` that produced a number that is not finite.
+    pub not_finite: u64,
+    /// Calls of the right-hand side for the steps themselves, the start included.
+    pub evaluations: u64,
+    /// Calls of the right-hand side made only for dense output; not contained in `evaluations`.
+    pub dense_evaluations: u64,
+}

@@ -1,0 +1,84 @@
+//! The state between the two ends of a step.
+//!
+//! All methods here share one form. With `θ` from 0 to 1 along the step and `Δ = y_new − y_old`,
+//!
+//! ```text
+//! y = y_old + θ (F0 + (1−θ) (F1 + θ (F2 + (1−θ) (F3 + θ (F4 + …)))))
+//! F0 = Δ,   F1 = h f_old − Δ,   F2 = 2Δ − h (f_old + f_new),   F3, F4, … = h Σ d_j k_j
+//! ```
+//!
+//! `F0` to `F2` are the cubic of Hermite: whatever the `d`, value and slope are right at both ends, also after the
+//! end was corrected. `F3` alone is Shampine's quartic for Dormand–Prince 5 and the free interpolant of Tsitouras;
+//! `F3` to `F6` are the septic of Hairer, Nørsett and Wanner for DOP853.
+
+use crate::combination::{Row, TILE};
+use crate::tableau::Tableau;
+
+/// A stage that only dense output needs.
+#[derive(Debug)]
+pub(crate) struct ExtraStage {
+    pub(crate) row: Row,
+    pub(crate) node: f64,
+    pub(crate) slot: usize,
+}
+
+/// Coefficients `F` of one step, and whether they have been computed.
+#[derive(Debug)]
+pub(crate) struct DenseOutput {
+    pub(crate) extra: Vec<ExtraStage>,
+    pub(crate) ready: bool,
+    rows: Vec<Row>,
+    stride: usize,
+    coefficients: Vec<f64>,
+}
+
+impl DenseOutput {
+    pub(crate) fn new(tableau: &Tableau, stride: usize) -> Self {
+        let dense = &tableau.dense;
+        let extra = (dense.nodes.iter().zip(dense.a).enumerate())
+            .map(|(i, (&node, row))| ExtraStage { row: Row::new(row, stride), node, slot: tableau.end_slot() + 1 + i })
+            .collect();
+        let rows: Vec<Row> = dense.weights.iter().map(|row| Row::new(row, stride)).collect();
+        let coefficients = vec![0.0; (3 + rows.len()) * stride];
+        Self { extra, ready: false, rows, stride, coefficients }
+    }
+
+    /// Compute `F` from the stages, the extra ones included; `f_new` stands in `end_slot`.
+    pub(crate) fn fill(&mut self, stages: &[f64], end_slot: usize, h: f64, y_old: &[f64], y_new: &[f64]) {
+        let n = self.stride;
+        let (f_old, f_new) = (&stages[..n], &stages[end_slot * n..(end_slot + 1) * n]);
+        let (f0, rest) = self.coefficients.split_at_mut(n);
+        let (f1, rest) = rest.split_at_mut(n);
+        let (f2, rest) = rest.split_at_mut(n);
+        for i in 0..n {
+            let delta = y_new[i] - y_old[i];
+            f0[i] = delta;
+            f1[i] = h * f_old[i] - delta;
+            f2[i] = 2.0 * delta - h * (f_old[i] + f_new[i]);
+        }
+        for (row, f) in self.rows.iter().zip(rest.chunks_exact_mut(n)) {
+            row.scaled(stages, h, f);
+        }
+        self.ready = true;
+    }
+
+    /// The state at `theta`, into `out` (without padding).
+    pub(crate) fn evaluate(&self, theta: f64, y_old: &[f64], out: &mut [f64]) {
+        let last = 2 + self.rows.len();
+        for (i, out) in out.chunks_mut(TILE).enumerate() {
+            let at = i * TILE;
+            let tile = |j: usize| &self.coefficients[j * self.stride + at..j * self.stride + at + TILE];
+            let mut sum = [0.0; TILE];
+            for j in (0..=last).rev() {
+                let factor = if j % 2 == 0 { 1.0 - theta } else { theta };
+                let f = tile(j);
+                for lane in 0..TILE {
+                    sum[lane] = f[lane] + factor * sum[lane];
+                }
+            }
+            for (lane, out) in out.iter_mut().enumerate() {
+                *out = y_old[at + lane] + theta * sum[lane];
+            }
+        }
+    }
+}

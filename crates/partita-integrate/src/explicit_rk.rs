@@ -1,0 +1,436 @@
+//! The stepper: one engine for every explicit Runge–Kutta table.
+//!
+//! It is driven step by step. All memory is taken in [`Stepper::new`]; nothing is allocated afterwards.
+//!
+//! ```text
+//! stepper.start(&mut ode, t, &y, t_end)?;
+//! while !stepper.finished() {
+//!     stepper.attempt(&mut ode)?;                  // an acceptable end, not yet final
+//!     let corrected = project(stepper.y_new_mut()); // the caller may correct it
+//!     if stepper.conclude(&mut ode, corrected)? == Conclusion::Rejected {
+//!         continue;                                // f is not evaluable there: a shorter step follows
+//!     }
+//!     stepper.interpolate(&mut ode, t_out, &mut out)?;
+//!     stepper.commit();
+//! }
+//! ```
+
+mod access;
+mod fixed_grid;
+mod method;
+mod obstacles;
+
+use self::fixed_grid::FixedGrid;
+use self::method::Method;
+use crate::combination::{first_not_finite, padded};
+use crate::counters::Counters;
+use crate::dense_output::DenseOutput;
+use crate::failure::StepFailure;
+use crate::ode::{Ode, RhsError};
+use crate::options::{Options, OptionsError};
+use crate::step_size::{controller, ErrorNorm, StepController};
+use crate::tableau::Tableau;
+
+/// A step as long as the rest up to this factor goes to the end: no sliver is left behind.
+const STRETCH: f64 = 1.01;
+
+/// What [`Stepper::conclude`] found at the end of the step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub enum Conclusion {
+    /// The slope is known there; the step can be interpolated and committed.
+    Done,
+    /// The slope cannot be evaluated there. The step has been thrown away and shortened: attempt again.
+    Rejected,
+}
+
+/// Where the cycle stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// At `t_old`, a step may be attempted.
+    Ready,
+    /// `y_new` is proposed.
+    Attempted,
+    /// The slope at `y_new` is known too.
+    Concluded,
+}
+
+/// Marches one equation with one method; see the [module](self) for the cycle of calls.
+#[derive(Debug)]
+pub struct Stepper {
+    tableau: &'static Tableau,
+    dim: usize,
+    stride: usize,
+    options: Options,
+    method: Method,
+    // the state: all vectors padded with zeros to `stride`
+    t_old: f64,
+    t_new: f64,
+    t_end: f64,
+    y_old: Vec<f64>,
+    y_new: Vec<f64>,
+    y_stage: Vec<f64>,
+    /// Slopes, slot by slot; slot 0 is the slope at `y_old`, the tableau's end slot that at `y_new`.
+    stages: Vec<f64>,
+    /// What replaces `y_new` and its slope at the commit, if `replaced`.
+    y_next: Vec<f64>,
+    f_next: Vec<f64>,
+    replaced: bool,
+    phase: Phase,
+    // the step
+    step: f64,
+    direction: f64,
+    shortest: f64,
+    grid: Option<FixedGrid>,
+    attempted_h: f64,
+    error: f64,
+    norm: ErrorNorm,
+    controller: StepController,
+    dense: DenseOutput,
+    counters: Counters,
+}
+
+impl Stepper {
+    /// Take all memory for an equation of dimension `dim`.
+    ///
+    /// # Errors
+    /// Options that contradict themselves or the method, such as error control for a method without an estimate.
+    pub fn new(tableau: &'static Tableau, dim: usize, options: Options) -> Result<Self, OptionsError> {
+        options.check(tableau, dim)?;
+        let stride = padded(dim);
+        let vector = || vec![0.0; stride];
+        Ok(Self {
+            method: Method::new(tableau, stride),
+            t_old: 0.0,
+            t_new: 0.0,
+            t_end: 0.0,
+            y_old: vector(),
+            y_new: vector(),
+            y_stage: vector(),
+            stages: vec![0.0; tableau.slots() * stride],
+            y_next: vector(),
+            f_next: vector(),
+            replaced: false,
+            phase: Phase::Ready,
+            step: 0.0,
+            direction: 1.0,
+            shortest: 0.0,
+            grid: None,
+            attempted_h: 0.0,
+            error: 0.0,
+            norm: ErrorNorm::new(&options, dim, stride),
+            controller: controller(tableau),
+            dense: DenseOutput::new(tableau, stride),
+            counters: Counters::default(),
+            tableau,
+            dim,
+            stride,
+            options,
+        })
+    }
+
+    /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side.
+    ///
+    /// Costs one evaluation, and a second one where the first step has to be chosen. The counters go on.
+    ///
+    /// # Errors
+    /// A start that is not finite, or where f cannot be evaluated.
+    ///
+    /// # Panics
+    /// If `y` has not the length given to [`new`](Stepper::new).
+    pub fn start<O: Ode + ?Sized>(
+        &mut self,
+        ode: &mut O,
+        t: f64,
+        y: &[f64],
+        t_end: f64,
+    ) -> Result<(), StepFailure<O::Error>> {
+        debug_assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
+        self.t_old = t;
+        self.t_new = t;
+        self.y_old[..self.dim].copy_from_slice(y);
+        self.y_new[..self.dim].copy_from_slice(y);
+        self.replaced = false;
+        self.phase = Phase::Ready;
+        self.dense.ready = false;
+        self.controller.reset();
+        if let Some(component) = first_not_finite(&self.y_old) {
+            return Err(StepFailure::NotFinite { t, component });
+        }
+        self.counters.evaluations += 1;
+        match ode.rhs(t, &self.y_old[..self.dim], &mut self.stages[..self.dim]) {
+            Ok(()) => {}
+            Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+        }
+        if let Some(component) = first_not_finite(&self.stages[..self.dim]) {
+            return Err(StepFailure::NotFinite { t, component });
+        }
+        self.set_t_end(t_end);
+        self.step = match (self.options.fixed_step, self.options.first_step) {
+            (Some(h), _) => h,
+            (None, Some(h)) => h.min(self.options.max_step),
+            (None, None) => self.first_step(ode)?,
+        };
+        Ok(())
+    }
+
+    /// Go on to another end. A fixed grid begins anew at `t_old`.
+    pub fn set_t_end(&mut self, t_end: f64) {
+        let span = t_end - self.t_old;
+        self.t_end = t_end;
+        self.direction = if span < 0.0 { -1.0 } else { 1.0 };
+        self.shortest = 16.0 * f64::EPSILON * (1e-6 * span.abs());
+        self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
+    }
+
+    /// Hairer's choice of the first step: two slopes show how fast the motion and its slope change.
+    fn first_step<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<f64, StepFailure<O::Error>> {
+        let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
+        let n = self.stride;
+        let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).min(longest);
+        if guess == 0.0 {
+            return Ok(longest);
+        }
+        let h = guess * self.direction;
+        for i in 0..n {
+            self.y_stage[i] = self.y_old[i] + h * self.stages[i];
+        }
+        self.counters.evaluations += 1;
+        let (f0, rest) = self.stages.split_at_mut(n);
+        let t = self.t_old + h;
+        match ode.rhs(t, &self.y_stage[..self.dim], &mut rest[..self.dim]) {
+            Ok(()) => {}
+            // not evaluable even there: begin with the short guess, the first attempts will find their way
+            Err(RhsError::Retry(_)) => return Ok(guess),
+            Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+        }
+        let better = self.norm.second_guess(guess, self.tableau.error_order, &self.y_old, f0, &rest[..n]);
+        Ok(if better.is_finite() { better.min(longest) } else { guess })
+    }
+
+    /// Try steps, shorter and shorter, until one is acceptable. On return [`t_new`](Stepper::t_new) and
+    /// [`y_new`](Stepper::y_new) hold its end.
+    ///
+    /// # Errors
+    /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
+    pub fn attempt<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
+        debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        loop {
+            let (h, t_new) = self.plan();
+            match self.stages(ode, h, t_new) {
+                Ok(()) => {}
+                Err((_, RhsError::Retry(error))) => {
+                    self.shorten_for_retry(h);
+                    self.check_length(h, Some(error))?;
+                    continue;
+                }
+                Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
+            }
+            let error = match self.grid {
+                Some(_) => 0.0,
+                None => self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new),
+            };
+            if let Some(component) = self.not_finite(error) {
+                self.shorten_not_finite(h);
+                self.check_finite(h, component)?;
+                continue;
+            }
+            if error <= 1.0 {
+                self.t_new = t_new;
+                self.attempted_h = h;
+                self.error = error;
+                self.dense.ready = false;
+                self.replaced = false;
+                self.phase = Phase::Attempted;
+                return Ok(());
+            }
+            self.counters.rejected += 1;
+            self.step = h.abs() * self.controller.rejected(error);
+            self.check_length(h, None)?;
+        }
+    }
+
+    /// Signed step and its end: `t_end` or the next grid point if within reach, so that they are met exactly.
+    fn plan(&self) -> (f64, f64) {
+        let goal = self.grid.as_ref().map_or(self.t_end, FixedGrid::goal);
+        let rest = goal - self.t_old;
+        if rest.abs() <= STRETCH * self.step {
+            return (rest, goal);
+        }
+        let h = self.step * self.direction;
+        (h, self.t_old + h)
+    }
+
+    /// All stages of a step and its end. An error comes with its time.
+    fn stages<O: Ode + ?Sized>(&mut self, ode: &mut O, h: f64, t_new: f64) -> Result<(), (f64, RhsError<O::Error>)> {
+        let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
+        let inner = if self.tableau.fsal { self.tableau.stages - 1 } else { self.tableau.stages };
+        for i in 1..inner {
+            self.method.stages[i].advance(&self.stages, h, &self.y_old, &mut self.y_stage);
+            let t = if c[i] == 1.0 { t_new } else { self.t_old + c[i] * h };
+            self.counters.evaluations += 1;
+            ode.rhs(t, &self.y_stage[..dim], &mut self.stages[i * n..i * n + dim]).map_err(|e| (t, e))?;
+        }
+        self.method.end.advance(&self.stages, h, &self.y_old, &mut self.y_new);
+        if self.tableau.fsal {
+            self.counters.evaluations += 1;
+            ode.rhs(t_new, &self.y_new[..dim], &mut self.stages[inner * n..inner * n + dim]).map_err(|e| (t_new, e))?;
+        }
+        Ok(())
+    }
+
+    /// Evaluate f at the end of the step: the first stage of the next step and part of dense output.
+    ///
+    /// `corrected` tells that `y_new` was changed through [`y_new_mut`](Stepper::y_new_mut); without a change, methods
+    /// whose last stage is that slope evaluate nothing. Where f is not evaluable, or not finite, the step is thrown
+    /// away and shortened: [`Conclusion::Rejected`].
+    ///
+    /// # Errors
+    /// See [`StepFailure`].
+    pub fn conclude<O: Ode + ?Sized>(
+        &mut self,
+        ode: &mut O,
+        corrected: bool,
+    ) -> Result<Conclusion, StepFailure<O::Error>> {
+        debug_assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
+        if self.tableau.fsal && !corrected {
+            self.phase = Phase::Concluded;
+            return Ok(Conclusion::Done);
+        }
+        let (h, t, dim) = (self.attempted_h, self.t_new, self.dim);
+        let begin = self.tableau.end_slot() * self.stride;
+        self.counters.evaluations += 1;
+        match ode.rhs(t, &self.y_new[..dim], &mut self.stages[begin..begin + dim]) {
+            Ok(()) => {}
+            Err(RhsError::Retry(error)) => {
+                self.phase = Phase::Ready;
+                self.shorten_for_retry(h);
+                self.check_length(h, Some(error))?;
+                return Ok(Conclusion::Rejected);
+            }
+            Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+        }
+        let spoilt = first_not_finite(&self.y_new).or_else(|| first_not_finite(self.slot(self.tableau.end_slot())));
+        if let Some(component) = spoilt {
+            self.phase = Phase::Ready;
+            self.shorten_not_finite(h);
+            self.check_finite(h, component)?;
+            return Ok(Conclusion::Rejected);
+        }
+        self.phase = Phase::Concluded;
+        Ok(Conclusion::Done)
+    }
+
+    /// The state at `t` inside the concluded step, into `out`.
+    ///
+    /// Exact at both ends. DOP853 evaluates its three additional stages at the first call in a step. A later
+    /// [`replace`](Stepper::replace) does not change what is interpolated.
+    ///
+    /// # Errors
+    /// [`StepFailure::Interpolation`] if such a stage cannot be evaluated.
+    ///
+    /// # Panics
+    /// If `out` has not the length given to [`new`](Stepper::new).
+    pub fn interpolate<O: Ode + ?Sized>(
+        &mut self,
+        ode: &mut O,
+        t: f64,
+        out: &mut [f64],
+    ) -> Result<(), StepFailure<O::Error>> {
+        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        if t == self.t_new {
+            out.copy_from_slice(&self.y_new[..self.dim]);
+            return Ok(());
+        }
+        if !self.dense.ready {
+            self.prepare_dense_output(ode)?;
+        }
+        let out = &mut out[..self.dim];
+        self.dense.evaluate((t - self.t_old) / self.attempted_h, &self.y_old, out);
+        Ok(())
+    }
+
+    fn prepare_dense_output<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
+        let (h, dim) = (self.attempted_h, self.dim);
+        for stage in &self.dense.extra {
+            stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
+            let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
+            self.counters.dense_evaluations += 1;
+            match ode.rhs(t, &self.y_stage[..dim], &mut self.stages[begin..begin + dim]) {
+                Ok(()) => {}
+                Err(RhsError::Retry(error)) => return Err(StepFailure::Interpolation { t, error }),
+                Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+            }
+        }
+        self.dense.fill(&self.stages, self.tableau.end_slot(), h, &self.y_old, &self.y_new);
+        Ok(())
+    }
+
+    /// Replace the state at `t_new` and its slope, evaluating nothing: after a change of independent coordinates.
+    /// The next step begins from it; the concluded step is still interpolated as it was.
+    ///
+    /// # Panics
+    /// If a slice has not the length given to [`new`](Stepper::new).
+    pub fn replace(&mut self, y: &[f64], dy: &[f64]) {
+        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        self.y_next[..self.dim].copy_from_slice(y);
+        self.f_next[..self.dim].copy_from_slice(dy);
+        self.replaced = true;
+    }
+
+    /// Replace the state at `t_old` and its slope, evaluating nothing: before a step is attempted, or after
+    /// [`reject`](Stepper::reject).
+    ///
+    /// # Panics
+    /// If a slice has not the length given to [`new`](Stepper::new).
+    pub fn replace_start(&mut self, y: &[f64], dy: &[f64]) {
+        debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        self.y_old[..self.dim].copy_from_slice(y);
+        self.stages[..self.dim].copy_from_slice(dy);
+    }
+
+    /// Make the concluded (and perhaps replaced) end the start of the next step, and choose its length.
+    pub fn commit(&mut self) {
+        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
+        if self.replaced {
+            std::mem::swap(&mut self.y_old, &mut self.y_next);
+            self.stages[..n].copy_from_slice(&self.f_next);
+        } else {
+            std::mem::swap(&mut self.y_old, &mut self.y_new);
+            self.stages.copy_within(end..end + n, 0);
+        }
+        self.replaced = false;
+        self.t_old = self.t_new;
+        self.phase = Phase::Ready;
+        self.counters.steps += 1;
+        match &mut self.grid {
+            Some(grid) => {
+                grid.reached(self.t_old);
+                self.step = grid.step();
+            }
+            None => {
+                let h = self.attempted_h.abs();
+                let next = h * self.controller.accepted(self.error);
+                // a step cut short by t_end says nothing against the length planned before
+                let planned = if h < self.step { self.step } else { 0.0 };
+                self.step = next.max(planned).min(self.options.max_step);
+            }
+        }
+    }
+
+    /// Throw the attempted or concluded step away; the next attempt starts from `t_old` again, `factor` times as long.
+    pub fn reject(&mut self, factor: f64) {
+        debug_assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
+        self.step = self.attempted_h.abs() * factor;
+        self.controller.hold();
+        self.replaced = false;
+        self.dense.ready = false;
+        self.phase = Phase::Ready;
+        self.counters.rejected += 1;
+    }
+
+    fn slot(&self, slot: usize) -> &[f64] {
+        &self.stages[slot * self.stride..slot * self.stride + self.dim]
+    }
+}

@@ -1,0 +1,85 @@
+//! What can be read from a stepper, and set between two steps.
+
+use super::{Phase, Stepper};
+use crate::counters::Counters;
+use crate::tableau::Tableau;
+
+impl Stepper {
+    /// The method.
+    pub fn tableau(&self) -> &'static Tableau {
+        self.tableau
+    }
+
+    /// Whether `t_end` is reached.
+    pub fn finished(&self) -> bool {
+        self.t_old == self.t_end
+    }
+
+    /// Where the integration ends.
+    pub fn t_end(&self) -> f64 {
+        self.t_end
+    }
+
+    /// Start of the step.
+    pub fn t_old(&self) -> f64 {
+        self.t_old
+    }
+
+    /// End of the attempted step.
+    pub fn t_new(&self) -> f64 {
+        self.t_new
+    }
+
+    /// State at `t_old`.
+    pub fn y_old(&self) -> &[f64] {
+        &self.y_old[..self.dim]
+    }
+
+    /// Slope at `t_old`.
+    pub fn dy_old(&self) -> &[f64] {
+        self.slot(0)
+    }
+
+    /// State at `t_new`, the replaced one if it was replaced.
+    pub fn y_new(&self) -> &[f64] {
+        let y = if self.replaced { &self.y_next } else { &self.y_new };
+        &y[..self.dim]
+    }
+
+    /// State at `t_new`, to be corrected in place between [`attempt`](Stepper::attempt) and
+    /// [`conclude`](Stepper::conclude).
+    pub fn y_new_mut(&mut self) -> &mut [f64] {
+        debug_assert_eq!(self.phase, Phase::Attempted, "correct the end before the step is concluded");
+        &mut self.y_new[..self.dim]
+    }
+
+    /// Slope at `t_new` of the concluded step, the replaced one if it was replaced.
+    pub fn dy_new(&self) -> &[f64] {
+        if self.replaced {
+            &self.f_next[..self.dim]
+        } else {
+            self.slot(self.tableau.end_slot())
+        }
+    }
+
+    /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.
+    pub fn error_ratio(&self) -> f64 {
+        self.error
+    }
+
+    /// Length of the next step to be attempted (positive), before it is cut to meet `t_end`.
+    pub fn step_size(&self) -> f64 {
+        self.step
+    }
+
+    /// Set the length of the next step to be attempted; its sign is ignored. Call it after
+    /// [`commit`](Stepper::commit) or [`reject`](Stepper::reject). A fixed step returns with the step after it.
+    pub fn set_step_size(&mut self, h: f64) {
+        self.step = h.abs();
+    }
+
+    /// The work done since [`new`](Stepper::new).
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}

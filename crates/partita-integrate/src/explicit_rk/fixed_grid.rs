@@ -1,0 +1,45 @@
+//! The times of an integration with a fixed step.
+
+/// A last step shorter than this fraction of the others is round-off and joins the step before it.
+const SLIVER: f64 = 1e-8;
+
+/// The grid `origin + i h` up to `end`, which is met exactly.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FixedGrid {
+    h: f64,
+    origin: f64,
+    end: f64,
+    next: u64,
+    total: u64,
+}
+
+impl FixedGrid {
+    /// Grid from `origin` to `end` with steps of length `h > 0`, the last one shorter where they do not fit.
+    pub(super) fn new(h: f64, origin: f64, end: f64) -> Self {
+        let span = end - origin;
+        let steps = span.abs() / h;
+        let total = (steps - SLIVER.max(4.0 * f64::EPSILON * steps)).ceil().max(1.0);
+        Self { h: h.copysign(span), origin, end, next: 1, total: total as u64 }
+    }
+
+    /// Length of the steps.
+    pub(super) fn step(&self) -> f64 {
+        self.h.abs()
+    }
+
+    /// The next point. Multiples of `h` are formed anew each time, so that their errors do not add.
+    pub(super) fn goal(&self) -> f64 {
+        if self.next < self.total {
+            self.origin + self.next as f64 * self.h
+        } else {
+            self.end
+        }
+    }
+
+    /// Note that `t` was reached: the next point, or a place before it after an obstacle.
+    pub(super) fn reached(&mut self, t: f64) {
+        if t == self.goal() {
+            self.next += 1;
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! A table made ready for work: zeros left out, slots turned into places in memory.
+
+use crate::combination::Row;
+use crate::step_size::ErrorNorm;
+use crate::tableau::{ErrorWeights, Tableau};
+
+#[derive(Debug)]
+enum Estimate {
+    None,
+    One([Row; 1]),
+    FifthAndThird([Row; 2]),
+}
+
+/// The rows of a method.
+#[derive(Debug)]
+pub(super) struct Method {
+    /// Row `i` leads to stage `i`.
+    pub(super) stages: Vec<Row>,
+    /// The weights `b` of the step.
+    pub(super) end: Row,
+    estimate: Estimate,
+}
+
+impl Method {
+    pub(super) fn new(tableau: &Tableau, stride: usize) -> Self {
+        let row = |weights: &[f64]| Row::new(weights, stride);
+        let estimate = match &tableau.error {
+            ErrorWeights::None => Estimate::None,
+            ErrorWeights::One(weights) => Estimate::One([row(weights)]),
+            ErrorWeights::FifthAndThird { fifth, third } => Estimate::FifthAndThird([row(fifth), row(third)]),
+        };
+        let stages = tableau.a.iter().map(|weights| row(weights)).collect();
+        Self { stages, end: row(tableau.b), estimate }
+    }
+
+    /// Error of a step of length `h` in units of the tolerance; 0 without an estimate.
+    pub(super) fn error(&self, norm: &ErrorNorm, h: f64, stages: &[f64], y_old: &[f64], y_new: &[f64]) -> f64 {
+        match &self.estimate {
+            Estimate::None => 0.0,
+            Estimate::One(rows) => {
+                let [square] = norm.mean_squares(rows, stages, y_old, y_new);
+                h.abs() * square.sqrt()
+            }
+            Estimate::FifthAndThird(rows) => {
+                let [fifth, third] = norm.mean_squares(rows, stages, y_old, y_new);
+                let sum = fifth + 0.01 * third;
+                if sum == 0.0 {
+                    0.0
+                } else {
+                    h.abs() * fifth / sum.sqrt()
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! What the stepper does about points where f cannot be evaluated or is not finite.
+
+use std::fmt::Display;
+
+use super::Stepper;
+use crate::combination::first_not_finite;
+use crate::failure::StepFailure;
+
+/// Shortening after a point that is not evaluable.
+const RETRY_FACTOR: f64 = 0.6;
+/// Shortening after a number that is not finite.
+const NOT_FINITE_FACTOR: f64 = 0.5;
+
+impl Stepper {
+    /// Some component that spoils the step, if its error or its end is not finite.
+    pub(super) fn not_finite(&self, error: f64) -> Option<usize> {
+        first_not_finite(&self.y_new).or_else(|| {
+            let spoilt = || (0..self.tableau.stages).find_map(|slot| first_not_finite(self.slot(slot)));
+            (!error.is_finite()).then(|| spoilt().unwrap_or(0))
+        })
+    }
+
+    /// The shortest step worth trying here.
+    fn shortest_step(&self) -> f64 {
+        self.shortest.max(16.0 * f64::EPSILON * self.t_old.abs())
+    }
+
+    /// Throw an attempt of length `h` away because f was not evaluable. The factor wanders a little from time to time,
+    /// so that the stages of the repetitions do not meet the same point again.
+    pub(super) fn shorten_for_retry(&mut self, h: f64) {
+        let wander = (self.counters.retries as f64 * 0.618_033_988_749_895).fract();
+        self.step = h.abs() * (RETRY_FACTOR - 0.05 * wander);
+        self.controller.hold();
+        self.counters.rejected += 1;
+        self.counters.retries += 1;
+    }
+
+    pub(super) fn shorten_not_finite(&mut self, h: f64) {
+        self.step = h.abs() * NOT_FINITE_FACTOR;
+        self.controller.hold();
+        self.counters.rejected += 1;
+        self.counters.not_finite += 1;
+    }
+
+    pub(super) fn check_length<E: Display>(&self, h: f64, last: Option<E>) -> Result<(), StepFailure<E>> {
+        if self.step < self.shortest_step() || h == 0.0 {
+            return Err(StepFailure::TooSmall { t: self.t_old, h: self.step, last });
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_finite<E: Display>(&self, h: f64, component: usize) -> Result<(), StepFailure<E>> {
+        if self.step < self.shortest_step() || h == 0.0 {
+            return Err(StepFailure::NotFinite { t: self.t_old, component });
+        }
+        Ok(())
+    }
+}

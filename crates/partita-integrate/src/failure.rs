@@ -1,0 +1,52 @@
+//! What can end an integration.
+
+use std::fmt::Display;
+
+/// Why the stepper cannot go on; `E` is the right-hand side's own error.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StepFailure<E: Display> {
+    /// The step became shorter than the time can resolve.
+    #[error(
+        "the step size fell to {h:.3e} at t = {t} without an acceptable step{}; \
+         look for a singular configuration or a jump in the forces near this time, or loosen rtol and atol",
+        reason(.last)
+    )]
+    TooSmall {
+        /// Time reached.
+        t: f64,
+        /// The step size that would have come next (positive).
+        h: f64,
+        /// What the right-hand side said last, if it was the obstacle.
+        last: Option<E>,
+    },
+    /// The right-hand side cannot be evaluated where no shorter step would help.
+    #[error(
+        "the right-hand side failed at t = {t}: {error}; correct the model or the start there, no step size avoids it"
+    )]
+    Rhs {
+        /// Time of the evaluation.
+        t: f64,
+        /// What the right-hand side said.
+        error: E,
+    },
+    /// A stage needed for dense output alone is not evaluable although the step itself is good.
+    #[error("no dense output in this step, the right-hand side failed at t = {t}: {error}; reject the step and take a shorter one")]
+    Interpolation {
+        /// Time of the evaluation.
+        t: f64,
+        /// What the right-hand side said.
+        error: E,
+    },
+    /// A number that is not finite, at the start or after every allowed shortening of the step.
+    #[error("component {component} is not a finite number at t = {t}; check the start and the forces for a division by zero or an overflow")]
+    NotFinite {
+        /// Time of the state or of its derivative.
+        t: f64,
+        /// Index of the first such component.
+        component: usize,
+    },
+}
+
+fn reason<E: Display>(last: &Option<E>) -> String {
+    last.as_ref().map_or_else(String::new, |error| format!(" (last obstacle: {error})"))
+}

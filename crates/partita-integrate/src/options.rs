@@ -1,0 +1,129 @@
+//! What the caller may ask of the stepper.
+
+use crate::tableau::{ErrorWeights, Tableau};
+
+/// Absolute part of the error tolerance.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AbsoluteTolerance {
+    /// One value for every component.
+    Same(f64),
+    /// One value for each controlled component, in their order and units.
+    Each(Vec<f64>),
+}
+
+impl From<f64> for AbsoluteTolerance {
+    fn from(value: f64) -> Self {
+        Self::Same(value)
+    }
+}
+
+impl From<Vec<f64>> for AbsoluteTolerance {
+    fn from(values: Vec<f64>) -> Self {
+        Self::Each(values)
+    }
+}
+
+/// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
+///
+/// A step is accepted when the root mean square of `error / (atol + rtol max(|y_old|, |y_new|))` over the controlled
+/// components is at most one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Relative tolerance.
+    pub rtol: f64,
+    /// Absolute tolerance.
+    pub atol: AbsoluteTolerance,
+    /// Number of leading components whose error is controlled; the rest (accumulated work, say) is carried along.
+    /// Anything from the dimension upwards means all.
+    pub controlled: usize,
+    /// Longest step allowed under error control; one that leads to the end may be a hundredth longer.
+    pub max_step: f64,
+    /// March with this step, without error control: on the grid `t_start + i h`, ending exactly on `t_end`.
+    pub fixed_step: Option<f64>,
+    /// Length of the first step under error control; chosen by the stepper when absent.
+    pub first_step: Option<f64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            rtol: 1e-8,
+            atol: AbsoluteTolerance::Same(1e-10),
+            controlled: usize::MAX,
+            max_step: f64::INFINITY,
+            fixed_step: None,
+            first_step: None,
+        }
+    }
+}
+
+/// Settings that contradict themselves, the method or the equation.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum OptionsError {
+    /// A method without an error estimate and no fixed step.
+    #[error("method {method} has no error estimate and runs with a fixed step only; give fixed_step, or choose dopri5, tsit5 or dop853")]
+    NeedsFixedStep {
+        /// Name of the method.
+        method: &'static str,
+    },
+    /// A number outside its range.
+    #[error("{name} = {value} is out of range; it must be {range}")]
+    OutOfRange {
+        /// Name of the option.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// What is allowed, in words.
+        range: &'static str,
+    },
+    /// A list of tolerances of the wrong length.
+    #[error("atol has {given} entries for {controlled} controlled components; give one number, or one for each")]
+    ToleranceCount {
+        /// Entries given.
+        given: usize,
+        /// Entries wanted.
+        controlled: usize,
+    },
+}
+
+impl Options {
+    /// Check these settings for `tableau` and an equation of dimension `dim`.
+    ///
+    /// # Errors
+    /// The first contradiction found.
+    pub fn check(&self, tableau: &Tableau, dim: usize) -> Result<(), OptionsError> {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        let in_range = |name, value, holds, range| {
+            if holds {
+                Ok(())
+            } else {
+                Err(OptionsError::OutOfRange { name, value, range })
+            }
+        };
+        for (name, step) in [("fixed_step", self.fixed_step), ("first_step", self.first_step)] {
+            if let Some(h) = step {
+                in_range(name, h, positive(h), "positive and finite")?;
+            }
+        }
+        in_range("max_step", self.max_step, self.max_step > 0.0, "positive")?;
+        let tolerance = |x: f64| x >= 0.0 && x.is_finite();
+        in_range("rtol", self.rtol, tolerance(self.rtol), "finite and not negative")?;
+        let atol: &[f64] = match &self.atol {
+            AbsoluteTolerance::Same(value) => std::slice::from_ref(value),
+            AbsoluteTolerance::Each(values) => {
+                let controlled = self.controlled.min(dim);
+                if values.len() != controlled {
+                    return Err(OptionsError::ToleranceCount { given: values.len(), controlled });
+                }
+                values
+            }
+        };
+        for &value in atol {
+            in_range("atol", value, tolerance(value), "finite and not negative")?;
+        }
+        if self.fixed_step.is_none() && matches!(tableau.error, ErrorWeights::None) {
+            return Err(OptionsError::NeedsFixedStep { method: tableau.name });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! How large the error is, and how long the next step shall be.
+
+use crate::combination::{Row, TILE};
+use crate::options::{AbsoluteTolerance, Options};
+use crate::tableau::Tableau;
+
+/// Fraction of the theoretically right step that is dared.
+pub const SAFETY: f64 = 0.9;
+/// A step is never shortened by more than this factor for its error.
+pub const SMALLEST_FACTOR: f64 = 0.2;
+/// A step is never lengthened by more than this factor.
+pub const LARGEST_FACTOR: f64 = 6.0;
+/// Errors below this are remembered as this: a lucky step must not forbid the next one.
+const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
+
+/// Proportional–integral control of the step, after Gustafsson, with the constants of Hairer and Wanner.
+///
+/// With `err` the error of this step and `err_old` that of the step before, both relative to the tolerance, the next
+/// step is `h · 0.9 · err^(−1/(q+1) + 0.75 β) · err_old^β`, between 0.2 h and 6 h, and no longer than h right after a
+/// rejection. `β = 0` is the elementary controller.
+#[derive(Debug, Clone)]
+pub struct StepController {
+    exponent: f64,
+    beta: f64,
+    previous_error: f64,
+    may_grow: bool,
+}
+
+impl StepController {
+    /// Controller for an error estimate of order `error_order` with integral share `beta`.
+    pub fn new(error_order: usize, beta: f64) -> Self {
+        let exponent = 1.0 / (error_order as f64 + 1.0) - 0.75 * beta;
+        Self { exponent, beta, previous_error: SMALLEST_REMEMBERED_ERROR, may_grow: true }
+    }
+
+    /// Factor for the next step after one of error `err` was taken.
+    pub fn accepted(&mut self, err: f64) -> f64 {
+        let mut factor = SAFETY * err.powf(-self.exponent);
+        if self.beta != 0.0 {
+            factor *= self.previous_error.powf(self.beta);
+        }
+        let largest = if self.may_grow { LARGEST_FACTOR } else { 1.0 };
+        self.may_grow = true;
+        self.previous_error = err.max(SMALLEST_REMEMBERED_ERROR);
+        factor.clamp(SMALLEST_FACTOR, largest)
+    }
+
+    /// Factor for the repetition of a step whose error `err` was above one.
+    pub fn rejected(&mut self, err: f64) -> f64 {
+        self.may_grow = false;
+        (SAFETY * err.powf(-self.exponent)).max(SMALLEST_FACTOR)
+    }
+
+    /// Forbid the next accepted step to lengthen the one after it.
+    pub fn hold(&mut self) {
+        self.may_grow = false;
+    }
+
+    /// Forget all history, for a new start.
+    pub fn reset(&mut self) {
+        self.previous_error = SMALLEST_REMEMBERED_ERROR;
+        self.may_grow = true;
+    }
+}
+
+/// Root mean square over the controlled components, each measured in its own tolerance.
+#[derive(Debug)]
+pub(crate) struct ErrorNorm {
+    rtol: f64,
+    atol: Vec<f64>,
+    controlled: usize,
+}
+
+impl ErrorNorm {
+    /// Norm for an equation of dimension `dim`; `stride` is the padded length.
+    pub(crate) fn new(options: &Options, dim: usize, stride: usize) -> Self {
+        let controlled = options.controlled.min(dim);
+        let mut atol = vec![1.0; stride]; // ones in the padding: it must not divide zero by zero
+        match &options.atol {
+            AbsoluteTolerance::Same(value) => atol[..controlled].fill(*value),
+            AbsoluteTolerance::Each(values) => atol[..controlled].copy_from_slice(values),
+        }
+        Self { rtol: options.rtol, atol, controlled }
+    }
+
+    /// For each of the rows, the mean over the controlled components of `(Σ w_j k_j / tolerance)²`.
+    pub(crate) fn mean_squares<const R: usize>(
+        &self,
+        rows: &[Row; R],
+        stages: &[f64],
+        y_old: &[f64],
+        y_new: &[f64],
+    ) -> [f64; R] {
+        let mut squares = [[0.0; TILE]; R];
+        for at in (0..self.controlled).step_by(TILE) {
+            let tolerance = self.tolerance_tile(at, y_old, y_new);
+            let lanes = (self.controlled - at).min(TILE);
+            for (row, squares) in rows.iter().zip(&mut squares) {
+                let mut error = row.tile(stages, at);
+                error[lanes..].fill(0.0);
+                for lane in 0..TILE {
+                    let e = error[lane] / tolerance[lane];
+                    squares[lane] += e * e;
+                }
+            }
+        }
+        squares.map(|lanes| lanes.iter().sum::<f64>() / self.count())
+    }
+
+    #[inline(always)]
+    fn tolerance_tile(&self, at: usize, y_old: &[f64], y_new: &[f64]) -> [f64; TILE] {
+        let (atol, a, b) = (&self.atol[at..at + TILE], &y_old[at..at + TILE], &y_new[at..at + TILE]);
+        let mut tolerance = [0.0; TILE];
+        for lane in 0..TILE {
+            let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs());
+            tolerance[lane] = scale.max(f64::MIN_POSITIVE);
+        }
+        tolerance
+    }
+
+    /// Root mean square of `x`, measured with the tolerance at `y`.
+    fn of(&self, y: &[f64], x: impl Fn(usize) -> f64) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..self.controlled {
+            let e = x(i) / (self.atol[i] + self.rtol * y[i].abs()).max(f64::MIN_POSITIVE);
+            sum += e * e;
+        }
+        (sum / self.count()).sqrt()
+    }
+
+    fn count(&self) -> f64 {
+        self.controlled.max(1) as f64
+    }
+
+    /// First guess for the step: an explicit Euler step of this length moves the state by a hundredth of its size.
+    pub(crate) fn first_guess(&self, y: &[f64], f: &[f64]) -> f64 {
+        let (d0, d1) = (self.of(y, |i| y[i]), self.of(y, |i| f[i]));
+        let guess = 0.01 * d0 / d1;
+        if d0 < 1e-5 || d1 < 1e-5 || !guess.is_finite() {
+            1e-6
+        } else {
+            guess
+        }
+    }
+
+    /// Better guess from the slope `f1` at the end of an Euler step of length `h0`: a step whose leading error term,
+    /// measured by the larger of first and second derivative, is a hundredth of the tolerance.
+    pub(crate) fn second_guess(&self, h0: f64, order: usize, y: &[f64], f0: &[f64], f1: &[f64]) -> f64 {
+        let d1 = self.of(y, |i| f0[i]);
+        let d2 = self.of(y, |i| f1[i] - f0[i]) / h0;
+        let largest = d1.max(d2);
+        let h1 =
+            if largest <= 1e-15 { (h0 * 1e-3).max(1e-6) } else { (0.01 / largest).powf(1.0 / (order as f64 + 1.0)) };
+        h1.min(100.0 * h0)
+    }
+}
+
+/// The controller a tableau asks for.
+pub(crate) fn controller(tableau: &Tableau) -> StepController {
+    StepController::new(tableau.error_order, tableau.pi_beta)
+}

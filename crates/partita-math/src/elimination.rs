@@ -1,0 +1,17 @@
+//! Structured elimination: `C_D x = b` by a plan made once and executed many times without searching.
+//!
+//! ```text
+//! pattern of C, values ──► choice (pivots: little fill, not small) ──► program ──► factor ──► solve
+//!                          once per partition                                     every evaluation
+//! ```
+//!
+//! A [`Plan`] stays valid while its pivots keep their size; when one shrinks under the guard, [`Plan::factor`] says so and
+//! a new plan is due. Everything executed is a flat list, so that the cost is the count of multiplications.
+
+mod choice;
+mod pattern;
+mod plan;
+mod program;
+
+pub use pattern::Pattern;
+pub use plan::{PivotShrunk, Plan, PlanError, PlanOptions};

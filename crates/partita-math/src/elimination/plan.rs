@@ -1,0 +1,511 @@
+//! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
+
+use super::choice;
+use super::program::Program;
+use super::Pattern;
+
+/// How pivots are chosen and watched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanOptions {
+    /// A pivot must reach this fraction of the largest scaled entry in what is left of its row. Smaller: less fill;
+    /// larger: pivots that stay valid longer.
+    pub threshold: f64,
+    /// A pivot that falls below this fraction of what it was when the plan was made asks for a new plan.
+    pub guard: f64,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self { threshold: 0.1, guard: 1e-2 }
+    }
+}
+
+/// Why no plan could be made.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// The eligible rows and columns do not hold enough pivots.
+    #[error(
+        "only {found} of {wanted} pivots found; the largest scaled entry left is {best:e}: offer more columns, or lower the rank"
+    )]
+    RankDeficient {
+        /// Pivots found.
+        found: usize,
+        /// Pivots asked for.
+        wanted: usize,
+        /// Largest scaled entry that was left.
+        best: f64,
+    },
+    /// A value or a scale is NaN or infinite.
+    #[error("row {row} has a value or a scale that is not finite")]
+    NotFinite {
+        /// The row.
+        row: usize,
+    },
+}
+
+/// A pivot left the range its plan was made for.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("pivot {step} has shrunk from {reference:e} to {pivot:e}: make a new plan, or another partition")]
+pub struct PivotShrunk {
+    /// The step of the elimination.
+    pub step: usize,
+    /// The pivot now.
+    pub pivot: f64,
+    /// Its magnitude when the plan was made.
+    pub reference: f64,
+}
+
+/// Elimination of a sparse `C_D` (rank×rank block of C) in a fixed order.
+///
+/// Unknowns and equations are numbered by step: step k pairs row `pivot_rows()[k]` with column `pivot_cols()[k]`.
+/// Making a plan costs a numeric sparse elimination with search; a factorisation costs its multiplications, without
+/// allocation or branches other than the guard. Rows that depend on others are passed over while anything better is left.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pivot_rows: Vec<usize>,
+    pivot_cols: Vec<usize>,
+    smallest_pivot: f64,
+    program: Program,
+    /// Pivot magnitudes when the plan was made, and the least allowed.
+    references: Vec<f64>,
+    guards: Vec<f64>,
+}
+
+impl Plan {
+    /// Chooses `rank` pivots of the matrix with the given pattern and values and records the elimination.
+    ///
+    /// Only rows and columns marked eligible are used; sizes are judged on `row_scale[i] · |c_ij| · col_scale[j]`, where
+    /// rows are meant to come out near 1. Among acceptable pivots (see [`PlanOptions::threshold`]) the one that fills in
+    /// least is taken, then the largest. Rank up to 64: all candidates are compared; above: those of lowest count.
+    ///
+    /// # Errors
+    /// [`PlanError::RankDeficient`] if fewer pivots above 1e-10 (scaled) exist, [`PlanError::NotFinite`] on bad values.
+    ///
+    /// # Panics
+    /// If a length contradicts the pattern.
+    pub fn new(
+        pattern: &Pattern,
+        values: &[f64],
+        eligible_rows: &[bool],
+        eligible_cols: &[bool],
+        row_scale: &[f64],
+        col_scale: &[f64],
+        rank: usize,
+        options: PlanOptions,
+    ) -> Result<Plan, PlanError> {
+        assert_eq!(values.len(), pattern.nnz(), "one value per entry");
+        assert_eq!(eligible_rows.len(), pattern.rows, "one mark per row");
+        assert_eq!(eligible_cols.len(), pattern.cols, "one mark per column");
+        assert_eq!(row_scale.len(), pattern.rows, "one scale per row");
+        assert_eq!(col_scale.len(), pattern.cols, "one scale per column");
+        let steps =
+            choice::choose(pattern, values, eligible_rows, eligible_cols, row_scale, col_scale, rank, &options)?;
+        let program = Program::new(pattern, &steps);
+        let mut work = vec![0.0; program.len()];
+        let deficient = |(found, best)| PlanError::RankDeficient { found, wanted: rank, best };
+        program.factor(values, &mut work, &vec![f64::MIN_POSITIVE; rank]).map_err(deficient)?;
+        let references: Vec<f64> = (0..rank).map(|k| 1.0 / work[program.pivot_place(k)].abs()).collect();
+        Ok(Plan {
+            pivot_rows: steps.iter().map(|s| s.row).collect(),
+            pivot_cols: steps.iter().map(|s| s.col).collect(),
+            smallest_pivot: steps.iter().fold(f64::INFINITY, |m, s| m.min(s.size)),
+            guards: references.iter().map(|r| options.guard * r).collect(),
+            references,
+            program,
+        })
+    }
+
+    /// Number of pivots.
+    pub fn rank(&self) -> usize {
+        self.pivot_rows.len()
+    }
+
+    /// The row of C each step uses (`rank`).
+    pub fn pivot_rows(&self) -> &[usize] {
+        &self.pivot_rows
+    }
+
+    /// The column of C each step uses (`rank`): the dependent coordinates, in the order of the unknowns.
+    pub fn pivot_cols(&self) -> &[usize] {
+        &self.pivot_cols
+    }
+
+    /// Length of the memory that [`factor`](Plan::factor) fills.
+    pub fn factor_len(&self) -> usize {
+        self.program.len()
+    }
+
+    /// Number of entries in both factors, the pivots counted once.
+    pub fn nnz_factors(&self) -> usize {
+        self.program.len()
+    }
+
+    /// Smallest scaled pivot magnitude met when the plan was made; infinite for rank 0.
+    pub fn smallest_pivot(&self) -> f64 {
+        self.smallest_pivot
+    }
+
+    /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).
+    ///
+    /// # Errors
+    /// [`PivotShrunk`] if a pivot is below its guard, or not finite; `work` is then of no use.
+    #[inline]
+    pub fn factor(&self, values: &[f64], work: &mut [f64]) -> Result<(), PivotShrunk> {
+        self.program.factor(values, work, &self.guards).map_err(|(step, pivot)| self.shrunk(step, pivot))
+    }
+
+    #[cold]
+    fn shrunk(&self, step: usize, pivot: f64) -> PivotShrunk {
+        PivotShrunk { step, pivot, reference: self.references[step] }
+    }
+
+    /// Solves `C_D x = b` in place for `nrhs` right-hand sides, with `work` from [`factor`](Plan::factor).
+    ///
+    /// `b` (rank×nrhs, row-major): row k belongs to row `pivot_rows()[k]` of C on entry and to the unknown
+    /// `pivot_cols()[k]` on return.
+    #[inline]
+    pub fn solve(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+        match nrhs {
+            0 => {}
+            1 => self.program.solve_fixed::<1>(work, b),
+            2 => self.program.solve_fixed::<2>(work, b),
+            3 => self.program.solve_fixed::<3>(work, b),
+            4 => self.program.solve_fixed::<4>(work, b),
+            _ => self.program.solve_many(work, b, nrhs),
+        }
+    }
+
+    /// Solves `C_Dᵀ y = b` in place for `nrhs` right-hand sides, with `work` from [`factor`](Plan::factor).
+    ///
+    /// `b` (rank×nrhs, row-major): row k belongs to column `pivot_cols()[k]` of C on entry and to row `pivot_rows()[k]`
+    /// (its multiplier) on return.
+    #[inline]
+    pub fn solve_transposed(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+        match nrhs {
+            0 => {}
+            1 => self.program.solve_transposed_fixed::<1>(work, b),
+            2 => self.program.solve_transposed_fixed::<2>(work, b),
+            3 => self.program.solve_transposed_fixed::<3>(work, b),
+            4 => self.program.solve_transposed_fixed::<4>(work, b),
+            _ => self.program.solve_transposed_many(work, b, nrhs),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dense::{lu, lu_solve, Matrix};
+
+    /// Plans with everything eligible and every scale 1.
+    fn plan(pattern: &Pattern, values: &[f64], rank: usize) -> Result<Plan, PlanError> {
+        let (m, n) = (pattern.rows, pattern.cols);
+        Plan::new(
+            pattern,
+            values,
+            &vec![true; m],
+            &vec![true; n],
+            &vec![1.0; m],
+            &vec![1.0; n],
+            rank,
+            PlanOptions::default(),
+        )
+    }
+
+    /// Each place is filled with the given probability; the diagonal always.
+    fn sparse(rng: &mut fastrand::Rng, rows: usize, cols: usize, density: f64) -> Pattern {
+        let columns: Vec<Vec<usize>> = (0..rows)
+            .map(|i| {
+                let mut row: Vec<usize> = (0..cols).filter(|&j| i == j || rng.f64() < density).collect();
+                rng.shuffle(&mut row);
+                row
+            })
+            .collect();
+        Pattern::from_rows(cols, &columns)
+    }
+
+    fn random_values(rng: &mut fastrand::Rng, count: usize) -> Vec<f64> {
+        (0..count).map(|_| 2.0 * rng.f64() - 1.0).collect()
+    }
+
+    /// The block of C in the order of the steps.
+    fn block(pattern: &Pattern, values: &[f64], plan: &Plan) -> Matrix {
+        let mut dense = Matrix::new(pattern.rows, pattern.cols);
+        for i in 0..pattern.rows {
+            for p in pattern.row(i) {
+                dense[(i, pattern.col_idx[p])] = values[p];
+            }
+        }
+        let mut out = Matrix::new(plan.rank(), plan.rank());
+        for (k, &i) in plan.pivot_rows().iter().enumerate() {
+            for (l, &j) in plan.pivot_cols().iter().enumerate() {
+                out[(k, l)] = dense[(i, j)];
+            }
+        }
+        out
+    }
+
+    /// Residuals of both systems relative to the size of the solution.
+    fn check(pattern: &Pattern, values: &[f64], plan: &Plan, rng: &mut fastrand::Rng) {
+        let mut work = vec![0.0; plan.factor_len()];
+        plan.factor(values, &mut work).unwrap();
+        let (r, c) = (plan.rank(), block(pattern, values, plan));
+        for nrhs in 0..7 {
+            let b = Matrix::from_vec(r, nrhs, random_values(rng, r * nrhs));
+            let mut x = b.clone();
+            plan.solve(&work, x.data_mut(), nrhs);
+            residual_is_small(&c, &x, &b);
+            let mut y = b.clone();
+            plan.solve_transposed(&work, y.data_mut(), nrhs);
+            residual_is_small(&c.transpose(), &y, &b);
+        }
+    }
+
+    fn residual_is_small(a: &Matrix, x: &Matrix, b: &Matrix) {
+        let product = a.matmul(x);
+        let worst = product.data().iter().zip(b.data()).fold(0.0_f64, |m, (p, q)| m.max((p - q).abs()));
+        assert!(worst <= 1e-11 * (1.0 + x.max_abs()), "residual {worst:e}");
+    }
+
+    #[test]
+    fn both_systems_are_solved_for_small_and_large_patterns() {
+        let mut rng = fastrand::Rng::with_seed(41);
+        for (size, density) in [
+            (1, 1.0),
+            (2, 1.0),
+            (3, 0.5),
+            (6, 0.4),
+            (12, 1.0),
+            (30, 0.1),
+            (64, 0.05),
+            (65, 0.05),
+            (150, 0.02),
+            (90, 1.0),
+        ] {
+            for _ in 0..5 {
+                let pattern = sparse(&mut rng, size, size + size / 3, density);
+                let values = random_values(&mut rng, pattern.nnz());
+                let made = plan(&pattern, &values, size).unwrap();
+                check(&pattern, &values, &made, &mut rng);
+            }
+        }
+    }
+
+    #[test]
+    fn solution_equals_that_of_dense_elimination() {
+        let mut rng = fastrand::Rng::with_seed(42);
+        for size in [2, 5, 20, 80] {
+            let pattern = sparse(&mut rng, size, size, 0.3);
+            let mut values = random_values(&mut rng, pattern.nnz());
+            for i in 0..size {
+                for p in pattern.row(i) {
+                    if pattern.col_idx[p] == i {
+                        values[p] += 10.0;
+                    }
+                }
+            }
+            let made = plan(&pattern, &values, size).unwrap();
+            let mut work = vec![0.0; made.factor_len()];
+            made.factor(&values, &mut work).unwrap();
+            let b = random_values(&mut rng, size);
+            let mut x = b.clone();
+            made.solve(&work, &mut x, 1);
+            let mut a = block(&pattern, &values, &made).into_vec();
+            let (mut piv, mut y) = (vec![0; size], b);
+            lu(&mut a, size, &mut piv).unwrap();
+            lu_solve(&a, size, &piv, &mut y);
+            assert!(x.iter().zip(&y).all(|(p, q)| (p - q).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn one_plan_serves_other_values() {
+        let mut rng = fastrand::Rng::with_seed(43);
+        let pattern = sparse(&mut rng, 40, 50, 0.1);
+        let values = random_values(&mut rng, pattern.nnz());
+        let made = plan(&pattern, &values, 40).unwrap();
+        for _ in 0..20 {
+            let moved: Vec<f64> = values.iter().map(|v| v * (1.0 + 1e-3 * rng.f64())).collect();
+            check(&pattern, &moved, &made, &mut rng);
+        }
+    }
+
+    #[test]
+    fn dependent_rows_are_never_chosen() {
+        let mut rng = fastrand::Rng::with_seed(44);
+        for size in [4, 20, 100] {
+            for _ in 0..10 {
+                // Rows size.. are combinations of two earlier ones.
+                let base = sparse(&mut rng, size, size + 5, 3.0 / size as f64);
+                let mut rows: Vec<Vec<(usize, f64)>> = (0..size)
+                    .map(|i| base.col_idx[base.row(i)].iter().map(|&j| (j, 0.5 + rng.f64())).collect())
+                    .collect();
+                for _ in 0..size / 2 {
+                    let (p, q) = (rng.usize(0..size), rng.usize(0..size));
+                    let mut sum = rows[p].clone();
+                    for &(j, v) in &rows[q] {
+                        match sum.iter_mut().find(|e| e.0 == j) {
+                            Some(e) => e.1 -= 0.7 * v,
+                            None => sum.push((j, -0.7 * v)),
+                        }
+                    }
+                    rows.push(sum);
+                }
+                rng.shuffle(&mut rows);
+                let (pattern, values) = compress(size + 5, &rows);
+                let full = plan(&pattern, &values, size).unwrap();
+                assert!(full.smallest_pivot() > 1e-6);
+                check(&pattern, &values, &full, &mut rng);
+                match plan(&pattern, &values, size + 1).unwrap_err() {
+                    PlanError::RankDeficient { found, wanted, best } => {
+                        assert_eq!((found, wanted), (size, size + 1));
+                        assert!(best < 1e-10);
+                    }
+                    other => panic!("{other}"),
+                }
+            }
+        }
+    }
+
+    fn compress(cols: usize, rows: &[Vec<(usize, f64)>]) -> (Pattern, Vec<f64>) {
+        let columns: Vec<Vec<usize>> = rows.iter().map(|row| row.iter().map(|e| e.0).collect()).collect();
+        let values = rows.iter().flatten().map(|e| e.1).collect();
+        (Pattern::from_rows(cols, &columns), values)
+    }
+
+    #[test]
+    fn only_eligible_rows_and_columns_are_used() {
+        let mut rng = fastrand::Rng::with_seed(45);
+        for size in [6, 70] {
+            let pattern = sparse(&mut rng, 2 * size, 2 * size, 0.9);
+            let values = random_values(&mut rng, pattern.nnz());
+            let rows: Vec<bool> = (0..2 * size).map(|i| i % 2 == 1).collect();
+            let cols: Vec<bool> = (0..2 * size).map(|j| j >= size).collect();
+            let ones = vec![1.0; 2 * size];
+            let made = Plan::new(&pattern, &values, &rows, &cols, &ones, &ones, size, PlanOptions::default()).unwrap();
+            assert!(made.pivot_rows().iter().all(|&i| rows[i]));
+            assert!(made.pivot_cols().iter().all(|&j| cols[j]));
+            check(&pattern, &values, &made, &mut rng);
+        }
+    }
+
+    #[test]
+    fn units_of_rows_and_columns_do_not_change_the_choice() {
+        let mut rng = fastrand::Rng::with_seed(46);
+        let pattern = sparse(&mut rng, 10, 14, 0.4);
+        let values = random_values(&mut rng, pattern.nnz());
+        let reference = plan(&pattern, &values, 10).unwrap();
+        let (rows, cols): (Vec<f64>, Vec<f64>) =
+            ((0..10).map(|i| 10_f64.powi(i - 5)).collect(), (0..14).map(|j| 2_f64.powi(3 * (j % 5))).collect());
+        let mut changed = values.clone();
+        for i in 0..10 {
+            for p in pattern.row(i) {
+                changed[p] /= rows[i] * cols[pattern.col_idx[p]];
+            }
+        }
+        let made =
+            Plan::new(&pattern, &changed, &[true; 10], &[true; 14], &rows, &cols, 10, PlanOptions::default()).unwrap();
+        assert_eq!(made.pivot_rows(), reference.pivot_rows());
+        assert_eq!(made.pivot_cols(), reference.pivot_cols());
+    }
+
+    #[test]
+    fn guard_trips_when_a_pivot_shrinks_or_is_not_finite() {
+        let pattern = Pattern::dense(2, 2);
+        let made = plan(&pattern, &[2.0, 1.0, 1.0, 2.0], 2).unwrap();
+        let mut work = vec![0.0; made.factor_len()];
+        assert!(made.factor(&[2.0, 1.9, 1.9, 2.0], &mut work).is_ok());
+        let shrunk = made.factor(&[2.0, 2.0, 2.0, 2.01], &mut work).unwrap_err();
+        assert_eq!(shrunk.step, 1);
+        assert!((shrunk.reference - 1.5).abs() < 1e-15);
+        assert!((shrunk.pivot - 0.01).abs() < 1e-12);
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert!(made.factor(&[bad, 1.0, 1.0, 2.0], &mut work).is_err());
+            let refused = plan(&pattern, &[2.0, 1.0, 1.0, bad], 2).unwrap_err();
+            assert_eq!(refused, PlanError::NotFinite { row: 1 });
+        }
+    }
+
+    #[test]
+    fn rank_zero_needs_nothing() {
+        let made = plan(&Pattern::dense(0, 3), &[], 0).unwrap();
+        assert_eq!(made.factor_len(), 0);
+        made.factor(&[], &mut []).unwrap();
+        made.solve(&[], &mut [], 1);
+        made.solve_transposed(&[], &mut [], 5);
+    }
+
+    /// A chain of four-bars in joint angles: two conditions on the three angles of each loop, the last of them shared
+    /// with the next loop. Each loop transmits its motion with a ratio near 1.
+    fn chain(rng: &mut fastrand::Rng, loops: usize) -> (Pattern, Vec<f64>) {
+        let mut rows = Vec::new();
+        for first in (0..loops).map(|l| 2 * l) {
+            let (coupler, ratio) = (2.0 * rng.f64() - 1.0, 0.95 + 0.1 * rng.f64());
+            for _ in 0..2 {
+                let (x, y) = (0.5 + rng.f64(), rng.f64() - 1.5);
+                rows.push(vec![(first, x * coupler + y * ratio), (first + 1, -x), (first + 2, -y)]);
+            }
+        }
+        compress(2 * loops + 1, &rows)
+    }
+
+    #[test]
+    fn fill_of_a_long_chain_grows_with_its_length_only() {
+        let mut rng = fastrand::Rng::with_seed(47);
+        for loops in [100, 10_000] {
+            let (pattern, values) = chain(&mut rng, loops);
+            let clock = std::time::Instant::now();
+            let made = plan(&pattern, &values, 2 * loops).unwrap();
+            println!(
+                "{loops} loops: plan {:?}, {} entries for {} rows, smallest pivot {:e}",
+                clock.elapsed(),
+                made.nnz_factors(),
+                2 * loops,
+                made.smallest_pivot()
+            );
+            assert!(made.nnz_factors() <= 4 * 2 * loops);
+            let mut work = vec![0.0; made.factor_len()];
+            made.factor(&values, &mut work).unwrap();
+        }
+    }
+
+    #[test]
+    fn absolute_coordinates_of_a_long_chain_fill_in_little() {
+        // Three coordinates per body, two revolute conditions per neighbour: rows of six entries.
+        let mut rng = fastrand::Rng::with_seed(48);
+        let bodies = 10_000;
+        let rows: Vec<Vec<(usize, f64)>> = (0..2 * bodies)
+            .map(|i| {
+                let first = (i / 2) * 3;
+                (first..first + 6).map(|j| (j, 2.0 * rng.f64() - 1.0)).collect()
+            })
+            .collect();
+        let (pattern, values) = compress(3 * bodies + 3, &rows);
+        let clock = std::time::Instant::now();
+        let made = plan(&pattern, &values, 2 * bodies).unwrap();
+        println!(
+            "{bodies} bodies: plan {:?}, {} entries, smallest pivot {:e}",
+            clock.elapsed(),
+            made.nnz_factors(),
+            made.smallest_pivot()
+        );
+        assert!(made.nnz_factors() <= 6 * 2 * bodies);
+    }
+
+    #[test]
+    fn a_column_shared_by_every_loop_costs_nothing_extra() {
+        let mut rng = fastrand::Rng::with_seed(49);
+        let loops = 5_000;
+        let rows: Vec<Vec<(usize, f64)>> = (0..2 * loops)
+            .map(|i| {
+                let first = 1 + i / 2 * 2;
+                [0, first, first + 1].map(|j| (j, 2.0 * rng.f64() - 1.0)).to_vec()
+            })
+            .collect();
+        let (pattern, values) = compress(2 * loops + 1, &rows);
+        let clock = std::time::Instant::now();
+        let made = plan(&pattern, &values, 2 * loops).unwrap();
+        println!("star of {loops} loops: plan {:?}", clock.elapsed());
+        assert!(made.nnz_factors() <= 4 * 2 * loops);
+    }
+}

@@ -1,0 +1,10 @@
+//! The lowest floor: numbers, small dense kernels, structured elimination and spatial algebra.
+//!
+//! Nothing here has heard of a mechanism. Everything above calls down into it.
+
+pub mod dense;
+pub mod elimination;
+pub mod factor;
+pub mod rank;
+pub mod scalar;
+pub mod spatial;

@@ -1,0 +1,154 @@
+//! A plane: one turn and two slides. The normal is z.
+
+use super::space::Space;
+use super::vector::Vec2;
+use crate::scalar::Scalar;
+use std::marker::PhantomData;
+
+/// The x-y plane over the numbers `S`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Planar<S>(PhantomData<S>);
+
+/// An orientation in the plane; the angle is kept, so that one sine and cosine serve each body.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanarRotation<S> {
+    /// Angle from the drawing, not wrapped.
+    pub angle: S,
+    sin: S,
+    cos: S,
+}
+
+impl<S: Scalar> Space for Planar<S> {
+    type S = S;
+    type Vec = Vec2<S>;
+    type Ang = S;
+    type Rot = PlanarRotation<S>;
+    type Inertia = S;
+    type Lock = S;
+    const DIM: usize = 3;
+    const LENGTHS: usize = 2;
+
+    #[inline(always)]
+    fn identity() -> PlanarRotation<S> {
+        PlanarRotation { angle: S::zero(), sin: S::zero(), cos: S::one() }
+    }
+    #[inline(always)]
+    fn rotate(r: &PlanarRotation<S>, x: Vec2<S>) -> Vec2<S> {
+        let [a, b] = x.0;
+        Vec2([r.cos * a - r.sin * b, r.sin * a + r.cos * b])
+    }
+    #[inline(always)]
+    fn rotate_ang(_: &PlanarRotation<S>, x: S) -> S {
+        x
+    }
+    #[inline(always)]
+    fn turn(r: &PlanarRotation<S>, axis: S, angle: S) -> PlanarRotation<S> {
+        let angle = r.angle + axis * angle;
+        let (sin, cos) = angle.sin_cos();
+        PlanarRotation { angle, sin, cos }
+    }
+    /// A ball joint has no place in a plane; the planar recogniser never lets one in. As a rotation about z.
+    fn turn_quaternion(r: &PlanarRotation<S>, p: [S; 4]) -> PlanarRotation<S> {
+        Self::turn(r, S::one(), p[3].atan2(p[0]) * S::from_f64(2.0))
+    }
+    #[inline(always)]
+    fn body_axis(_: &PlanarRotation<S>, _: usize) -> S {
+        S::one()
+    }
+    #[inline(always)]
+    fn cross(w: S, x: Vec2<S>) -> Vec2<S> {
+        Vec2([-(w * x.0[1]), w * x.0[0]])
+    }
+    #[inline(always)]
+    fn cross_ang(_: S, _: S) -> S {
+        S::zero()
+    }
+    #[inline(always)]
+    fn moment(r: Vec2<S>, f: Vec2<S>) -> S {
+        r.0[0] * f.0[1] - r.0[1] * f.0[0]
+    }
+    #[inline(always)]
+    fn dot(a: Vec2<S>, b: Vec2<S>) -> S {
+        a.dot(b)
+    }
+    #[inline(always)]
+    fn dot_ang(a: S, b: S) -> S {
+        a * b
+    }
+    #[inline(always)]
+    fn scale(x: Vec2<S>, k: S) -> Vec2<S> {
+        x.times(k)
+    }
+    #[inline(always)]
+    fn scale_ang(x: S, k: S) -> S {
+        x * k
+    }
+    #[inline(always)]
+    fn vec_of(x: impl Iterator<Item = S>) -> Vec2<S> {
+        let mut v = Vec2::zero();
+        v.0.iter_mut().zip(x).for_each(|(v, x)| *v = x);
+        v
+    }
+    #[inline(always)]
+    fn component(x: Vec2<S>, i: usize) -> S {
+        x.0[i]
+    }
+    #[inline(always)]
+    fn world_inertia(_: &PlanarRotation<S>, i: &S) -> S {
+        *i
+    }
+    #[inline(always)]
+    fn spin(i: &S, w: S) -> S {
+        *i * w
+    }
+    /// In the plane the forbidden turn is the angle itself.
+    #[inline(always)]
+    fn lock_residual(lock: &S, a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
+        b.angle - a.angle - *lock
+    }
+    #[inline(always)]
+    fn lock_axis(_: &S, _: &PlanarRotation<S>, _: &PlanarRotation<S>) -> S {
+        S::one()
+    }
+    #[inline(always)]
+    fn lock_bias(_: &S, _: &PlanarRotation<S>, _: &PlanarRotation<S>, _: S, _: S) -> S {
+        S::zero()
+    }
+    /// `u · w = 0` with `w` a quarter turn ahead of `u` when closed: the angle that B must keep from A.
+    fn lock_from(u: [f64; 3], w: [f64; 3], _: f64) -> S {
+        let ahead = (u[0] * w[1] - u[1] * w[0]).atan2(u[0] * w[0] + u[1] * w[1]);
+        S::from_f64(std::f64::consts::FRAC_PI_2 - ahead)
+    }
+    fn vec_from(x: [f64; 3]) -> Vec2<S> {
+        Vec2::from_f64([x[0], x[1]])
+    }
+    fn ang_from(x: [f64; 3]) -> S {
+        S::from_f64(x[2])
+    }
+    fn vec_to(x: Vec2<S>) -> [f64; 3] {
+        [x.0[0].value(), x.0[1].value(), 0.0]
+    }
+    fn ang_to(x: S) -> [f64; 3] {
+        [0.0, 0.0, x.value()]
+    }
+    fn rot_to(r: &PlanarRotation<S>) -> [[f64; 3]; 3] {
+        let (s, c) = (r.sin.value(), r.cos.value());
+        [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    }
+    fn out_of_space(x: [f64; 3]) -> f64 {
+        x[2]
+    }
+    fn inertia_from(i: [[f64; 3]; 3]) -> S {
+        S::from_f64(i[2][2])
+    }
+    fn inertia_matrix(i: &S, mass: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        out[0] = i.value();
+        out[4] = mass;
+        out[8] = mass;
+    }
+    fn twist_to(w: S, v: Vec2<S>, out: &mut [f64]) {
+        out[0] = w.value();
+        out[1..3].copy_from_slice(&v.value());
+    }
+}

@@ -1,0 +1,119 @@
+//! What a recursion over bodies needs of the space it lives in.
+
+use crate::scalar::Scalar;
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
+
+/// Everything additive that a recursion carries.
+pub trait Additive:
+    Copy
+    + Debug
+    + Default
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+}
+impl<T> Additive for T where
+    T: Copy
+        + Debug
+        + Default
+        + Send
+        + Sync
+        + Add<Output = T>
+        + Sub<Output = T>
+        + Neg<Output = T>
+        + AddAssign
+        + SubAssign
+{
+}
+
+/// A space for rigid bodies: all of it ([`super::Spatial`]) or a plane ([`super::Planar`]).
+///
+/// Vectors are in world axes. A twist is (angular velocity, velocity of the body's reference point), a wrench is
+/// (moment about that point, force).
+pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
+    /// The number type.
+    type S: Scalar;
+    /// Lengths, velocities, forces.
+    type Vec: Additive;
+    /// Angular velocities, moments, axes of turning.
+    type Ang: Additive;
+    /// Orientation of a body.
+    type Rot: Copy + Debug + Send + Sync;
+    /// Inertia about the centre of mass.
+    type Inertia: Copy + Debug + Default + Send + Sync;
+    /// A forbidden relative turn between two bodies (a closing row on orientations).
+    type Lock: Copy + Debug + Send + Sync;
+    /// Components of a twist.
+    const DIM: usize;
+    /// Components of a length.
+    const LENGTHS: usize;
+
+    /// No rotation.
+    fn identity() -> Self::Rot;
+    /// `R x` for a length.
+    fn rotate(r: &Self::Rot, x: Self::Vec) -> Self::Vec;
+    /// `R x` for an axis.
+    fn rotate_ang(r: &Self::Rot, x: Self::Ang) -> Self::Ang;
+    /// `R exp(axis angle)`, `axis` a unit vector in body axes.
+    fn turn(r: &Self::Rot, axis: Self::Ang, angle: Self::S) -> Self::Rot;
+    /// `R R(p)` with the quaternion `p`.
+    fn turn_quaternion(r: &Self::Rot, p: [Self::S; 4]) -> Self::Rot;
+    /// Axis `i` of the body in the world.
+    fn body_axis(r: &Self::Rot, i: usize) -> Self::Ang;
+    /// `w × x`.
+    fn cross(w: Self::Ang, x: Self::Vec) -> Self::Vec;
+    /// `a × b` of two axes.
+    fn cross_ang(a: Self::Ang, b: Self::Ang) -> Self::Ang;
+    /// Moment `r × f`.
+    fn moment(r: Self::Vec, f: Self::Vec) -> Self::Ang;
+    /// Scalar product of lengths.
+    fn dot(a: Self::Vec, b: Self::Vec) -> Self::S;
+    /// Scalar product of axes.
+    fn dot_ang(a: Self::Ang, b: Self::Ang) -> Self::S;
+    /// `k x`.
+    fn scale(x: Self::Vec, k: Self::S) -> Self::Vec;
+    /// `k x`.
+    fn scale_ang(x: Self::Ang, k: Self::S) -> Self::Ang;
+    /// A length from its components.
+    fn vec_of(x: impl Iterator<Item = Self::S>) -> Self::Vec;
+    /// Component `i` of a length.
+    fn component(x: Self::Vec, i: usize) -> Self::S;
+    /// Inertia in world axes, for [`Space::spin`].
+    fn world_inertia(r: &Self::Rot, i: &Self::Inertia) -> Self::Inertia;
+    /// `I w` with an inertia in world axes.
+    fn spin(i: &Self::Inertia, w: Self::Ang) -> Self::Ang;
+
+    /// Residual of a forbidden turn between frames A and B.
+    fn lock_residual(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::S;
+    /// Its gradient: the residual's rate is `axis · (w_B − w_A)`.
+    fn lock_axis(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::Ang;
+    /// Rate of that axis times the relative angular velocity.
+    fn lock_bias(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot, wa: Self::Ang, wb: Self::Ang) -> Self::S;
+    /// The forbidden turn `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
+    fn lock_from(u: [f64; 3], w: [f64; 3], residual: f64) -> Self::Lock;
+
+    /// A length from three plain numbers (the plane is x-y).
+    fn vec_from(x: [f64; 3]) -> Self::Vec;
+    /// An axis from three plain numbers.
+    fn ang_from(x: [f64; 3]) -> Self::Ang;
+    /// A length as three plain numbers.
+    fn vec_to(x: Self::Vec) -> [f64; 3];
+    /// An axis as three plain numbers.
+    fn ang_to(x: Self::Ang) -> [f64; 3];
+    /// Orientation as a plain matrix.
+    fn rot_to(r: &Self::Rot) -> [[f64; 3]; 3];
+    /// The part of a length that this space does not carry (normal to the plane), as a constant.
+    fn out_of_space(x: [f64; 3]) -> f64;
+    /// Inertia from a plain matrix.
+    fn inertia_from(i: [[f64; 3]; 3]) -> Self::Inertia;
+    /// Write a world inertia (about the centre of mass) and mass as a DIM x DIM matrix, turns first.
+    fn inertia_matrix(i: &Self::Inertia, mass: f64, out: &mut [f64]);
+    /// Write the twist (or wrench) as DIM numbers, turns first.
+    fn twist_to(w: Self::Ang, v: Self::Vec, out: &mut [f64]);
+}

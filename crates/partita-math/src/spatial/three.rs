@@ -1,0 +1,162 @@
+//! All of space: three turns and three slides.
+
+use super::rotation::{Mat3, Quaternion};
+use super::space::Space;
+use super::vector::Vec3;
+use crate::scalar::Scalar;
+use std::marker::PhantomData;
+
+/// Three-dimensional space over the numbers `S`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spatial<S>(PhantomData<S>);
+
+/// A forbidden turn in space: `u · w − c` with `u` fixed on A and `w` fixed on B.
+#[derive(Clone, Copy, Debug)]
+pub struct Lock3<S> {
+    u: Vec3<S>,
+    w: Vec3<S>,
+    c: S,
+}
+
+/// Symmetric 3x3 inertia.
+#[derive(Clone, Copy, Debug)]
+pub struct Inertia3<S>(pub Mat3<S>);
+
+impl<S: Scalar> Default for Inertia3<S> {
+    fn default() -> Self {
+        Self(Mat3::zero())
+    }
+}
+
+impl<S: Scalar> Space for Spatial<S> {
+    type S = S;
+    type Vec = Vec3<S>;
+    type Ang = Vec3<S>;
+    type Rot = Mat3<S>;
+    type Inertia = Inertia3<S>;
+    type Lock = Lock3<S>;
+    const DIM: usize = 6;
+    const LENGTHS: usize = 3;
+
+    #[inline(always)]
+    fn identity() -> Mat3<S> {
+        Mat3::identity()
+    }
+    #[inline(always)]
+    fn rotate(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
+        r.apply(x)
+    }
+    #[inline(always)]
+    fn rotate_ang(r: &Mat3<S>, x: Vec3<S>) -> Vec3<S> {
+        r.apply(x)
+    }
+    #[inline(always)]
+    fn turn(r: &Mat3<S>, axis: Vec3<S>, angle: S) -> Mat3<S> {
+        let (s, c) = angle.sin_cos();
+        r.mul(&Mat3::about(axis, s, c))
+    }
+    #[inline(always)]
+    fn turn_quaternion(r: &Mat3<S>, p: [S; 4]) -> Mat3<S> {
+        r.mul(&Quaternion(p).matrix())
+    }
+    #[inline(always)]
+    fn body_axis(r: &Mat3<S>, i: usize) -> Vec3<S> {
+        r.column(i)
+    }
+    #[inline(always)]
+    fn cross(w: Vec3<S>, x: Vec3<S>) -> Vec3<S> {
+        w.cross(x)
+    }
+    #[inline(always)]
+    fn cross_ang(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
+        a.cross(b)
+    }
+    #[inline(always)]
+    fn moment(r: Vec3<S>, f: Vec3<S>) -> Vec3<S> {
+        r.cross(f)
+    }
+    #[inline(always)]
+    fn dot(a: Vec3<S>, b: Vec3<S>) -> S {
+        a.dot(b)
+    }
+    #[inline(always)]
+    fn dot_ang(a: Vec3<S>, b: Vec3<S>) -> S {
+        a.dot(b)
+    }
+    #[inline(always)]
+    fn scale(x: Vec3<S>, k: S) -> Vec3<S> {
+        x.times(k)
+    }
+    #[inline(always)]
+    fn scale_ang(x: Vec3<S>, k: S) -> Vec3<S> {
+        x.times(k)
+    }
+    #[inline(always)]
+    fn vec_of(x: impl Iterator<Item = S>) -> Vec3<S> {
+        let mut v = Vec3::zero();
+        v.0.iter_mut().zip(x).for_each(|(v, x)| *v = x);
+        v
+    }
+    #[inline(always)]
+    fn component(x: Vec3<S>, i: usize) -> S {
+        x.0[i]
+    }
+    #[inline(always)]
+    fn world_inertia(r: &Mat3<S>, i: &Inertia3<S>) -> Inertia3<S> {
+        Inertia3(r.mul(&i.0).mul(&r.transpose()))
+    }
+    #[inline(always)]
+    fn spin(i: &Inertia3<S>, w: Vec3<S>) -> Vec3<S> {
+        i.0.apply(w)
+    }
+    #[inline(always)]
+    fn lock_residual(l: &Lock3<S>, a: &Mat3<S>, b: &Mat3<S>) -> S {
+        a.apply(l.u).dot(b.apply(l.w)) - l.c
+    }
+    #[inline(always)]
+    fn lock_axis(l: &Lock3<S>, a: &Mat3<S>, b: &Mat3<S>) -> Vec3<S> {
+        b.apply(l.w).cross(a.apply(l.u))
+    }
+    #[inline(always)]
+    fn lock_bias(l: &Lock3<S>, a: &Mat3<S>, b: &Mat3<S>, wa: Vec3<S>, wb: Vec3<S>) -> S {
+        let (u, w) = (a.apply(l.u), b.apply(l.w));
+        (wb - wa).dot(wb.cross(w).cross(u) + w.cross(wa.cross(u)))
+    }
+    fn lock_from(u: [f64; 3], w: [f64; 3], c: f64) -> Lock3<S> {
+        Lock3 { u: Vec3::from_f64(u), w: Vec3::from_f64(w), c: S::from_f64(c) }
+    }
+    fn vec_from(x: [f64; 3]) -> Vec3<S> {
+        Vec3::from_f64(x)
+    }
+    fn ang_from(x: [f64; 3]) -> Vec3<S> {
+        Vec3::from_f64(x)
+    }
+    fn vec_to(x: Vec3<S>) -> [f64; 3] {
+        x.value()
+    }
+    fn ang_to(x: Vec3<S>) -> [f64; 3] {
+        x.value()
+    }
+    fn rot_to(r: &Mat3<S>) -> [[f64; 3]; 3] {
+        r.value()
+    }
+    fn out_of_space(_: [f64; 3]) -> f64 {
+        0.0
+    }
+    fn inertia_from(i: [[f64; 3]; 3]) -> Inertia3<S> {
+        Inertia3(Mat3::from_f64(i))
+    }
+    fn inertia_matrix(i: &Inertia3<S>, mass: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        for r in 0..3 {
+            for c in 0..3 {
+                out[r * 6 + c] = i.0 .0[r][c].value();
+            }
+            out[(r + 3) * 6 + r + 3] = mass;
+        }
+    }
+    fn twist_to(w: Vec3<S>, v: Vec3<S>, out: &mut [f64]) {
+        out[..3].copy_from_slice(&w.value());
+        out[3..6].copy_from_slice(&v.value());
+    }
+}

@@ -1,0 +1,238 @@
+//! From the zero position to the tree of one space.
+
+use crate::error::DescriptionError;
+use crate::joint::{LockedSlides, Motion};
+use crate::place::{Placed, PlacedJoint};
+use crate::spec::{Force, Spec};
+use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Spring, Tree};
+use crate::validate;
+use partita_math::spatial::{Mat3, Space, Vec3};
+
+/// A closing row as the user may see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RowName {
+    /// Joint.
+    pub joint: usize,
+    /// Name of the row.
+    pub name: String,
+}
+
+/// Reference points of all links in the zero position: centres of mass, or the joint's point where there is no mass.
+pub fn reference_points(placed: &Placed) -> Vec<Vec3<f64>> {
+    let mut mass = vec![0.0; placed.links.len()];
+    let mut first = vec![Vec3::zero(); placed.links.len()];
+    for b in &placed.bodies {
+        mass[b.link] += b.mass;
+        first[b.link] += b.com.times(b.mass);
+    }
+    let mut points: Vec<Vec3<f64>> = (0..mass.len())
+        .map(|i| if mass[i] > 0.0 { first[i].times(1.0 / mass[i]) } else { placed.links[i].point })
+        .collect();
+    points[0] = Vec3::zero();
+    points
+}
+
+/// Compile for the space G; also the names of the rows.
+pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<RowName>), DescriptionError> {
+    let reference = reference_points(placed);
+    let vec = |x: Vec3<f64>| G::vec_from(x.0);
+    let mut links = vec![Link {
+        parent: 0,
+        motion: LinkMotion::Slide(G::Vec::default()),
+        q: 0,
+        v: 0,
+        to_joint: G::Vec::default(),
+        to_centre: G::Vec::default(),
+        mass: 0.0,
+        inertia: G::Inertia::default(),
+    }];
+    for (i, l) in placed.links.iter().enumerate().skip(1) {
+        let mut inertia = Mat3::zero();
+        let mut mass = 0.0;
+        for b in placed.bodies.iter().filter(|b| b.link == i) {
+            inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[i]));
+            mass += b.mass;
+        }
+        links.push(Link {
+            parent: l.parent,
+            motion: match l.motion {
+                Motion::Turn(a) => LinkMotion::Turn(G::ang_from(a.0)),
+                Motion::Slide(a) => LinkMotion::Slide(vec(a)),
+                Motion::Ball => LinkMotion::Ball,
+            },
+            q: l.q,
+            v: l.v,
+            to_joint: vec(l.point - reference[l.parent]),
+            to_centre: vec(reference[i] - l.point),
+            mass,
+            inertia: G::inertia_from(inertia.0),
+        });
+    }
+    let mut tree = Tree {
+        links,
+        closings: Vec::new(),
+        springs: Vec::new(),
+        gravity: vec(placed.basis.apply(Vec3(spec.gravity))),
+        nq: placed.nq,
+        nv: placed.nv,
+        rows: 0,
+        entries: 0,
+    };
+    let mut names = Vec::new();
+    for &j in &placed.topology.cuts {
+        let closing = closing::<G>(j, &placed.joints[j], placed, &reference, &tree);
+        for i in 0..closing.rows() {
+            let slides = closing.slide_rows();
+            let what = match (&closing.slides, i < slides) {
+                (Locked::World, true) => ["x", "y", "z"][i].to_string(),
+                (_, true) => format!("slide{}", i + 1),
+                _ => format!("turn{}", i - slides + 1),
+            };
+            names.push(RowName { joint: j, name: format!("{}.{what}", spec.joints[j].name) });
+        }
+        tree.rows += closing.rows();
+        tree.entries += closing.entries();
+        tree.closings.push(closing);
+    }
+    let nodes = validate::nodes(spec)?;
+    for f in &spec.forces {
+        if let Force::Spring { body1, point1, body2, point2, stiffness, damping, length, .. } = f {
+            let end = |body: &str, p: [f64; 3]| {
+                let node = nodes[body];
+                let (link, at) = point_on(placed, node, p);
+                let offset = at - reference[link];
+                (Anchor::<G> { link, at: vec(offset) }, at)
+            };
+            let ((a, pa), (b, pb)) = (end(body1, *point1), end(body2, *point2));
+            tree.springs.push(Spring {
+                a,
+                b,
+                out_of_plane2: G::out_of_space((pb - pa).0).powi(2),
+                stiffness: *stiffness,
+                damping: *damping,
+                length: *length,
+            });
+        }
+    }
+    Ok((tree, names))
+}
+
+/// Link of a body's point and where the point is in the zero position.
+pub fn point_on(placed: &Placed, node: usize, p: [f64; 3]) -> (usize, Vec3<f64>) {
+    if node == 0 {
+        return (0, placed.basis.apply(Vec3(p)));
+    }
+    let b = &placed.bodies[node - 1];
+    (b.link, b.origin + b.rot.apply(Vec3(p)))
+}
+
+fn closing<G: Space>(j: usize, p: &PlacedJoint, placed: &Placed, reference: &[Vec3<f64>], tree: &Tree<G>) -> Closing<G> {
+    let (la, lb) = (placed.link_of(p.parent), placed.link_of(p.child));
+    let (slides, locks) = if G::LENGTHS == 2 { planar_locks::<G>(p) } else { spatial_locks::<G>(p) };
+    let mut path: Vec<(usize, bool)> = Vec::new();
+    let up = |mut i: usize| {
+        let mut all = Vec::new();
+        while i != 0 {
+            all.push(i);
+            i = tree.links[i].parent;
+        }
+        all
+    };
+    let (ups_a, ups_b) = (up(la), up(lb));
+    path.extend(ups_a.iter().filter(|i| !ups_b.contains(i)).map(|&i| (i, false)));
+    path.extend(ups_b.iter().filter(|i| !ups_a.contains(i)).map(|&i| (i, true)));
+    path.sort_unstable_by_key(|x| tree.links[x.0].v);
+    let (mut slide_columns, mut turn_columns) = (0, 0);
+    let path = path
+        .into_iter()
+        .map(|(link, on_b)| {
+            let here = PathLink { link, on_b, slide_column: slide_columns, turn_column: turn_columns };
+            let (turns, slides) = match tree.links[link].motion {
+                LinkMotion::Turn(_) => (1, 1),
+                LinkMotion::Slide(_) => (0, 1),
+                LinkMotion::Ball => (3, 3),
+            };
+            slide_columns += slides;
+            turn_columns += turns;
+            here
+        })
+        .collect();
+    Closing {
+        joint: j,
+        a: Anchor { link: la, at: G::vec_from((p.parent_point - reference[la]).0) },
+        b: Anchor { link: lb, at: G::vec_from((p.child_point - reference[lb]).0) },
+        slides,
+        locks,
+        row: tree.rows,
+        entry: tree.entries,
+        path,
+        slide_columns,
+        turn_columns,
+    }
+}
+
+fn spatial_locks<G: Space>(p: &PlacedJoint) -> (Locked<G>, Vec<G::Lock>) {
+    let slides = match &p.shape.slides {
+        LockedSlides::All => Locked::World,
+        LockedSlides::Along(axes) => Locked::Along(axes.iter().map(|a| G::vec_from(p.on_parent.apply(*a).0)).collect()),
+    };
+    let locks = p
+        .shape
+        .locks
+        .iter()
+        .map(|(u, w)| G::lock_from(p.on_parent.apply(*u).0, p.on_child.apply(*w).0, u.dot(*w)))
+        .collect();
+    (slides, locks)
+}
+
+/// What is left of a joint's locks in the plane of the mechanism.
+fn planar_locks<G: Space>(p: &PlacedJoint) -> (Locked<G>, Vec<G::Lock>) {
+    let mut free: Vec<Vec3<f64>> = Vec::new();
+    let mut turns = false;
+    for m in &p.shape.motions {
+        match m {
+            Motion::Slide(a) => free.push(p.on_parent.apply(*a)),
+            Motion::Turn(_) | Motion::Ball => turns = true,
+        }
+    }
+    let slides = match free.as_slice() {
+        [] => Locked::World,
+        [a] => Locked::Along(vec![G::vec_from([-a.0[1], a.0[0], 0.0])]),
+        _ => Locked::Along(vec![]),
+    };
+    let locks = if turns {
+        vec![]
+    } else {
+        // an axis of the plane, as the parent and as the child carry it
+        let e = p.on_parent.apply_transposed(Vec3([1.0, 0.0, 0.0]));
+        let (u, w) = (p.on_parent.apply(e), p.on_child.apply(e));
+        vec![G::lock_from(u.0, [-w.0[1], w.0[0], 0.0], 0.0)]
+    };
+    (slides, locks)
+}
+
+/// Columns of every row of the closings, in the order of the values.
+pub fn columns<G: Space>(tree: &Tree<G>) -> Vec<Vec<usize>> {
+    let mut rows = Vec::with_capacity(tree.rows);
+    for k in &tree.closings {
+        let mut slides = Vec::new();
+        let mut turns = Vec::new();
+        for p in &k.path {
+            let link = &tree.links[p.link];
+            match link.motion {
+                LinkMotion::Turn(_) => {
+                    slides.push(link.v);
+                    turns.push(link.v);
+                }
+                LinkMotion::Slide(_) => slides.push(link.v),
+                LinkMotion::Ball => {
+                    slides.extend(link.v..link.v + 3);
+                    turns.extend(link.v..link.v + 3);
+                }
+            }
+        }
+        rows.extend((0..k.slide_rows()).map(|_| slides.clone()));
+        rows.extend((0..k.locks.len()).map(|_| turns.clone()));
+    }
+    rows
+}

@@ -1,0 +1,22 @@
+//! Why a description cannot become a model.
+
+use thiserror::Error;
+
+/// A description that cannot be compiled: which element, and what to do about it.
+#[derive(Debug, Error, Clone, PartialEq)]
+#[error("{element} \"{name}\": {message}")]
+pub struct DescriptionError {
+    /// body, joint, drive, force or mechanism.
+    pub element: &'static str,
+    /// Its name.
+    pub name: String,
+    /// What is wrong and what to try.
+    pub message: String,
+}
+
+impl DescriptionError {
+    /// New error.
+    pub fn new(element: &'static str, name: &str, message: impl Into<String>) -> Self {
+        Self { element, name: name.into(), message: message.into() }
+    }
+}

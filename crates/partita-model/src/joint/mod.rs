@@ -1,0 +1,119 @@
+//! Joints: one file each, all saying the same three things: which motions are free, in which order, and what is locked.
+//!
+//! A joint in the tree becomes its motions, a joint that closes a loop becomes its locks.
+
+mod coordinates;
+mod cylindrical;
+mod fixed;
+mod free;
+mod generic;
+mod planar;
+mod prismatic;
+mod revolute;
+mod spherical;
+mod universal;
+
+pub use coordinates::{position_of, rate_of};
+
+use crate::error::DescriptionError;
+use crate::spec::{Joint, JointKind};
+use partita_math::spatial::{Mat3, Vec3};
+
+/// One free motion, its axis in the drawing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// Turn about an axis through the joint's point.
+    Turn(Vec3<f64>),
+    /// Slide along an axis.
+    Slide(Vec3<f64>),
+    /// All turns about the joint's point (a quaternion; three velocities in child axes).
+    Ball,
+}
+
+impl Motion {
+    /// Velocities it brings.
+    pub fn velocities(&self) -> usize {
+        if matches!(self, Self::Ball) { 3 } else { 1 }
+    }
+    /// Coordinates it brings.
+    pub fn coordinates(&self) -> usize {
+        if matches!(self, Self::Ball) { 4 } else { 1 }
+    }
+}
+
+/// Which relative displacements of the joint's points are locked.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LockedSlides {
+    /// All three: written in world axes, so that the multipliers are the force on the child.
+    All,
+    /// Along these axes, fixed on the parent.
+    Along(Vec<Vec3<f64>>),
+}
+
+/// A joint, ready for either use. Axes in the drawing.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    /// Free motions in order from parent to child.
+    pub motions: Vec<Motion>,
+    /// Their names.
+    pub names: Vec<&'static str>,
+    /// Locked displacements.
+    pub slides: LockedSlides,
+    /// Locked turns: `u · w` keeps its drawn value, u on the parent, w on the child.
+    pub locks: Vec<(Vec3<f64>, Vec3<f64>)>,
+    /// Joint axes, columns.
+    pub frame: Mat3<f64>,
+}
+
+impl Shape {
+    /// Rows it brings when it closes a loop.
+    pub fn rows(&self) -> usize {
+        self.locks.len()
+            + match &self.slides {
+                LockedSlides::All => 3,
+                LockedSlides::Along(axes) => axes.len(),
+            }
+    }
+    /// Velocities it allows.
+    pub fn freedoms(&self) -> usize {
+        self.motions.iter().map(Motion::velocities).sum()
+    }
+}
+
+/// The axis of a joint as a unit vector, or an error that names the joint.
+fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f64>, DescriptionError> {
+    let given = axis.ok_or_else(|| {
+        DescriptionError::new("joint", &joint.name, format!("a {:?} joint needs {which}", joint.kind).to_lowercase())
+    })?;
+    Vec3(given).unit().ok_or_else(|| {
+        let message = format!("{which} = {given:?} has no direction; give a vector of finite length");
+        DescriptionError::new("joint", &joint.name, message)
+    })
+}
+
+/// Frame whose z is the given axis.
+fn frame_about(z: Vec3<f64>) -> Mat3<f64> {
+    let (x, y) = z.complement();
+    Mat3::from_columns(x, y, z)
+}
+
+/// The shape of a described joint.
+pub fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+    match joint.kind {
+        JointKind::Revolute => revolute::shape(joint),
+        JointKind::Prismatic => prismatic::shape(joint),
+        JointKind::Cylindrical => cylindrical::shape(joint),
+        JointKind::Universal => universal::shape(joint),
+        JointKind::Spherical => Ok(spherical::shape()),
+        JointKind::Planar => planar::shape(joint),
+        JointKind::Fixed => Ok(fixed::shape()),
+        JointKind::Free => Ok(free::shape()),
+        JointKind::Generic => generic::shape(joint),
+    }
+}
+
+/// The three locks that keep a frame parallel to another (valid while they are less than a right angle apart).
+fn parallel(f: &Mat3<f64>) -> Vec<(Vec3<f64>, Vec3<f64>)> {
+    let (x, y, z) = (f.column(0), f.column(1), f.column(2));
+    vec![(x, y), (y, z), (z, x)]
+}

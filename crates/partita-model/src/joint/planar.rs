@@ -1,0 +1,18 @@
+//! Two slides in a plane and the turn in it: one displacement and two turns are locked.
+
+use super::{axis_of, frame_about, LockedSlides, Motion, Shape};
+use crate::error::DescriptionError;
+use crate::spec::Joint;
+
+pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let z = axis_of(joint, joint.axis, "normal")?;
+    let frame = frame_about(z);
+    let (x, y) = (frame.column(0), frame.column(1));
+    Ok(Shape {
+        motions: vec![Motion::Slide(x), Motion::Slide(y), Motion::Turn(z)],
+        names: vec!["x", "y", "turn"],
+        slides: LockedSlides::Along(vec![z]),
+        locks: vec![(x, z), (y, z)],
+        frame,
+    })
+}

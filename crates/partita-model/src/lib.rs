@@ -1,0 +1,21 @@
+//! Bodies, joints, forces: from a description to a [`partita_system::ConstrainedSystem`].
+
+pub mod articulated;
+pub mod closing;
+pub mod compile;
+pub mod dynamics;
+pub mod error;
+pub mod joint;
+pub mod load;
+pub mod model;
+pub mod observe;
+pub mod place;
+pub mod reaction;
+pub mod spec;
+pub mod topology;
+pub mod tree;
+pub mod validate;
+pub mod value;
+
+pub use error::DescriptionError;
+pub use model::Model;

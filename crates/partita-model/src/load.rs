@@ -1,0 +1,317 @@
+//! Applied forces other than gravity and springs between points.
+
+use crate::compile::{point_on, reference_points};
+use crate::error::DescriptionError;
+use crate::joint::Motion;
+use crate::place::Placed;
+use crate::spec::{Axes, Force, Spec, Value, VectorValue};
+use crate::tree::{Tree, TreeScratch};
+use crate::validate;
+use crate::value::{self, Functions};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Space, Vec3};
+use partita_system::SystemError;
+
+/// One applied force.
+#[derive(Clone, Debug)]
+pub enum Load {
+    /// Spring and damper in a tree coordinate.
+    Torsion {
+        /// Coordinate and velocity.
+        q: usize,
+        /// Velocity.
+        v: usize,
+        /// Stiffness.
+        stiffness: f64,
+        /// Damping.
+        damping: f64,
+        /// Free position.
+        angle: f64,
+    },
+    /// Effort along a tree velocity.
+    Effort {
+        /// Name, for messages.
+        name: String,
+        /// Coordinate, if one integrates the velocity.
+        q: Option<usize>,
+        /// Velocity.
+        v: usize,
+        /// Effort.
+        value: Value,
+    },
+    /// Effort along a coordinate of a cut joint: a pair of wrenches.
+    CutEffort {
+        /// Name, for messages.
+        name: String,
+        /// Node and link of the parent.
+        parent: (usize, usize),
+        /// Node and link of the child.
+        child: (usize, usize),
+        /// Free motion, axis in the parent's link axes.
+        motion: Motion,
+        /// The joint's point on the child, from the link's reference point.
+        at: Vec3<f64>,
+        /// Effort.
+        value: Value,
+    },
+    /// Force at a point.
+    Force {
+        /// Name, for messages.
+        name: String,
+        /// Node of the body.
+        node: usize,
+        /// Its link.
+        link: usize,
+        /// Point from the link's reference point, link axes.
+        at: Vec3<f64>,
+        /// Force.
+        value: VectorValue,
+        /// Body axes in the link, if the force turns with the body.
+        body_axes: Option<Mat3<f64>>,
+    },
+}
+
+fn is_constant(v: &VectorValue) -> bool {
+    match v {
+        VectorValue::Components(c) => c.iter().all(|v| matches!(v, Value::Constant(_))),
+        VectorValue::Whole(v) => matches!(v, Value::Constant(_)),
+    }
+}
+
+impl Load {
+    /// All loads of a description.
+    pub fn all(spec: &Spec, placed: &Placed) -> Result<Vec<Self>, DescriptionError> {
+        let nodes = validate::nodes(spec)?;
+        let reference = reference_points(placed);
+        let mut loads = Vec::new();
+        for f in &spec.forces {
+            match f {
+                Force::Spring { .. } => {}
+                Force::TorsionSpring { name, joint, coordinate, stiffness, damping, angle } => {
+                    let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                    let q = q.ok_or_else(|| {
+                        DescriptionError::new("force", name, "a turn in space has no single angle to spring back to")
+                    })?;
+                    loads.push(Self::Torsion { q, v, stiffness: *stiffness, damping: *damping, angle: *angle });
+                }
+                Force::Torque { name, joint, coordinate, value } => {
+                    let j = joint_index(spec, joint);
+                    let p = &placed.joints[j];
+                    if p.links.is_some() {
+                        let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                        loads.push(Self::Effort { name: name.clone(), q, v, value: value.clone() });
+                        continue;
+                    }
+                    let motion = p.shape.motions.get(*coordinate).copied().ok_or_else(|| {
+                        DescriptionError::new("force", name, format!("joint \"{joint}\" has no coordinate {coordinate}"))
+                    })?;
+                    let motion = match motion {
+                        Motion::Turn(a) => Motion::Turn(p.on_parent.apply(a)),
+                        Motion::Slide(a) => Motion::Slide(p.on_parent.apply(a)),
+                        Motion::Ball => {
+                            let m = format!("joint \"{joint}\" closes a loop and turns in space; use a force on its bodies");
+                            return Err(DescriptionError::new("force", name, m));
+                        }
+                    };
+                    let link = placed.link_of(p.child);
+                    loads.push(Self::CutEffort {
+                        name: name.clone(),
+                        parent: (p.parent, placed.link_of(p.parent)),
+                        child: (p.child, link),
+                        motion,
+                        at: p.child_point - reference[link],
+                        value: value.clone(),
+                    });
+                }
+                Force::Force { name, body, point, value, axes } => {
+                    let node = nodes[body.as_str()];
+                    if node == 0 {
+                        return Err(DescriptionError::new("force", name, "the ground does not feel a force; name a body"));
+                    }
+                    let (link, at) = point_on(placed, node, *point);
+                    loads.push(Self::Force {
+                        name: name.clone(),
+                        node,
+                        link,
+                        at: at - reference[link],
+                        value: value.clone(),
+                        body_axes: (*axes == Axes::Body).then(|| placed.bodies[node - 1].rot),
+                    });
+                }
+            }
+        }
+        Ok(loads)
+    }
+
+    /// Does work that no potential accounts for?
+    pub fn is_dissipative(&self) -> bool {
+        match self {
+            Self::Torsion { damping, .. } => *damping != 0.0,
+            Self::Effort { q, value, .. } => q.is_none() || !matches!(value, Value::Constant(_)),
+            Self::CutEffort { .. } => true,
+            Self::Force { value, body_axes, .. } => body_axes.is_some() || !is_constant(value),
+        }
+    }
+}
+
+/// Index of a joint that exists.
+pub fn joint_index(spec: &Spec, name: &str) -> usize {
+    spec.joints.iter().position(|j| j.name == name).unwrap_or(0)
+}
+
+/// Coordinate (if any) and velocity of a joint's coordinate in the tree.
+pub fn tree_coordinate(
+    spec: &Spec,
+    placed: &Placed,
+    element: &'static str,
+    name: &str,
+    joint: &str,
+    coordinate: usize,
+) -> Result<(Option<usize>, usize), DescriptionError> {
+    let p = &placed.joints[joint_index(spec, joint)];
+    let Some(links) = &p.links else {
+        let m = format!(
+            "joint \"{joint}\" closes a loop in which every joint is driven, sprung or loaded, so it has no coordinate; \
+             replace one of them by a spring between points"
+        );
+        return Err(DescriptionError::new(element, name, m));
+    };
+    let mut left = coordinate;
+    for (motion, &link) in p.shape.motions.iter().zip(links) {
+        if left < motion.velocities() {
+            let l = &placed.links[link];
+            let ball = *motion == Motion::Ball;
+            return Ok(((!ball).then_some(l.q), l.v + left));
+        }
+        left -= motion.velocities();
+    }
+    let m = format!(
+        "joint \"{joint}\" has {} coordinates, number {coordinate} was asked for (the first is 0)",
+        p.shape.freedoms()
+    );
+    Err(DescriptionError::new(element, name, m))
+}
+
+/// A force in mechanism axes at one instant.
+pub fn force_at(
+    load: &Load,
+    rot_link: &[[f64; 3]; 3],
+    basis: &Mat3<f64>,
+    f: &dyn Functions,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+) -> Result<Vec3<f64>, SystemError> {
+    let Load::Force { name, value, body_axes, .. } = load else { return Ok(Vec3::zero()) };
+    let x = Vec3(value::vector_at(value, f, t, q, v, name)?);
+    Ok(match body_axes {
+        Some(axes) => Mat3(*rot_link).apply(axes.apply(x)),
+        None => basis.apply(x),
+    })
+}
+
+impl<G: Space> Tree<G> {
+    /// Add all loads at the last twists.
+    pub fn apply_loads(
+        &self,
+        loads: &[Load],
+        basis: &Mat3<f64>,
+        f: &dyn Functions,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut TreeScratch<G>,
+    ) -> Result<(), SystemError> {
+        for load in loads {
+            match load {
+                Load::Torsion { q: i, v: j, stiffness, damping, angle } => {
+                    s.effort[*j] -= G::S::from_f64(stiffness * (q[*i] - angle) + damping * v[*j]);
+                }
+                Load::Effort { name, v: j, value, .. } => {
+                    s.effort[*j] += G::S::from_f64(value::scalar_at(value, f, t, q, v, name)?);
+                }
+                Load::CutEffort { name, parent, child, motion, at, value } => {
+                    let x = G::S::from_f64(value::scalar_at(value, f, t, q, v, name)?);
+                    let arm = G::rotate(&s.links[child.1].rot, G::vec_from(at.0));
+                    let back = s.links[child.1].centre + arm - s.links[parent.1].centre;
+                    match motion {
+                        Motion::Turn(a) => {
+                            let m = G::scale_ang(G::rotate_ang(&s.links[parent.1].rot, G::ang_from(a.0)), x);
+                            s.links[child.1].moment += m;
+                            s.links[parent.1].moment -= m;
+                        }
+                        Motion::Slide(a) => {
+                            let p = G::scale(G::rotate(&s.links[parent.1].rot, G::vec_from(a.0)), x);
+                            self.add_force(s, child.1, arm, p);
+                            self.add_force(s, parent.1, back, -p);
+                        }
+                        Motion::Ball => {}
+                    }
+                }
+                Load::Force { link, at, .. } => {
+                    let rot = G::rot_to(&s.links[*link].rot);
+                    let x = force_at(load, &rot, basis, f, t, q, v)?;
+                    let arm = G::rotate(&s.links[*link].rot, G::vec_from(at.0));
+                    self.add_force(s, *link, arm, G::vec_from(x.0));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Potential of the conservative loads and power of the others at the last twists: `(V, P)`.
+    pub fn load_energy(
+        &self,
+        loads: &[Load],
+        basis: &Mat3<f64>,
+        f: &dyn Functions,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &TreeScratch<G>,
+    ) -> Result<(f64, f64), SystemError> {
+        let (mut potential, mut power) = (0.0, 0.0);
+        for load in loads {
+            match load {
+                Load::Torsion { q: i, v: j, stiffness, damping, angle } => {
+                    potential += 0.5 * stiffness * (q[*i] - angle).powi(2);
+                    power -= damping * v[*j].powi(2);
+                }
+                Load::Effort { name, q: i, v: j, value } => match (i, value) {
+                    (Some(i), Value::Constant(x)) => potential -= x * q[*i],
+                    _ => power += value::scalar_at(value, f, t, q, v, name)? * v[*j],
+                },
+                Load::CutEffort { name, parent, child, motion, at, value } => {
+                    let x = value::scalar_at(value, f, t, q, v, name)?;
+                    let (xp, xc) = (&s.links[parent.1], &s.links[child.1]);
+                    let rate = match motion {
+                        Motion::Turn(a) => {
+                            let axis = G::rotate_ang(&xp.rot, G::ang_from(a.0));
+                            G::dot_ang(axis, xc.w - xp.w).value()
+                        }
+                        Motion::Slide(a) => {
+                            let d = G::rotate(&xp.rot, G::vec_from(a.0));
+                            let arm = G::rotate(&xc.rot, G::vec_from(at.0));
+                            let back = xc.centre + arm - xp.centre;
+                            G::dot(d, xc.u + G::cross(xc.w, arm) - xp.u - G::cross(xp.w, back)).value()
+                        }
+                        Motion::Ball => 0.0,
+                    };
+                    power += x * rate;
+                }
+                Load::Force { link, at, .. } => {
+                    let x = &s.links[*link];
+                    let force = force_at(load, &G::rot_to(&x.rot), basis, f, t, q, v)?;
+                    let arm = G::rotate(&x.rot, G::vec_from(at.0));
+                    if load.is_dissipative() {
+                        let rate = G::vec_to(x.u + G::cross(x.w, arm));
+                        power += force.dot(Vec3(rate));
+                    } else {
+                        potential -= force.dot(Vec3(G::vec_to(x.centre + arm)));
+                    }
+                }
+            }
+        }
+        Ok((potential, power))
+    }
+}

@@ -1,0 +1,519 @@
+//! The compiled mechanism: immutable, a [`ConstrainedSystem`].
+
+use crate::compile::{self, RowName};
+use crate::error::DescriptionError;
+use crate::load::{self, Load};
+use crate::place::{Coordinates, Placed};
+use crate::spec::{Force, Spec, Value};
+use crate::tree::{LinkMotion, Tree, TreeScratch};
+use crate::validate;
+use crate::value::{self, Functions};
+use partita_math::dense;
+use partita_math::elimination::Pattern;
+use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
+use partita_system::system::{project_dense, Tangent};
+use partita_system::{ConstrainedSystem, Size, SystemError};
+use std::sync::Arc;
+
+/// A prescribed coordinate: the row `q_i − f(t)`.
+#[derive(Clone, Debug)]
+pub struct DriveRow {
+    /// Name of the drive.
+    pub name: String,
+    /// Driven joint.
+    pub joint: usize,
+    /// Which of its velocities.
+    pub coordinate: usize,
+    /// Coordinate.
+    pub q: usize,
+    /// Velocity.
+    pub v: usize,
+    /// Motion.
+    pub motion: Value,
+    /// Row.
+    pub row: usize,
+}
+
+/// The tree in the space the evaluations run in.
+#[derive(Clone, Debug)]
+pub(crate) enum Engine {
+    /// All motions in one plane: three numbers a twist.
+    Flat(Tree<Planar<f64>>),
+    /// Six.
+    Full,
+}
+
+/// Memory of the evaluations of a model.
+pub struct ModelScratch {
+    pub(crate) flat: Option<TreeScratch<Planar<f64>>>,
+    pub(crate) full: TreeScratch<Spatial<f64>>,
+    dense: Dense,
+    forces_at: bool,
+}
+
+#[derive(Default)]
+struct Dense {
+    mass: Vec<f64>,
+    h: Vec<f64>,
+    work: Vec<f64>,
+}
+
+/// A compiled mechanism.
+pub struct Model {
+    /// The description it was made from.
+    pub spec: Spec,
+    /// Zero position.
+    pub placed: Placed,
+    pub(crate) engine: Engine,
+    /// The tree in space; outputs and reactions are computed with it.
+    pub full: Tree<Spatial<f64>>,
+    /// Applied loads.
+    pub loads: Vec<Load>,
+    /// Prescribed motions.
+    pub drives: Vec<DriveRow>,
+    /// Closing rows.
+    pub row_names: Vec<RowName>,
+    /// Rows of the spatial closings that the plane makes superfluous.
+    pub out_of_plane: Vec<RowName>,
+    pub(crate) functions: Arc<dyn Functions>,
+    pattern: Pattern,
+    has_power: bool,
+    dense_projection: bool,
+    coordinates: Coordinates,
+    /// Reference points of the links in the zero position.
+    pub(crate) reference: Vec<Vec3<f64>>,
+    /// Nodes at the ends of each spring.
+    pub(crate) spring_nodes: Vec<(usize, usize)>,
+}
+
+impl ModelScratch {
+    /// The forces in here no longer belong to the last state.
+    pub(crate) fn stale(&mut self) {
+        self.forces_at = false;
+    }
+}
+
+/// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
+macro_rules! with_engine {
+    ($self:expr, $scratch:expr, |$tree:ident, $s:ident| $body:expr) => {
+        match (&$self.engine, &mut $scratch.flat) {
+            (Engine::Flat($tree), Some($s)) => $body,
+            _ => {
+                let ($tree, $s) = (&$self.full, &mut $scratch.full);
+                $body
+            }
+        }
+    };
+}
+pub(crate) use with_engine;
+
+impl Model {
+    /// Compile a description; `functions` are those it names by number.
+    pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
+        Self::build(spec, functions, coordinates, true)
+    }
+
+    /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
+    /// reactions out of the plane.
+    pub fn in_space(&self) -> Result<Self, DescriptionError> {
+        Self::build(self.spec.clone(), self.functions.clone(), self.coordinates, false)
+    }
+
+    fn build(
+        spec: Spec,
+        functions: Arc<dyn Functions>,
+        coordinates: Coordinates,
+        allow_plane: bool,
+    ) -> Result<Self, DescriptionError> {
+        validate::validate(&spec, functions.count())?;
+        let placed = Placed::new(&spec, coordinates, allow_plane)?;
+        let (full, full_rows) = compile::compile::<Spatial<f64>>(&spec, &placed)?;
+        let loads = Load::all(&spec, &placed)?;
+        let (engine, row_names, mut columns) = if placed.planar {
+            let (flat, rows) = compile::compile::<Planar<f64>>(&spec, &placed)?;
+            let columns = compile::columns(&flat);
+            (Engine::Flat(flat), rows, columns)
+        } else {
+            (Engine::Full, full_rows.clone(), compile::columns(&full))
+        };
+        let out_of_plane = if placed.planar {
+            full_rows.iter().filter(|r| !row_names.iter().any(|k| k.name == r.name)).cloned().collect()
+        } else {
+            Vec::new()
+        };
+        let mut drives = Vec::new();
+        for d in &spec.drives {
+            let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
+            let q = q.ok_or_else(|| {
+                DescriptionError::new("drive", &d.name, "a turn in space has no single coordinate to drive")
+            })?;
+            if drives.iter().any(|x: &DriveRow| x.v == v) {
+                return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
+            }
+            drives.push(DriveRow {
+                name: d.name.clone(),
+                joint: load::joint_index(&spec, &d.joint),
+                coordinate: d.coordinate,
+                q,
+                v,
+                motion: d.motion.clone(),
+                row: columns.len(),
+            });
+            columns.push(vec![v]);
+        }
+        let has_power = loads.iter().any(Load::is_dissipative) || full.springs.iter().any(|s| s.damping != 0.0);
+        let pattern = Pattern::from_rows(placed.nv, &columns);
+        let nodes = validate::nodes(&spec)?;
+        let spring_nodes = spec
+            .forces
+            .iter()
+            .filter_map(|f| match f {
+                Force::Spring { body1, body2, .. } => Some((nodes[body1.as_str()], nodes[body2.as_str()])),
+                _ => None,
+            })
+            .collect();
+        let reference = compile::reference_points(&placed);
+        let mut model = Self {
+            reference,
+            spring_nodes,
+            coordinates,
+            dense_projection: false,
+            spec,
+            placed,
+            engine,
+            full,
+            loads,
+            drives,
+            row_names,
+            out_of_plane,
+            functions,
+            pattern,
+            has_power,
+        };
+        model.dense_projection = model.dense_is_cheaper();
+        Ok(model)
+    }
+
+    /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.
+    fn dense_is_cheaper(&self) -> bool {
+        let n = self.placed.nv;
+        let k = n.saturating_sub(self.pattern.rows);
+        let links = self.full.links.len();
+        // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
+        let partial = links * (k * k * 6 + 24 * k);
+        // a column of M touches what it carries; then D M Dᵀ
+        let carried: usize = (1..links).map(|i| self.depth(i)).sum();
+        let dense = carried * 60 + n * n * k.min(n) / 2;
+        dense < partial
+    }
+
+    fn depth(&self, mut i: usize) -> usize {
+        let mut d = 0;
+        while i != 0 {
+            i = self.full.links[i].parent;
+            d += 1;
+        }
+        d
+    }
+
+    /// All motions in one plane?
+    pub fn is_planar(&self) -> bool {
+        self.placed.planar
+    }
+
+    /// Coordinates of the drawing: zero, and unit quaternions.
+    pub fn initial(&self) -> Vec<f64> {
+        let mut q = vec![0.0; self.placed.nq];
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                q[l.q] = 1.0;
+            }
+        }
+        q
+    }
+
+    /// Joint of a row: a closing or a drive.
+    pub fn joint_of_row(&self, row: usize) -> usize {
+        match self.row_names.get(row) {
+            Some(r) => r.joint,
+            None => self.drives[row - self.row_names.len()].joint,
+        }
+    }
+
+    fn forces(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<(), SystemError> {
+        if s.forces_at {
+            return Ok(());
+        }
+        with_engine!(self, s, |tree, x| {
+            tree.clear_forces(x);
+            tree.spring_forces(x);
+            tree.apply_loads(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
+        });
+        s.forces_at = true;
+        Ok(())
+    }
+
+    /// Kinetic and potential energy at the last `velocity`.
+    pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
+        let (kinetic, gravity, springs, loads) = match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => {
+                let (k, g) = tree.energy(x);
+                let l = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
+                (k, g, tree.spring_energy(x).0, l.0)
+            }
+            _ => {
+                let (tree, x) = (&self.full, &s.full);
+                let (k, g) = tree.energy(x);
+                let l = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
+                (k, g, tree.spring_energy(x).0, l.0)
+            }
+        };
+        Ok((kinetic, gravity + springs + loads))
+    }
+
+    fn mass_error(&self, at: (usize, f64)) -> SystemError {
+        SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
+    }
+}
+
+impl ConstrainedSystem for Model {
+    type Scratch = ModelScratch;
+
+    fn size(&self) -> Size {
+        let rows = self.pattern.rows;
+        Size { nq: self.placed.nq, nv: self.placed.nv, rows, holonomic: rows }
+    }
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn scratch(&self) -> ModelScratch {
+        ModelScratch {
+            flat: match &self.engine {
+                Engine::Flat(tree) => Some(tree.scratch()),
+                Engine::Full => None,
+            },
+            full: self.full.scratch(),
+            dense: Dense::default(),
+            forces_at: false,
+        }
+    }
+    fn velocity_name(&self, i: usize) -> String {
+        self.placed.velocity_names[i].clone()
+    }
+    fn row_name(&self, i: usize) -> String {
+        match self.row_names.get(i) {
+            Some(r) => r.name.clone(),
+            None => format!("drive {}", self.drives[i - self.row_names.len()].name),
+        }
+    }
+    fn rheonomic(&self) -> bool {
+        self.drives.iter().any(|d| !matches!(d.motion, Value::Constant(_)))
+    }
+    fn has_power(&self) -> bool {
+        self.has_power
+    }
+
+    fn position(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut ModelScratch,
+        phi: &mut [f64],
+        c: &mut [f64],
+        a: &mut [f64],
+    ) -> Result<(), SystemError> {
+        s.forces_at = false;
+        with_engine!(self, s, |tree, x| {
+            tree.poses(q, x);
+            tree.inertias(x);
+            tree.close(x, phi, c);
+        });
+        let entries = c.len() - self.drives.len();
+        for (i, d) in self.drives.iter().enumerate() {
+            let [p, u, _] = value::motion_at(&d.motion, &*self.functions, t, &d.name)?;
+            phi[d.row] = q[d.q] - p;
+            a[d.row] = -u;
+            c[entries + i] = 1.0;
+        }
+        Ok(())
+    }
+
+    fn velocity(&self, t: f64, _q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
+        s.forces_at = false;
+        with_engine!(self, s, |tree, x| {
+            tree.twists(v, x);
+            tree.bias(x, b);
+        });
+        for d in &self.drives {
+            b[d.row] = -value::motion_at(&d.motion, &*self.functions, t, &d.name)?[2];
+        }
+        Ok(())
+    }
+
+    fn dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut ModelScratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| {
+            tree.mass_matrix(x, mass);
+            // h = −(M 0 − h): inverse dynamics without acceleration
+            let zero = std::mem::take(&mut s.dense.work);
+            let mut zero = zero;
+            zero.clear();
+            zero.resize(v.len(), 0.0);
+            tree.inverse_dynamics(&zero, x, h);
+            s.dense.work = zero;
+        });
+        h.iter_mut().for_each(|x| *x = -*x);
+        Ok(())
+    }
+
+    fn project(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &Tangent,
+        s: &mut ModelScratch,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) -> Result<(), SystemError> {
+        if self.dense_projection {
+            let n = v.len();
+            let mut d = std::mem::take(&mut s.dense);
+            d.mass.resize(n * n, 0.0);
+            d.h.resize(n, 0.0);
+            let (mut mass, mut h) = (std::mem::take(&mut d.mass), std::mem::take(&mut d.h));
+            s.dense = d;
+            self.dynamics(t, q, v, s, &mut mass, &mut h)?;
+            let mut d = std::mem::take(&mut s.dense);
+            d.work.resize(n.max(tangent.k), 0.0);
+            project_dense(&mass, &h, tangent, &mut d.work, md, hd);
+            (d.mass, d.h) = (mass, h);
+            s.dense = d;
+            return Ok(());
+        }
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| tree.project(tangent.k, tangent.dt, tangent.delta, x, md, hd));
+        Ok(())
+    }
+
+    fn inverse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| tree.inverse_dynamics(vdot, x, out));
+        Ok(())
+    }
+
+    fn inverse_mass_diagonal(&self, _t: f64, _q: &[f64], s: &mut ModelScratch, out: &mut [f64]) -> Result<(), SystemError> {
+        with_engine!(self, s, |tree, x| {
+            tree.articulate(x).map_err(|e| self.mass_error(e))?;
+            tree.inverse_mass_diagonal(x, out);
+        });
+        Ok(())
+    }
+
+    fn inverse_mass_columns(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        which: &[usize],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let n = self.placed.nv;
+        let mut column = vec![0.0; n];
+        with_engine!(self, s, |tree, x| {
+            tree.articulate(x).map_err(|e| self.mass_error(e))?;
+            for (j, &c) in which.iter().enumerate() {
+                tree.inverse_mass_column(c, x, &mut column);
+                for i in 0..n {
+                    out[i * which.len() + j] = column[i];
+                }
+            }
+        });
+        Ok(())
+    }
+
+    fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
+        if !self.has_power {
+            return Ok(0.0);
+        }
+        with_engine!(self, s, |tree, x| {
+            let loads = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
+            Ok(tree.spring_energy(x).1 + loads.1)
+        })
+    }
+
+    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
+        if self.placed.nq == self.placed.nv {
+            qdot.copy_from_slice(v);
+            return;
+        }
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                qdot[l.q..l.q + 4].copy_from_slice(&p.rate(Vec3([v[l.v], v[l.v + 1], v[l.v + 2]])));
+            } else {
+                qdot[l.q] = v[l.v];
+            }
+        }
+    }
+
+    fn step(&self, q: &mut [f64], dv: &[f64]) {
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
+                q[l.q..l.q + 4].copy_from_slice(&turned.0);
+            } else {
+                q[l.q] += dv[l.v];
+            }
+        }
+    }
+
+    fn normalise(&self, q: &mut [f64]) -> bool {
+        if self.placed.nq == self.placed.nv {
+            return false;
+        }
+        let mut moved = false;
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                if (dense::dot(&p.0, &p.0) - 1.0).abs() > 1e-15 {
+                    q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
+                    moved = true;
+                }
+            }
+        }
+        moved
+    }
+
+    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
+        let l = self.full.links.iter().skip(1).find(|l| !matches!(l.motion, LinkMotion::Ball) && l.q == i)?;
+        Some(l.v)
+    }
+
+    fn reach(&self, i: usize) -> f64 {
+        let slides = self.full.links.iter().skip(1).any(|l| matches!(l.motion, LinkMotion::Slide(_)) && l.v == i);
+        if slides { self.placed.size } else { 1.0 }
+    }
+}
+
+/// Axis helper for outputs: a length of the engine's space as three numbers.
+pub(crate) fn three<G: Space>(x: G::Vec) -> Vec3<f64> {
+    Vec3(G::vec_to(x))
+}

@@ -1,0 +1,128 @@
+//! What people ask of a state: where bodies and joints are, how they move.
+
+use crate::joint::{self, Motion};
+use crate::model::{Engine, Model, ModelScratch};
+use crate::tree::LinkState;
+use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+
+/// One body at one instant, world axes.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyState {
+    /// Origin of the body frame.
+    pub position: Vec3<f64>,
+    /// Body axes (columns).
+    pub rotation: Mat3<f64>,
+    /// Velocity of the origin.
+    pub velocity: Vec3<f64>,
+    /// Angular velocity.
+    pub angular_velocity: Vec3<f64>,
+}
+
+/// One joint at one instant.
+#[derive(Clone, Debug, Default)]
+pub struct JointState {
+    /// Coordinates.
+    pub position: Vec<f64>,
+    /// Velocities.
+    pub velocity: Vec<f64>,
+    /// The joint's point on the child, world axes.
+    pub point: [f64; 3],
+}
+
+/// Rotation and origin of a node (0 is the ground) in mechanism axes: its link's state and an offset in link axes.
+pub(crate) fn node_state(model: &Model, s: &ModelScratch, node: usize) -> LinkState<Spatial<f64>> {
+    s.full.links[model.placed.link_of(node)]
+}
+
+impl Model {
+    /// Poses and twists of the spatial tree at (q, v), for the outputs of this module; positions also of the plane's.
+    pub fn look(&self, q: &[f64], v: &[f64], s: &mut ModelScratch) {
+        self.full.poses(q, &mut s.full);
+        self.full.inertias(&mut s.full);
+        self.full.twists(v, &mut s.full);
+        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
+            tree.poses(q, flat);
+            tree.inertias(flat);
+            tree.twists(v, flat);
+        }
+    }
+
+    /// Offset of a zero-position point from the reference point of its link, in world axes now.
+    pub(crate) fn arm_now(&self, s: &ModelScratch, link: usize, zero: Vec3<f64>) -> Vec3<f64> {
+        s.full.links[link].rot.apply(zero - self.reference[link])
+    }
+
+    /// Body `i` after [`look`](Self::look).
+    pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
+        let b = &self.placed.bodies[i];
+        let x = &s.full.links[b.link];
+        let arm = self.arm_now(s, b.link, b.origin);
+        let out = self.placed.basis.transpose();
+        BodyState {
+            position: out.apply(x.centre + arm),
+            rotation: out.mul(&x.rot).mul(&b.rot),
+            velocity: out.apply(x.u + x.w.cross(arm)),
+            angular_velocity: out.apply(x.w),
+        }
+    }
+
+    /// Joint `j` after [`look`](Self::look). Turns of a joint that closes a loop in space come out in (−π, π].
+    pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
+        let p = &self.placed.joints[j];
+        let (child, parent) = (node_state(self, s, p.child), node_state(self, s, p.parent));
+        let arm_c = self.arm_now(s, self.placed.link_of(p.child), p.child_point);
+        let point = child.centre + arm_c;
+        let mut state = JointState { point: self.placed.basis.apply_transposed(point).0, ..JointState::default() };
+        match &p.links {
+            Some(links) => {
+                for (m, &link) in p.shape.motions.iter().zip(links) {
+                    let l = &self.placed.links[link];
+                    if *m == Motion::Ball {
+                        let mut turn = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                        let mut w = Vec3([v[l.v], v[l.v + 1], v[l.v + 2]]);
+                        if p.reversed {
+                            w = -turn.matrix().apply(w);
+                            turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
+                        }
+                        state.position.extend(turn.0);
+                        state.velocity.extend(w.0);
+                    } else {
+                        state.position.push(q[l.q]);
+                        state.velocity.push(v[l.v]);
+                    }
+                }
+            }
+            None => {
+                let arm_p = self.arm_now(s, self.placed.link_of(p.parent), p.parent_point);
+                // child and parent as they carry the axes of the drawing
+                let rp = parent.rot.mul(&p.on_parent);
+                let rc = child.rot.mul(&p.on_child);
+                let r = rp.transpose().mul(&rc);
+                let gap = rp.apply_transposed(point - parent.centre - arm_p);
+                joint::position_of(&p.shape.motions, &r, gap, &mut state.position);
+                if let (Engine::Flat(_), Some(flat)) = (&self.engine, &s.flat) {
+                    // in the plane angles are not wrapped
+                    let (lp, lc) = (self.placed.link_of(p.parent), self.placed.link_of(p.child));
+                    let full = flat.links[lc].rot.angle - flat.links[lp].rot.angle;
+                    for (x, m) in state.position.iter_mut().zip(&p.shape.motions) {
+                        if let Motion::Turn(a) = m {
+                            *x = full * p.on_parent.apply(*a).0[2].signum();
+                        }
+                    }
+                }
+                let w = rp.apply_transposed(child.w - parent.w);
+                let rate = child.u + child.w.cross(arm_c) - parent.u - parent.w.cross(point - parent.centre);
+                let rate = rp.apply_transposed(rate);
+                joint::rate_of(&p.shape.motions, &r, &state.position, w, rate, &mut state.velocity);
+            }
+        }
+        state
+    }
+
+    /// Joint axes as the parent carries them, world axes.
+    pub fn joint_frame(&self, j: usize, s: &ModelScratch) -> Mat3<f64> {
+        let p = &self.placed.joints[j];
+        let r = node_state(self, s, p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
+        self.placed.basis.transpose().mul(&r)
+    }
+}

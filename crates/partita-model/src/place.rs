@@ -1,0 +1,428 @@
+//! From the drawing to the zero position of the tree: who rides on what, and where everything is when all coordinates
+//! are zero.
+//!
+//! In a closed drawing that is the drawing itself. In an open one (a joint that sits elsewhere on its child) the child
+//! and all it carries are moved so that the tree joint fits.
+
+use crate::error::DescriptionError;
+use crate::joint::{self, Motion, Shape};
+use crate::spec::{Cut, Force, Joint, Spec};
+use crate::topology::{Edge, Topology, TreeEdge};
+use crate::validate;
+use partita_math::spatial::{Mat3, Vec3};
+
+/// Which coordinates the tree is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coordinates {
+    /// Joint coordinates along a spanning tree; some joints are cut.
+    #[default]
+    Relative,
+    /// Every body floats, every joint is cut.
+    Absolute,
+}
+
+/// A rigid motion of the drawing: `x → rot x + shift`.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    rot: Mat3<f64>,
+    shift: Vec3<f64>,
+}
+
+impl Moved {
+    fn point(&self, x: [f64; 3]) -> Vec3<f64> {
+        self.rot.apply(Vec3(x)) + self.shift
+    }
+}
+
+/// A body in the zero position, mechanism axes.
+#[derive(Clone, Debug)]
+pub struct PlacedBody {
+    /// Link it rides on; 0 is the ground.
+    pub link: usize,
+    /// Origin of the body frame.
+    pub origin: Vec3<f64>,
+    /// Body axes.
+    pub rot: Mat3<f64>,
+    /// Centre of mass.
+    pub com: Vec3<f64>,
+    /// Inertia about it.
+    pub inertia: Mat3<f64>,
+    /// Mass.
+    pub mass: f64,
+}
+
+/// A link in the zero position.
+#[derive(Clone, Debug)]
+pub struct PlacedLink {
+    /// Link it moves on.
+    pub parent: usize,
+    /// Motion, mechanism axes.
+    pub motion: Motion,
+    /// The joint's point.
+    pub point: Vec3<f64>,
+    /// First coordinate.
+    pub q: usize,
+    /// First velocity.
+    pub v: usize,
+}
+
+/// A joint in the zero position.
+#[derive(Clone, Debug)]
+pub struct PlacedJoint {
+    /// Shape in the axes of the drawing.
+    pub shape: Shape,
+    /// Axes of the drawing, as the parent carries them, in mechanism axes.
+    pub on_parent: Mat3<f64>,
+    /// The same on the child.
+    pub on_child: Mat3<f64>,
+    /// Its point on the parent.
+    pub parent_point: Vec3<f64>,
+    /// Its point on the child.
+    pub child_point: Vec3<f64>,
+    /// Node of the parent (0 ground, body i is i + 1).
+    pub parent: usize,
+    /// Node of the child.
+    pub child: usize,
+    /// Its links in the order of its motions, if it is in the tree; empty for a fixed joint.
+    pub links: Option<Vec<usize>>,
+    /// Is it walked from child to parent?
+    pub reversed: bool,
+}
+
+/// The zero position.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// Mechanism axes from world axes (rows): the identity, unless a planar mechanism lies in a tilted plane.
+    pub basis: Mat3<f64>,
+    /// All motions lie in one plane?
+    pub planar: bool,
+    /// Bodies.
+    pub bodies: Vec<PlacedBody>,
+    /// Links; entry 0 is the ground.
+    pub links: Vec<PlacedLink>,
+    /// Joints.
+    pub joints: Vec<PlacedJoint>,
+    /// Tree and cuts.
+    pub topology: Topology,
+    /// Coordinates.
+    pub nq: usize,
+    /// Velocities.
+    pub nv: usize,
+    /// Names of the coordinates.
+    pub coordinate_names: Vec<String>,
+    /// Names of the velocities.
+    pub velocity_names: Vec<String>,
+    /// A typical length.
+    pub size: f64,
+}
+
+fn is_loaded(spec: &Spec, joint: &Joint) -> bool {
+    spec.drives.iter().any(|d| d.joint == joint.name)
+        || spec.forces.iter().any(|f| match f {
+            Force::TorsionSpring { joint: j, .. } | Force::Torque { joint: j, .. } => *j == joint.name,
+            _ => false,
+        })
+}
+
+fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
+    let nodes = validate::nodes(spec)?;
+    Ok(spec
+        .joints
+        .iter()
+        .zip(shapes)
+        .map(|(j, shape)| Edge {
+            parent: nodes[j.parent.as_str()],
+            child: nodes[j.child.as_str()],
+            class: match j.cut {
+                Cut::Always => 2,
+                Cut::Never => 0,
+                Cut::Auto if is_loaded(spec, j) => 0,
+                Cut::Auto => 1,
+            },
+            freedoms: shape.freedoms(),
+        })
+        .collect())
+}
+
+/// How far the child's joint axis in the drawing is turned from the parent's.
+fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
+    match (joint.axis, joint.child_axis) {
+        (Some(axis), Some(child)) => match (Vec3(child).unit(), Vec3(axis).unit()) {
+            (Some(c), Some(a)) => Ok(Mat3::between(c, a)),
+            _ => Err(DescriptionError::new("joint", &joint.name, "child_axis has no direction")),
+        },
+        _ => Ok(Mat3::identity()),
+    }
+}
+
+/// The plane of the mechanism, if all its motions lie in one: rows of the basis.
+fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
+    let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < 1e-12;
+    let turn = |m: &Motion| if let Motion::Turn(a) = m { Some(*a) } else { None };
+    let mut normal = motions.iter().find_map(turn);
+    if normal.is_none() {
+        // slides alone: any plane that holds them all (two directions at the most)
+        let slides: Vec<Vec3<f64>> =
+            motions.iter().filter_map(|m| if let Motion::Slide(a) = m { Some(*a) } else { None }).collect();
+        let first = *slides.first()?;
+        let other = slides.iter().find(|a| !parallel(first, **a));
+        normal = Some(match other {
+            Some(o) => first.cross(*o).unit()?,
+            None => first.complement().0,
+        });
+    }
+    let n = normal?;
+    let inside = |m: &Motion, r: &Mat3<f64>| match m {
+        Motion::Turn(a) => parallel(r.apply(*a), n),
+        Motion::Slide(a) => r.apply(*a).dot(n).abs() < 1e-12,
+        Motion::Ball => false,
+    };
+    let identity = Mat3::identity();
+    if !motions.iter().all(|m| inside(m, &identity)) {
+        return None;
+    }
+    // a closing joint may be a ball: in the plane it is a pin
+    let fits = |(s, r): &(&Shape, Mat3<f64>)| s.motions.iter().all(|m| *m == Motion::Ball || inside(m, r));
+    if !shapes.iter().all(fits) {
+        return None;
+    }
+    let n = Vec3(n.0.map(|x| if x.abs() < 1e-15 { 0.0 } else { x }));
+    if n.0[0] == 0.0 && n.0[1] == 0.0 {
+        return Some(Mat3::identity());
+    }
+    let (e1, e2) = n.complement();
+    Some(Mat3([e1.0, e2.0, n.0]))
+}
+
+impl Placed {
+    /// Place a validated description.
+    pub fn new(spec: &Spec, coordinates: Coordinates, allow_plane: bool) -> Result<Self, DescriptionError> {
+        let shapes: Vec<Shape> = spec.joints.iter().map(joint::shape).collect::<Result<_, _>>()?;
+        let edges = edges(spec, &shapes)?;
+        let count = spec.bodies.len() + 1;
+        let topology = match coordinates {
+            Coordinates::Relative => Topology::new(count, &edges),
+            Coordinates::Absolute => Topology {
+                tree: (1..count).map(|to| TreeEdge { joint: None, from: 0, to, reversed: false }).collect(),
+                cuts: (0..edges.len()).collect(),
+            },
+        };
+        let moved = Self::zero_position(spec, &edges, &topology, count)?;
+        let free = joint::shape(&floating(spec, 1))?;
+
+        // motions in world axes, to see whether they share a plane
+        let mut motions = Vec::new();
+        let mut floats = false;
+        for e in &topology.tree {
+            match e.joint {
+                Some(j) => motions.extend(shapes[j].motions.iter().map(|m| turned(m, &moved[edges[j].parent].rot))),
+                None => floats = true,
+            }
+        }
+        let closers: Vec<(&Shape, Mat3<f64>)> =
+            topology.cuts.iter().map(|&j| (&shapes[j], moved[edges[j].parent].rot)).collect();
+        let absolute = coordinates == Coordinates::Absolute;
+        if absolute {
+            motions.extend(closers.iter().flat_map(|(s, r)| s.motions.iter().map(|m| turned(m, r))));
+        }
+        let size = typical_length(spec);
+        let mut plane = if !allow_plane || (floats && !absolute) { None } else { plane(&motions, &closers) };
+        if let Some(basis) = plane {
+            // closings must fit out of the plane too; if they do not, the spatial rows say so
+            let fits = topology.cuts.iter().all(|&j| {
+                let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
+                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && spec.joints[j].child_axis.is_none()
+            });
+            let flat = (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
+            if !fits || !flat {
+                plane = None;
+            }
+        }
+        let basis = plane.unwrap_or_else(Mat3::identity);
+
+        let mut placed = Self {
+            basis,
+            planar: plane.is_some(),
+            bodies: Vec::with_capacity(count - 1),
+            links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
+            joints: Vec::with_capacity(shapes.len()),
+            topology,
+            nq: 0,
+            nv: 0,
+            coordinate_names: Vec::new(),
+            velocity_names: Vec::new(),
+            size,
+        };
+        for ((j, edge), shape) in spec.joints.iter().zip(&edges).zip(&shapes) {
+            let (p, c) = closing_points(j, edge, &moved);
+            placed.joints.push(PlacedJoint {
+                shape: shape.clone(),
+                on_parent: basis.mul(&moved[edge.parent].rot),
+                on_child: basis.mul(&moved[edge.child].rot).mul(&alignment(j)?.transpose()),
+                parent_point: basis.apply(p),
+                child_point: basis.apply(c),
+                parent: edge.parent,
+                child: edge.child,
+                links: None,
+                reversed: false,
+            });
+        }
+        for (b, m) in spec.bodies.iter().zip(&moved[1..]) {
+            let rot = basis.mul(&m.rot).mul(&Mat3(b.orientation));
+            let origin = basis.apply(m.point(b.position));
+            placed.bodies.push(PlacedBody {
+                link: 0,
+                origin,
+                rot,
+                com: origin + rot.apply(Vec3(b.com)),
+                inertia: rot.mul(&Mat3(b.inertia)).mul(&rot.transpose()),
+                mass: b.mass,
+            });
+        }
+        placed.grow_links(spec, &free);
+        Ok(placed)
+    }
+
+    /// Where each node goes so that the tree joints fit.
+    fn zero_position(spec: &Spec, edges: &[Edge], topology: &Topology, count: usize) -> Result<Vec<Moved>, DescriptionError> {
+        let rest = Moved { rot: Mat3::identity(), shift: Vec3::zero() };
+        let mut moved = vec![rest; count];
+        for e in &topology.tree {
+            let Some(j) = e.joint else { continue };
+            let joint = &spec.joints[j];
+            debug_assert!(edges[j].parent == e.from || edges[j].child == e.from);
+            let align = alignment(joint)?;
+            let child_point = joint.child_point.unwrap_or(joint.point);
+            let (align, near, far) =
+                if e.reversed { (align.transpose(), child_point, joint.point) } else { (align, joint.point, child_point) };
+            if joint.child_point.is_none() && joint.child_axis.is_none() {
+                moved[e.to] = moved[e.from];
+                continue;
+            }
+            let rot = moved[e.from].rot.mul(&align);
+            moved[e.to] = Moved { rot, shift: moved[e.from].point(near) - rot.apply(Vec3(far)) };
+        }
+        Ok(moved)
+    }
+
+    fn grow_links(&mut self, spec: &Spec, free: &Shape) {
+        let mut rides = vec![0usize; spec.bodies.len() + 1];
+        let flat = [
+            Motion::Slide(Vec3([1.0, 0.0, 0.0])),
+            Motion::Slide(Vec3([0.0, 1.0, 0.0])),
+            Motion::Turn(Vec3([0.0, 0.0, 1.0])),
+        ];
+        for e in self.topology.tree.clone() {
+            let (motions, names, point, prefix) = match e.joint {
+                Some(j) => {
+                    let p = &self.joints[j];
+                    // in the zero position the joint's axes are the same on both sides
+                    let motions: Vec<Motion> = p.shape.motions.iter().map(|m| turned(m, &p.on_parent)).collect();
+                    (motions, p.shape.names.clone(), p.parent_point, spec.joints[j].name.clone())
+                }
+                None => {
+                    let com = self.bodies[e.to - 1].com;
+                    let name = spec.bodies[e.to - 1].name.clone();
+                    if self.planar {
+                        (flat.to_vec(), vec!["x", "y", "turn"], com, name)
+                    } else {
+                        (free.motions.clone(), free.names.clone(), com, name)
+                    }
+                }
+            };
+            let mut order: Vec<usize> = (0..motions.len()).collect();
+            if e.reversed {
+                order.reverse();
+            }
+            let mut link = rides[e.from];
+            let mut of_motion = vec![0; motions.len()];
+            for &i in &order {
+                let motion = if e.reversed { backwards(&motions[i]) } else { motions[i] };
+                self.links.push(PlacedLink { parent: link, motion, point, q: self.nq, v: self.nv });
+                link = self.links.len() - 1;
+                of_motion[i] = link;
+                self.nq += motion.coordinates();
+                self.nv += motion.velocities();
+                let single = motions.len() == 1 && e.joint.is_some() && motion != Motion::Ball;
+                let name = if single { prefix.clone() } else { format!("{prefix}.{}", names[i]) };
+                if motion == Motion::Ball {
+                    self.coordinate_names.extend(["qw", "qx", "qy", "qz"].map(|a| format!("{prefix}.{a}")));
+                    self.velocity_names.extend(["wx", "wy", "wz"].map(|a| format!("{prefix}.{a}")));
+                } else {
+                    self.coordinate_names.push(name.clone());
+                    self.velocity_names.push(name);
+                }
+            }
+            rides[e.to] = link;
+            self.bodies[e.to - 1].link = link;
+            if let Some(j) = e.joint {
+                self.joints[j].links = Some(of_motion);
+                self.joints[j].reversed = e.reversed;
+            }
+        }
+    }
+
+    /// Link of a node.
+    pub fn link_of(&self, node: usize) -> usize {
+        if node == 0 { 0 } else { self.bodies[node - 1].link }
+    }
+}
+
+/// A free joint for a body that nothing holds.
+fn floating(spec: &Spec, node: usize) -> Joint {
+    let body = spec.bodies.get(node - 1);
+    Joint {
+        name: body.map_or_else(String::new, |b| b.name.clone()),
+        kind: crate::spec::JointKind::Free,
+        parent: validate::GROUND.into(),
+        child: body.map_or_else(String::new, |b| b.name.clone()),
+        point: [0.0; 3],
+        axis: None,
+        axis2: None,
+        frame: None,
+        free: None,
+        child_point: None,
+        child_axis: None,
+        cut: Cut::Auto,
+    }
+}
+
+fn closing_points(joint: &Joint, edge: &Edge, moved: &[Moved]) -> (Vec3<f64>, Vec3<f64>) {
+    (moved[edge.parent].point(joint.point), moved[edge.child].point(joint.child_point.unwrap_or(joint.point)))
+}
+
+fn turned(m: &Motion, r: &Mat3<f64>) -> Motion {
+    match m {
+        Motion::Turn(a) => Motion::Turn(r.apply(*a)),
+        Motion::Slide(a) => Motion::Slide(r.apply(*a)),
+        Motion::Ball => Motion::Ball,
+    }
+}
+
+fn backwards(m: &Motion) -> Motion {
+    match m {
+        Motion::Turn(a) => Motion::Turn(-*a),
+        Motion::Slide(a) => Motion::Slide(-*a),
+        Motion::Ball => Motion::Ball,
+    }
+}
+
+/// Diagonal of the box around all joints and centres of mass; 1 for a mechanism in one point.
+fn typical_length(spec: &Spec) -> f64 {
+    let mut low = [f64::INFINITY; 3];
+    let mut high = [f64::NEG_INFINITY; 3];
+    let mut see = |p: [f64; 3]| {
+        for i in 0..3 {
+            low[i] = low[i].min(p[i]);
+            high[i] = high[i].max(p[i]);
+        }
+    };
+    for j in &spec.joints {
+        see(j.point);
+    }
+    for b in &spec.bodies {
+        see((Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))).0);
+    }
+    let d = (0..3).map(|i| (high[i] - low[i]).powi(2)).sum::<f64>().sqrt();
+    if d > 0.0 && d.is_finite() { d } else { 1.0 }
+}

@@ -1,0 +1,359 @@
+//! Reactions of all joints: at a cut joint from λ, at a tree joint by a Newton-Euler sweep with λ applied.   (R3)
+
+use crate::joint::Motion;
+use crate::load::{self, Load};
+use crate::model::{three, with_engine, Engine, Model, ModelScratch};
+use crate::value;
+use partita_math::dense;
+use partita_math::spatial::Vec3;
+use partita_system::SystemError;
+
+/// Moment about a point, and force.
+#[derive(Clone, Copy, Debug)]
+pub struct Wrench {
+    /// Moment.
+    pub moment: Vec3<f64>,
+    /// Force.
+    pub force: Vec3<f64>,
+}
+
+impl Default for Wrench {
+    fn default() -> Self {
+        Self { moment: Vec3::zero(), force: Vec3::zero() }
+    }
+}
+
+impl Wrench {
+    /// The same wrench about a point that lies `arm` before the old one (old = new + arm).
+    fn about(&self, arm: Vec3<f64>) -> Self {
+        Self { moment: self.moment + arm.cross(self.force), force: self.force }
+    }
+    fn add(&mut self, o: &Self) {
+        self.moment += o.moment;
+        self.force += o.force;
+    }
+    fn times(&self, k: f64) -> Self {
+        Self { moment: self.moment.times(k), force: self.force.times(k) }
+    }
+}
+
+/// Reactions at one instant.
+#[derive(Clone, Debug, Default)]
+pub struct Reactions {
+    /// Action of each joint's constraints on its child, reduced to the joint's point, world axes.
+    pub joints: Vec<Wrench>,
+    /// Effort of drives along each joint's velocities.
+    pub drives: Vec<Vec<f64>>,
+    /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size).
+    pub residual: f64,
+}
+
+/// Along `axes`: replace the components of x by `wanted`.
+fn replace(x: Vec3<f64>, axes: &[Vec3<f64>], wanted: &[f64]) -> Vec3<f64> {
+    let n = axes.len();
+    if n == 0 {
+        return x;
+    }
+    let mut gram = vec![0.0; n * n];
+    let mut off = vec![0.0; n];
+    for i in 0..n {
+        for j in 0..n {
+            gram[i * n + j] = axes[i].dot(axes[j]);
+        }
+        off[i] = wanted[i] - axes[i].dot(x);
+    }
+    if dense::cholesky(&mut gram, n).is_err() {
+        return x; // axes in line (gimbal lock): nothing to tell them apart
+    }
+    dense::cholesky_solve(&gram, n, &mut off);
+    axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k))
+}
+
+impl Model {
+    /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
+    fn free_axes(&self, j: usize, s: &ModelScratch) -> Vec<(bool, Vec3<f64>)> {
+        let p = &self.placed.joints[j];
+        let mut axes = Vec::new();
+        match &p.links {
+            Some(links) => {
+                for (m, &link) in p.shape.motions.iter().zip(links) {
+                    let x = &s.full.links[link];
+                    let sign = if p.reversed { -1.0 } else { 1.0 };
+                    match m {
+                        Motion::Turn(_) => axes.push((true, x.axis.times(sign))),
+                        Motion::Slide(_) => axes.push((false, x.direction.times(sign))),
+                        Motion::Ball => (0..3).for_each(|i| axes.push((true, x.rot.column(i)))),
+                    }
+                }
+            }
+            None => {
+                let parent = crate::observe::node_state(self, s, p.parent).rot.mul(&p.on_parent);
+                let child = crate::observe::node_state(self, s, p.child).rot.mul(&p.on_child);
+                let turns = p.shape.motions.iter().filter(|m| matches!(m, Motion::Turn(_))).count();
+                let mut seen = 0;
+                for m in &p.shape.motions {
+                    match m {
+                        Motion::Turn(a) => {
+                            seen += 1;
+                            // the last of two turns is about an axis of the child
+                            axes.push((true, if seen == turns { child.apply(*a) } else { parent.apply(*a) }));
+                        }
+                        Motion::Slide(a) => axes.push((false, parent.apply(*a))),
+                        Motion::Ball => (0..3).for_each(|i| axes.push((true, child.column(i)))),
+                    }
+                }
+            }
+        }
+        axes
+    }
+
+    /// Wrenches of the closings for the multipliers λ: joint, wrench on its child about the joint's point there.
+    fn closing_reactions(&self, s: &mut ModelScratch, lambda: &[f64]) -> Vec<(usize, Wrench)> {
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree
+                .closings
+                .iter()
+                .map(|k| {
+                    let (m, f) = tree.closing_wrench(k, x, lambda);
+                    let force = three::<partita_math::spatial::Planar<f64>>(f);
+                    (k.joint, Wrench { moment: Vec3([0.0, 0.0, m]), force })
+                })
+                .collect(),
+            _ => self
+                .full
+                .closings
+                .iter()
+                .map(|k| {
+                    let (moment, force) = self.full.closing_wrench(k, &s.full, lambda);
+                    (k.joint, Wrench { moment, force })
+                })
+                .collect(),
+        }
+    }
+
+    fn com_now(&self, s: &ModelScratch, body: usize) -> Vec3<f64> {
+        let b = &self.placed.bodies[body];
+        s.full.links[b.link].centre + self.arm_now(s, b.link, b.com)
+    }
+
+    fn joint_point_now(&self, s: &ModelScratch, j: usize) -> Vec3<f64> {
+        let p = &self.placed.joints[j];
+        let link = self.placed.link_of(p.child);
+        s.full.links[link].centre + self.arm_now(s, link, p.child_point)
+    }
+
+    /// Put a wrench about a point of space on a node.
+    fn put(&self, s: &ModelScratch, on: &mut [Wrench], node: usize, w: &Wrench, point: Vec3<f64>) {
+        if node > 0 {
+            on[node - 1].add(&w.about(point - self.com_now(s, node - 1)));
+        }
+    }
+
+    /// Everything but joints that acts on the bodies, about their centres of mass.
+    fn applied(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
+        let mut on = vec![Wrench::default(); self.placed.bodies.len()];
+        let zero = Vec3::zero();
+        for (w, b) in on.iter_mut().zip(&self.placed.bodies) {
+            w.force += self.full.gravity.times(b.mass);
+        }
+        for (k, &(na, nb)) in self.full.springs.iter().zip(&self.spring_nodes) {
+            let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
+            let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
+            let (pa, pb) = (xa.centre + ra, xb.centre + rb);
+            let gap = pb - pa;
+            let length = gap.norm();
+            if length == 0.0 {
+                continue;
+            }
+            let rate = xb.u + xb.w.cross(rb) - xa.u - xa.w.cross(ra);
+            let tension = k.stiffness * (length - k.length) + k.damping * gap.dot(rate) / length;
+            let pull = gap.times(tension / length);
+            self.put(s, &mut on, na, &Wrench { moment: zero, force: pull }, pa);
+            self.put(s, &mut on, nb, &Wrench { moment: zero, force: -pull }, pb);
+        }
+        for l in &self.loads {
+            match l {
+                Load::Force { node, link, at, .. } => {
+                    let x = &s.full.links[*link];
+                    let force = load::force_at(l, &x.rot.0, &self.placed.basis, &*self.functions, t, q, v)?;
+                    self.put(s, &mut on, *node, &Wrench { moment: zero, force }, x.centre + x.rot.apply(*at));
+                }
+                Load::CutEffort { name, parent, child, motion, at, value } => {
+                    let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
+                    let x = &s.full.links[child.1];
+                    let point = x.centre + x.rot.apply(*at);
+                    let rp = s.full.links[parent.1].rot;
+                    let w = match motion {
+                        Motion::Turn(a) => Wrench { moment: rp.apply(*a).times(e), force: zero },
+                        Motion::Slide(a) => Wrench { moment: zero, force: rp.apply(*a).times(e) },
+                        Motion::Ball => Wrench::default(),
+                    };
+                    self.put(s, &mut on, child.0, &w, point);
+                    self.put(s, &mut on, parent.0, &w.times(-1.0), point);
+                }
+                Load::Torsion { .. } | Load::Effort { .. } => {} // these act along tree joints
+            }
+        }
+        Ok(on)
+    }
+
+    /// Efforts of torsion springs and torques along tree velocities.
+    fn efforts(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let mut e = vec![0.0; self.placed.nv];
+        for l in &self.loads {
+            match l {
+                Load::Torsion { q: i, v: j, stiffness, damping, angle } => {
+                    e[*j] -= stiffness * (q[*i] - angle) + damping * v[*j];
+                }
+                Load::Effort { name, v: j, value, .. } => {
+                    e[*j] += value::scalar_at(value, &*self.functions, t, q, v, name)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(e)
+    }
+
+    /// Wrench through every tree joint on its outer body, about that body's centre of mass, given what each body needs.
+    fn inward(&self, s: &ModelScratch, mut needed: Vec<Wrench>) -> Vec<Wrench> {
+        for e in self.placed.topology.tree.iter().rev() {
+            if e.from > 0 {
+                let w = needed[e.to - 1].about(self.com_now(s, e.to - 1) - self.com_now(s, e.from - 1));
+                needed[e.from - 1].add(&w);
+            }
+        }
+        needed
+    }
+
+    /// Reactions of all joints for a motion with the multipliers `lambda`.
+    pub fn reactions(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        lambda: &[f64],
+        s: &mut ModelScratch,
+    ) -> Result<Reactions, SystemError> {
+        self.look(q, v, s);
+        let acceleration = self.link_accelerations(vdot, s);
+        // what each body needs besides what is applied: m a − F, J α + ω × J ω − T about its centre of mass
+        let mut needed = self.applied(t, q, v, s)?;
+        for (w, b) in needed.iter_mut().zip(&self.placed.bodies) {
+            let x = &s.full.links[b.link];
+            let (alpha, acc) = acceleration[b.link];
+            let arm = x.rot.apply(b.com - self.reference[b.link]);
+            let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
+            let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
+            let spin = j.apply(x.w);
+            let moment = j.apply(alpha) + x.w.cross(spin);
+            *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
+        }
+        let mut result = Reactions {
+            joints: vec![Wrench::default(); self.placed.joints.len()],
+            drives: self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect(),
+            residual: 0.0,
+        };
+        for (j, w) in self.closing_reactions(s, lambda) {
+            let p = &self.placed.joints[j];
+            let point = self.joint_point_now(s, j);
+            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
+            self.put(s, &mut needed, p.parent, &w, point);
+            result.joints[j] = w;
+        }
+        for d in &self.drives {
+            result.drives[d.joint][d.coordinate] = lambda[d.row];
+        }
+        let transmitted = self.inward(s, needed.clone());
+        let efforts = self.efforts(t, q, v)?;
+        let mut left = needed;
+        let mut largest = self.full.gravity.norm() * self.placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass));
+        for e in &self.placed.topology.tree {
+            let outer = e.to - 1;
+            let Some(j) = e.joint else { continue };
+            let point = self.joint_point_now(s, j);
+            let w = transmitted[outer].about(self.com_now(s, outer) - point);
+            let w = if e.reversed { w.times(-1.0) } else { w }; // on the child
+            let p = &self.placed.joints[j];
+            let axes = self.free_axes(j, s);
+            let velocities: Vec<usize> = p
+                .links
+                .iter()
+                .flatten()
+                .zip(&p.shape.motions)
+                .flat_map(|(&l, m)| {
+                    let v = self.placed.links[l].v;
+                    v..v + m.velocities()
+                })
+                .collect();
+            let with = |wanted: &dyn Fn(usize) -> f64| {
+                let of = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
+                    axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
+                };
+                let ((ta, tw), (sa, sw)) = (of(true), of(false));
+                Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
+            };
+            let drives = &result.drives[j];
+            // along a free direction only a drive can be a reaction; what is applied there is not one
+            let reaction = with(&|i| drives[i]);
+            let acting = with(&|i| drives[i] + if p.reversed && axes.len() == 3 { 0.0 } else { efforts[velocities[i]] });
+            result.joints[j] = reaction;
+            let (parent, child) = (p.parent, p.child);
+            self.put(s, &mut left, child, &acting.times(-1.0), point);
+            self.put(s, &mut left, parent, &acting, point);
+            largest = largest.max(acting.force.norm());
+        }
+        for w in &result.joints {
+            largest = largest.max(w.force.norm()).max(w.moment.norm() / self.placed.size);
+        }
+        for w in &left {
+            result.residual = result.residual.max(w.force.norm()).max(w.moment.norm() / self.placed.size);
+        }
+        result.residual = if largest > 0.0 { result.residual / largest } else { result.residual };
+        let out = self.placed.basis;
+        for w in &mut result.joints {
+            *w = Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) };
+        }
+        Ok(result)
+    }
+
+    /// Angular acceleration and acceleration of the reference point of every link.
+    fn link_accelerations(&self, vdot: &[f64], s: &ModelScratch) -> Vec<(Vec3<f64>, Vec3<f64>)> {
+        let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
+        for i in 1..moved.len() {
+            let (w, u) = moved[self.full.links[i].parent];
+            moved[i] = self.full.carry(i, &s.full, w, u, |v| vdot[v]);
+        }
+        moved.iter().zip(&s.full.links).map(|(m, x)| (x.alpha + m.0, x.acc + m.1)).collect()
+    }
+
+    /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
+    pub fn wrenches_of(&self, q: &[f64], lambda: &[f64], s: &mut ModelScratch) -> Vec<Wrench> {
+        let still = vec![0.0; self.placed.nv];
+        self.look(q, &still, s);
+        let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
+        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
+        for (j, w) in self.closing_reactions(s, lambda) {
+            let p = &self.placed.joints[j];
+            let point = self.joint_point_now(s, j);
+            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
+            self.put(s, &mut needed, p.parent, &w, point);
+            joints[j] = w;
+        }
+        let transmitted = self.inward(s, needed);
+        for e in &self.placed.topology.tree {
+            if let Some(j) = e.joint {
+                let w = transmitted[e.to - 1].about(self.com_now(s, e.to - 1) - self.joint_point_now(s, j));
+                joints[j] = if e.reversed { w.times(-1.0) } else { w };
+            }
+        }
+        let out = self.placed.basis;
+        joints.iter().map(|w| Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) }).collect()
+    }
+
+    /// Leave the scratch as `position` and `velocity` at (t, q, v) would, for the callers that mix both worlds.
+    pub fn forget(&self, s: &mut ModelScratch) {
+        with_engine!(self, s, |tree, x| tree.clear_forces(x));
+        s.stale();
+    }
+}

@@ -1,0 +1,161 @@
+//! What a description must satisfy before it is compiled, whoever wrote it.
+
+use crate::error::DescriptionError;
+use crate::spec::{Body, Force, Spec, VectorValue, VERSION};
+use crate::value;
+use partita_math::factor;
+use partita_math::dense::Matrix;
+use std::collections::HashMap;
+
+/// Name of the ground.
+pub const GROUND: &str = "ground";
+
+/// Node numbers by body name (the ground is 0).
+pub fn nodes(spec: &Spec) -> Result<HashMap<&str, usize>, DescriptionError> {
+    let mut nodes = HashMap::from([(GROUND, 0)]);
+    for (i, b) in spec.bodies.iter().enumerate() {
+        if b.name.trim().is_empty() {
+            return Err(DescriptionError::new("body", &b.name, format!("body number {} has no name", i + 1)));
+        }
+        if b.name == GROUND {
+            return Err(DescriptionError::new("body", &b.name, "this name is reserved; choose another"));
+        }
+        if nodes.insert(&b.name, i + 1).is_some() {
+            return Err(DescriptionError::new("body", &b.name, "two bodies have this name; rename one"));
+        }
+    }
+    Ok(nodes)
+}
+
+fn finite(x: &[f64], element: &'static str, name: &str, what: &str) -> Result<(), DescriptionError> {
+    if x.iter().all(|x| x.is_finite()) {
+        return Ok(());
+    }
+    Err(DescriptionError::new(element, name, format!("{what} = {x:?} is not finite; give finite numbers")))
+}
+
+fn body(b: &Body) -> Result<(), DescriptionError> {
+    let fail = |m: String| Err(DescriptionError::new("body", &b.name, m));
+    finite(&[b.mass], "body", &b.name, "mass")?;
+    finite(&b.com, "body", &b.name, "com")?;
+    finite(&b.position, "body", &b.name, "position")?;
+    finite(&b.inertia.concat(), "body", &b.name, "inertia")?;
+    finite(&b.orientation.concat(), "body", &b.name, "orientation")?;
+    if b.mass < 0.0 {
+        return fail(format!("mass = {} kg is negative", b.mass));
+    }
+    let i = &b.inertia;
+    let size = i.concat().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    // 1e-9 of the largest entry: what ten printed digits of a measured inertia can be off
+    let slack = 1e-9 * size;
+    for (r, c) in [(0, 1), (0, 2), (1, 2)] {
+        if (i[r][c] - i[c][r]).abs() > slack {
+            return fail(format!("inertia is not symmetric: I{r}{c} = {}, I{c}{r} = {}", i[r][c], i[c][r]));
+        }
+    }
+    let flat = Matrix::from_vec(3, 3, i.concat());
+    if let Ok((p, _)) = factor::symmetric_eigen(&flat) {
+        if p[0] < -slack {
+            return fail(format!("inertia is not positive: principal moments {p:?}"));
+        }
+        if p[2] > p[0] + p[1] + slack {
+            return fail(format!(
+                "inertia belongs to no distribution of mass: the largest principal moment {} exceeds the sum of the others \
+                 {}; check the order of the entries",
+                p[2],
+                p[0] + p[1]
+            ));
+        }
+    }
+    let r = &b.orientation;
+    for a in 0..3 {
+        for c in 0..3 {
+            let dot: f64 = (0..3).map(|k| r[k][a] * r[k][c]).sum();
+            if (dot - f64::from(u8::from(a == c))).abs() > 1e-9 {
+                return fail(format!("orientation is no rotation: columns {a} and {c} have the product {dot:.12}"));
+            }
+        }
+    }
+    let det = r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1]) - r[0][1] * (r[1][0] * r[2][2] - r[1][2] * r[2][0])
+        + r[0][2] * (r[1][0] * r[2][1] - r[1][1] * r[2][0]);
+    if det < 0.0 {
+        return fail(format!("orientation is a reflection (determinant {det:.3})"));
+    }
+    Ok(())
+}
+
+/// Everything that can be said without compiling.
+pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
+    if spec.partita != VERSION {
+        let message = format!("its description has version {}, this program reads version {VERSION}", spec.partita);
+        return Err(DescriptionError::new("mechanism", &spec.name, message));
+    }
+    finite(&spec.gravity, "mechanism", &spec.name, "gravity")?;
+    if spec.bodies.is_empty() {
+        return Err(DescriptionError::new("mechanism", &spec.name, "it has no bodies; add one"));
+    }
+    let nodes = nodes(spec)?;
+    spec.bodies.iter().try_for_each(body)?;
+    let known = |element: &'static str, name: &str, body: &str| match nodes.get(body) {
+        Some(node) => Ok(*node),
+        None => Err(DescriptionError::new(element, name, format!("there is no body \"{body}\""))),
+    };
+    let mut names: HashMap<&str, usize> = HashMap::new();
+    for (i, j) in spec.joints.iter().enumerate() {
+        let fail = |m: String| Err(DescriptionError::new("joint", &j.name, m));
+        if j.name.trim().is_empty() {
+            return fail(format!("joint number {} has no name", i + 1));
+        }
+        if names.insert(&j.name, i).is_some() {
+            return fail("two joints have this name; rename one".into());
+        }
+        let (p, c) = (known("joint", &j.name, &j.parent)?, known("joint", &j.name, &j.child)?);
+        if p == c {
+            return fail(format!("it joins \"{}\" to itself", j.parent));
+        }
+        finite(&j.point, "joint", &j.name, "point")?;
+        for (x, what) in [(j.axis, "axis"), (j.axis2, "axis2"), (j.child_point, "child_point"), (j.child_axis, "child_axis")] {
+            if let Some(x) = x {
+                finite(&x, "joint", &j.name, what)?;
+            }
+        }
+    }
+    let joint = |element: &'static str, name: &str, joint: &str| match names.get(joint) {
+        Some(_) => Ok(()),
+        None => Err(DescriptionError::new(element, name, format!("there is no joint \"{joint}\""))),
+    };
+    for d in &spec.drives {
+        joint("drive", &d.name, &d.joint)?;
+        value::check(&d.motion, functions, "drive", &d.name)?;
+    }
+    for f in &spec.forces {
+        match f {
+            Force::Spring { name, body1, point1, body2, point2, stiffness, damping, length } => {
+                known("force", name, body1)?;
+                known("force", name, body2)?;
+                finite(point1, "force", name, "point1")?;
+                finite(point2, "force", name, "point2")?;
+                finite(&[*stiffness, *damping, *length], "force", name, "stiffness, damping, length")?;
+            }
+            Force::TorsionSpring { name, joint: j, stiffness, damping, angle, .. } => {
+                joint("force", name, j)?;
+                finite(&[*stiffness, *damping, *angle], "force", name, "stiffness, damping, angle")?;
+            }
+            Force::Torque { name, joint: j, value: v, .. } => {
+                joint("force", name, j)?;
+                value::check(v, functions, "force", name)?;
+            }
+            Force::Force { name, body, point, value: v, .. } => {
+                known("force", name, body)?;
+                finite(point, "force", name, "point")?;
+                match v {
+                    VectorValue::Components(v) => {
+                        v.iter().try_for_each(|v| value::check(v, functions, "force", name))?;
+                    }
+                    VectorValue::Whole(v) => value::check(v, functions, "force", name)?,
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,125 @@
+//! Rules that turn S1-S5 into ordinary differential equations, one file each.
+
+pub mod multipliers;
+pub mod projective;
+pub mod reduction;
+
+use crate::partition::criterion::Quality;
+use crate::system::SystemError;
+
+/// How the remainder of S3 is removed after an accepted step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Correction {
+    /// `q_D ← q_D − C_D⁻¹ Φ`: the independent coordinates stay untouched.               (34)
+    #[default]
+    Partition,
+    /// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ`: the least change in the mass metric.                    (33)
+    MassOrthogonal,
+    /// Nothing: the drift stays, and the result shows it.
+    None,
+}
+
+/// What was changed, when and why.
+#[derive(Clone, Debug)]
+pub struct PartitionEvent {
+    /// Time.
+    pub t: f64,
+    /// Independent velocities from here on.
+    pub independent: Vec<usize>,
+    /// Dependent velocities.
+    pub dependent: Vec<usize>,
+    /// Velocities that became independent.
+    pub entering: Vec<usize>,
+    /// Velocities that became dependent.
+    pub leaving: Vec<usize>,
+    /// In words.
+    pub reason: String,
+    /// Quality right after.
+    pub quality: Quality,
+}
+
+/// What to do with an accepted step, seen from its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Review {
+    /// Go on.
+    Keep,
+    /// Go on, but change the independent coordinates first.
+    Change,
+    /// The partition went bad inside the step: repeat it.
+    Reject,
+}
+
+/// Everything known about the motion at one instant.
+#[derive(Clone, Debug, Default)]
+pub struct Sample {
+    /// Time.
+    pub t: f64,
+    /// Coordinates (nq), closed to round-off.
+    pub q: Vec<f64>,
+    /// Velocities (nv).
+    pub v: Vec<f64>,
+    /// Accelerations (nv).
+    pub vdot: Vec<f64>,
+    /// Multipliers of all rows; zero where a row was dropped as redundant.
+    pub multipliers: Vec<f64>,
+    /// Largest |Φ| over all rows, the dropped ones included.
+    pub closure: f64,
+    /// Largest |C v + a| over all rows.
+    pub velocity_closure: f64,
+    /// P4 (nv).
+    pub measure: Vec<f64>,
+    /// σ and √μ of the current choice.
+    pub sigma: f64,
+    /// See `sigma`.
+    pub sqrt_mu: f64,
+    /// Current independent velocities.
+    pub independent: Vec<usize>,
+    /// Work of non-conservative forces and of driven constraints since the start.
+    pub work: f64,
+}
+
+/// Counts of work done below the integrator.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FormulationCounters {
+    /// Executions of the elimination plan.
+    pub factorisations: u64,
+    /// Elimination plans made.
+    pub plans: u64,
+    /// Exchanges of independent coordinates.
+    pub exchanges: u64,
+    /// Position corrections applied.
+    pub corrections: u64,
+}
+
+/// A rule that turns S1-S5 into `y' = f(t, y)` and back.
+///
+/// Duties: `derivative` is called at any point near the motion; the others only at ends of steps (`correct`, then one
+/// `derivative` there, then `review`) and at outputs (`sample`).
+pub trait Formulation {
+    /// Name used in results and messages.
+    fn name(&self) -> &'static str;
+    /// Length of y.
+    fn dim(&self) -> usize;
+    /// How many leading components of y the step size answers for.
+    fn controlled(&self) -> usize;
+    /// Take over the assembled state and write y.
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError>;
+    /// `y' = f(t, y)`.
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError>;
+    /// Remove the remainder of S3 at the end of a step; true if y moved.
+    fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError>;
+    /// Judge the step just concluded at (t, y); the last `derivative` was there.
+    fn review(&mut self, t: f64, y: &[f64]) -> Review;
+    /// Carry out the change announced by `review`: rewrites y and y'; (q, v) stay the same.
+    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
+    /// After `Review::Reject`: look for a better start at the beginning of the step.
+    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
+    /// All there is to know at (t, y).
+    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError>;
+    /// Changes so far, the first choice included.
+    fn events(&self) -> &[PartitionEvent];
+    /// Work done.
+    fn counters(&self) -> FormulationCounters;
+    /// Rows kept at the moment.
+    fn rows(&self) -> Vec<usize>;
+}

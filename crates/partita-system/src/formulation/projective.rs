@@ -1,0 +1,387 @@
+//! The compact form F1: the k independent velocities by P3 and all coordinates by S2, with the projective criterion
+//! and exchanges between steps.
+//!
+//! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to
+//! round-off because v is computed, not integrated. After a step the remainder of S3 is removed. A change of
+//! independent coordinates costs nothing: it is the identity on (q, v).
+//! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
+
+use super::reduction::Reduction;
+use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use crate::kinematics::projection::{dense_rows, MassProjection};
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// Inside a step the gain of an exchange may grow up to this before the step is repeated.
+const HARD_LIMIT: f64 = 8.0;
+/// Steps after which the scales are looked at again: they are only scales.
+const SCALE_PERIOD: u32 = 8;
+
+/// How to choose and to correct.
+#[derive(Clone, Debug)]
+pub struct ProjectiveOptions {
+    /// Exchange when one gains more than this (hysteresis); infinite: never.
+    pub exchange: f64,
+    /// Removal of the remainder of S3.
+    pub correction: Correction,
+    /// The user's own independent velocities, kept through the run.
+    pub fixed: Option<Vec<usize>>,
+    /// Preferences that multiply ρ.
+    pub weights: Option<Vec<f64>>,
+}
+
+impl Default for ProjectiveOptions {
+    fn default() -> Self {
+        Self { exchange: 1.25, correction: Correction::Partition, fixed: None, weights: None }
+    }
+}
+
+/// The compact k + nq form with the projective criterion.
+pub struct Projective<'s, S: ConstrainedSystem> {
+    r: Reduction<'s, S>,
+    options: ProjectiveOptions,
+    observes_work: bool,
+    events: Vec<PartitionEvent>,
+    counters: FormulationCounters,
+    pending: Option<crate::partition::exchange::Exchange>,
+    rejects_in_a_row: u32,
+    steps_since_scales: u32,
+    q: Vec<f64>,
+    vdot: Vec<f64>,
+    lambda: Vec<f64>,
+    weighted: Vec<f64>,
+}
+
+impl<'s, S: ConstrainedSystem> Projective<'s, S> {
+    /// For a system of the given rank (see [`start::analyse`]).
+    pub fn new(system: &'s S, rank: usize, options: ProjectiveOptions) -> Self {
+        let size = system.size();
+        Self {
+            r: Reduction::new(system, rank),
+            observes_work: system.has_power() || system.rheonomic(),
+            options,
+            events: Vec::new(),
+            counters: FormulationCounters::default(),
+            pending: None,
+            rejects_in_a_row: 0,
+            steps_since_scales: 0,
+            q: vec![0.0; size.nq],
+            vdot: vec![0.0; size.nv],
+            lambda: vec![0.0; size.rows],
+            weighted: vec![1.0; size.nv],
+        }
+    }
+
+    /// The reduction, at the point last evaluated.
+    pub fn reduction(&mut self) -> &mut Reduction<'s, S> {
+        &mut self.r
+    }
+
+    fn nq(&self) -> usize {
+        self.r.size().nq
+    }
+
+    /// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
+    fn power(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+        let mut p = self.r.system.power(t, q, &self.r.v, &mut self.r.scratch)?;
+        if self.r.system.rheonomic() {
+            self.r.full_acceleration(&mut self.vdot);
+            self.r.multipliers(t, q, &self.vdot, &mut self.lambda)?;
+            p -= partita_math::dense::dot(&self.lambda, &self.r.a);
+        }
+        Ok(p)
+    }
+
+    fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
+        let q = std::mem::take(&mut self.q);
+        let quality = self.r.quality(t, &q);
+        self.q = q;
+        let now = self.r.partition.independent.clone();
+        self.events.push(PartitionEvent {
+            t,
+            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
+            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
+            independent: now,
+            dependent: self.r.partition.dependent.clone(),
+            reason,
+            quality: quality?,
+        });
+        Ok(())
+    }
+
+    /// Scales of the choice: s_i divided by the user's preference.
+    fn refresh_weighted(&mut self) {
+        let s = self.r.scales();
+        match &self.options.weights {
+            Some(w) => self.weighted.iter_mut().zip(s.iter().zip(w)).for_each(|(x, (s, w))| *x = s / w),
+            None => self.weighted.copy_from_slice(s),
+        }
+    }
+
+    fn best_exchange(&self) -> Option<crate::partition::exchange::Exchange> {
+        let p = &self.r.partition;
+        crate::partition::exchange::best(&self.r.a_matrix, &self.weighted, &p.dependent, &p.independent)
+    }
+
+    /// Swap one pair at the point last evaluated; the position level must be that of `t`.
+    fn exchange(&mut self, t: f64, x: crate::partition::exchange::Exchange, reason: String) -> Result<(), SystemError> {
+        let before = self.r.partition.independent.clone();
+        let (enters, leaves) = (self.r.partition.dependent[x.enters], before[x.leaves]);
+        let mut next = before.clone();
+        next[x.leaves] = enters;
+        next.sort_unstable();
+        if let Err(e) = self.r.set_partition(t, &next) {
+            // the exchange rule and the elimination disagree by round-off near a singular position: stay as we were
+            self.r.set_partition(t, &before)?;
+            let _ = e;
+            return Ok(());
+        }
+        self.counters.exchanges += 1;
+        let names = (self.r.system.velocity_name(enters), self.r.system.velocity_name(leaves));
+        self.r.tangent(t)?;
+        let reason = format!("{} takes the place of {}: {reason}", names.0, names.1);
+        self.log(t, &before, reason)
+    }
+
+    fn orthogonal_correction(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        let size = self.r.size();
+        let n = size.nv;
+        // holonomic rows among the kept ones; nonholonomic rows have no position to correct
+        let rows: Vec<usize> = self.r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let zero = vec![0.0; n];
+        self.r.system.velocity(t, q, &zero, &mut self.r.scratch, &mut self.r.b)?;
+        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
+        self.r.system.dynamics(t, q, &zero, &mut self.r.scratch, &mut mass, &mut h)?;
+        let c = dense_rows(self.r.system, &self.r.c, &rows);
+        let p = MassProjection::new(self.r.system, &mass, &c)?;
+        let x: Vec<f64> = rows.iter().map(|&i| self.r.phi[i]).collect();
+        self.r.system.step(q, &p.correction(&x));
+        Ok(())
+    }
+
+    fn all_holonomic(&self) -> bool {
+        let s = self.r.size();
+        s.rows == s.holonomic
+    }
+
+    /// One correction of q by the chosen rule at the position level of q.
+    fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<(), SystemError> {
+        if rule == Correction::MassOrthogonal || !self.all_holonomic() {
+            self.orthogonal_correction(t, q)
+        } else {
+            self.r.factor(t)?;
+            self.r.correct_dependent(q);
+            Ok(())
+        }
+    }
+}
+
+impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
+    fn name(&self) -> &'static str {
+        "projective"
+    }
+
+    fn dim(&self) -> usize {
+        self.controlled() + usize::from(self.observes_work)
+    }
+
+    fn controlled(&self) -> usize {
+        self.nq() + self.r.k()
+    }
+
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        let weights = self.options.weights.clone();
+        let fixed = self.options.fixed.clone();
+        start::choose_partition(&mut self.r, t, q, weights.as_deref(), fixed.as_deref())?;
+        let nq = self.nq();
+        y.fill(0.0);
+        y[..nq].copy_from_slice(q);
+        for (j, &i) in self.r.partition.independent.iter().enumerate() {
+            y[nq + j] = v[i];
+        }
+        self.refresh_weighted();
+        self.q.copy_from_slice(q);
+        let speeds: Vec<f64> = y[nq..nq + self.r.k()].to_vec();
+        self.r.evaluate(t, q, &speeds)?;
+        let reason = match &self.options.fixed {
+            Some(_) => "fixed by the user".to_string(),
+            None => "largest projective measure at the start".to_string(),
+        };
+        self.log(t, &[], reason)
+    }
+
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let (nq, k) = (self.nq(), self.r.k());
+        let (q, rest) = y.split_at(nq);
+        self.r.evaluate(t, q, &rest[..k])?;
+        self.r.system.rate(q, &self.r.v, &mut dy[..nq]);
+        dy[nq..nq + k].copy_from_slice(&self.r.vdot_independent);
+        if self.observes_work {
+            dy[nq + k] = self.power(t, q)?;
+        }
+        Ok(())
+    }
+
+    fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+        let nq = self.nq();
+        let q = &mut y[..nq];
+        let moved = self.r.system.normalise(q);
+        if self.options.correction == Correction::None || self.r.size().holonomic == 0 {
+            return Ok(moved);
+        }
+        self.r.position(t, q)?;
+        if self.r.closure() == 0.0 {
+            return Ok(moved);
+        }
+        let rule = self.options.correction;
+        self.correct_once(t, q, rule)?;
+        self.counters.corrections += 1;
+        Ok(true)
+    }
+
+    fn review(&mut self, t: f64, y: &[f64]) -> Review {
+        self.pending = None;
+        if self.options.fixed.is_some() || self.r.rank() == 0 || self.r.k() == 0 {
+            return Review::Keep;
+        }
+        self.steps_since_scales += 1;
+        if self.steps_since_scales >= SCALE_PERIOD {
+            self.steps_since_scales = 0;
+            let nq = self.nq();
+            // a failure here would be met by the next evaluation too, which reports it; the old scales serve till then
+            if self.r.refresh_scales(t, &y[..nq]).is_ok() {
+                self.refresh_weighted();
+            }
+        }
+        let Some(best) = self.best_exchange() else { return Review::Keep };
+        if best.gain <= self.options.exchange {
+            self.rejects_in_a_row = 0;
+            return Review::Keep;
+        }
+        if best.gain > HARD_LIMIT && self.options.exchange.is_finite() && self.rejects_in_a_row < 3 {
+            self.rejects_in_a_row += 1;
+            return Review::Reject;
+        }
+        self.rejects_in_a_row = 0;
+        self.r.full_acceleration(&mut self.vdot);
+        self.pending = Some(best);
+        Review::Change
+    }
+
+    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let (nq, k) = (self.nq(), self.r.k());
+        if self.pending.take().is_none() {
+            return Ok(());
+        }
+        // outputs may have been evaluated since: come back to the end of the step
+        let speeds: Vec<f64> = y[nq..nq + k].to_vec();
+        self.r.evaluate(t, &y[..nq], &speeds)?;
+        self.q.copy_from_slice(&y[..nq]);
+        let (v, mut vdot) = (self.r.v.clone(), std::mem::take(&mut self.vdot));
+        self.r.full_acceleration(&mut vdot);
+        self.r.refresh_scales(t, &y[..nq])?;
+        self.refresh_weighted();
+        for _ in 0..4 * k {
+            let Some(x) = self.best_exchange() else { break };
+            if x.gain <= self.options.exchange {
+                break;
+            }
+            self.exchange(t, x, format!("the volume of the choice grows by {:.3}", x.gain))?;
+        }
+        for (j, &i) in self.r.partition.independent.iter().enumerate() {
+            y[nq + j] = v[i];
+            dy[nq + j] = vdot[i];
+        }
+        self.vdot = vdot;
+        Ok(())
+    }
+
+    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let (nq, k) = (self.nq(), self.r.k());
+        let speeds: Vec<f64> = y[nq..nq + k].to_vec();
+        self.r.evaluate(t, &y[..nq], &speeds)?;
+        self.q.copy_from_slice(&y[..nq]);
+        let v = self.r.v.clone();
+        self.r.refresh_scales(t, &y[..nq])?;
+        self.refresh_weighted();
+        if let Some(x) = self.best_exchange() {
+            if x.gain > 1.0 + 1e-6 {
+                self.exchange(t, x, "the old choice went bad inside the step, which is repeated".into())?;
+                for (j, &i) in self.r.partition.independent.iter().enumerate() {
+                    y[nq + j] = v[i];
+                }
+            }
+        }
+        self.derivative(t, y, dy)
+    }
+
+    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+        let (nq, k) = (self.nq(), self.r.k());
+        let size = self.r.size();
+        out.q.clear();
+        out.q.extend_from_slice(&y[..nq]);
+        self.r.system.normalise(&mut out.q);
+        let mut q = std::mem::take(&mut out.q);
+        if self.options.correction != Correction::None && size.holonomic > 0 {
+            let rule = self.options.correction;
+            self.r.position(t, &q)?;
+            let mut left = self.r.closure();
+            let mut last = q.clone();
+            // Newton from the interpolation error to round-off: two iterations, one more to see that nothing is gained
+            for _ in 0..8 {
+                if left == 0.0 || self.correct_once(t, &mut q, rule).is_err() {
+                    break;
+                }
+                self.r.position(t, &q)?;
+                let now = self.r.closure();
+                if now >= left {
+                    q.copy_from_slice(&last);
+                    break;
+                }
+                let done = now > 0.25 * left;
+                left = now;
+                last.copy_from_slice(&q);
+                if done {
+                    break;
+                }
+            }
+        }
+        self.r.evaluate(t, &q, &y[nq..nq + k])?;
+        out.t = t;
+        out.closure = self.r.closure();
+        out.velocity_closure = self.r.velocity_closure();
+        out.v.clear();
+        out.v.extend_from_slice(&self.r.v);
+        out.vdot.resize(size.nv, 0.0);
+        self.r.full_acceleration(&mut out.vdot);
+        out.multipliers.resize(size.rows, 0.0);
+        self.r.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
+        out.measure.resize(size.nv, 0.0);
+        self.r.measure(t, &q, &mut out.measure)?;
+        let quality = self.r.quality(t, &q)?;
+        out.sigma = quality.sigma;
+        out.sqrt_mu = quality.sqrt_mu;
+        out.independent.clear();
+        out.independent.extend_from_slice(&self.r.partition.independent);
+        out.work = if self.observes_work { y[nq + k] } else { 0.0 };
+        out.q = q;
+        Ok(())
+    }
+
+    fn events(&self) -> &[PartitionEvent] {
+        &self.events
+    }
+
+    fn counters(&self) -> FormulationCounters {
+        FormulationCounters { factorisations: self.r.factorisations, plans: self.r.plans, ..self.counters }
+    }
+
+    fn rows(&self) -> Vec<usize> {
+        let mut rows = self.r.partition.rows.clone();
+        rows.sort_unstable();
+        rows
+    }
+}

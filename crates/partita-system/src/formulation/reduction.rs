@@ -1,0 +1,427 @@
+//! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
+
+use crate::partition::criterion::{self, Quality};
+use crate::partition::exchange;
+use crate::partition::Partition;
+use crate::system::{ConstrainedSystem, Size, SystemError, Tangent};
+use partita_math::dense;
+use partita_math::elimination::{Plan, PlanOptions};
+
+/// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
+/// 1e-9 in one evaluation, the accuracy asked of whole runs.
+pub const SINGULAR_PIVOT: f64 = 1e-7;
+
+/// The reduced equations of a system at one point `(t, q, v)`.
+///
+/// Levels follow each other: [`position`](Self::position), [`tangent`](Self::tangent),
+/// [`velocity`](Self::velocity), [`acceleration`](Self::acceleration).
+pub struct Reduction<'s, S: ConstrainedSystem> {
+    /// The system.
+    pub system: &'s S,
+    /// Its scratch.
+    pub scratch: S::Scratch,
+    size: Size,
+    rank: usize,
+    k: usize,
+    /// The current choice.
+    pub partition: Partition,
+    plan: Option<Plan>,
+    /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
+    pub s2: Vec<f64>,
+    s: Vec<f64>,
+    row_scale: Vec<f64>,
+    /// Φ (holonomic rows).
+    pub phi: Vec<f64>,
+    /// Values of C in pattern order.
+    pub c: Vec<f64>,
+    /// a.
+    pub a: Vec<f64>,
+    /// b.
+    pub b: Vec<f64>,
+    factors: Vec<f64>,
+    rhs: Vec<f64>,
+    /// A (r x k), rows in the order of `partition.dependent`.                             (P1)
+    pub a_matrix: Vec<f64>,
+    rheonomic: bool,
+    independent_entries: Vec<(u32, u32, u32)>,
+    /// `Dᵀ` (nv x k).                                                                     (P2)
+    pub dt: Vec<f64>,
+    /// `[0; η]`.
+    pub gamma: Vec<f64>,
+    /// `[0; ξ]`.
+    pub delta: Vec<f64>,
+    /// v (nv).
+    pub v: Vec<f64>,
+    /// M_d, not factored.
+    pub md: Vec<f64>,
+    /// Cholesky factor of M_d.
+    pub md_factor: Vec<f64>,
+    hd: Vec<f64>,
+    /// `v_I'`.
+    pub vdot_independent: Vec<f64>,
+    residual: Vec<f64>,
+    work: Vec<f64>,
+    /// Factorisations and plans made.
+    pub factorisations: u64,
+    /// Plans made.
+    pub plans: u64,
+}
+
+impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
+    /// Room for a system whose constraints have rank `rank`; no partition yet.
+    pub fn new(system: &'s S, rank: usize) -> Self {
+        let size = system.size();
+        let (n, k) = (size.nv, size.nv - rank);
+        Self {
+            system,
+            scratch: system.scratch(),
+            size,
+            rank,
+            k,
+            partition: Partition::default(),
+            plan: None,
+            s2: vec![1.0; n],
+            s: vec![1.0; n],
+            row_scale: vec![1.0; size.rows],
+            phi: vec![0.0; size.holonomic],
+            c: vec![0.0; system.pattern().nnz()],
+            a: vec![0.0; size.rows],
+            b: vec![0.0; size.rows],
+            factors: Vec::new(),
+            rhs: vec![0.0; rank * (k + 1)],
+            a_matrix: vec![0.0; rank * k],
+            rheonomic: system.rheonomic(),
+            independent_entries: Vec::new(),
+            dt: vec![0.0; n * k],
+            gamma: vec![0.0; n],
+            delta: vec![0.0; n],
+            v: vec![0.0; n],
+            md: vec![0.0; k * k],
+            md_factor: vec![0.0; k * k],
+            hd: vec![0.0; k],
+            vdot_independent: vec![0.0; k],
+            residual: vec![0.0; n],
+            work: vec![0.0; n.max(k).max(rank)],
+            factorisations: 0,
+            plans: 0,
+        }
+    }
+
+    /// Number of independent velocities.
+    pub fn k(&self) -> usize {
+        self.k
+    }
+    /// Rank of the constraints.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+    /// Sizes of the system.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+    /// s, the square roots of `s2`.
+    pub fn scales(&self) -> &[f64] {
+        &self.s
+    }
+
+    /// Φ, C and a at (t, q).
+    #[inline]
+    pub fn position(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
+    }
+
+    /// Largest |Φ|; NaN counts as infinite.
+    pub fn closure(&self) -> f64 {
+        self.phi.iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
+    }
+
+    /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
+    pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?;
+        if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
+            return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
+        }
+        for (s, s2) in self.s.iter_mut().zip(&self.s2) {
+            *s = s2.sqrt();
+        }
+        self.refresh_row_scales();
+        Ok(())
+    }
+
+    fn refresh_row_scales(&mut self) {
+        let pattern = self.system.pattern();
+        for i in 0..self.size.rows {
+            let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            self.row_scale[i] = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+        }
+    }
+
+    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
+    pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
+        let pattern = self.system.pattern();
+        let mut eligible = vec![true; self.size.nv];
+        for &i in independent {
+            eligible[i] = false;
+        }
+        self.refresh_row_scales();
+        let rows = vec![true; self.size.rows];
+        let plan = Plan::new(
+            pattern,
+            &self.c,
+            &rows,
+            &eligible,
+            &self.row_scale,
+            &self.s,
+            self.rank,
+            PlanOptions::default(),
+        )
+        .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        self.plans += 1;
+        if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
+            return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
+        }
+        self.adopt(plan, independent);
+        Ok(())
+    }
+
+    fn adopt(&mut self, plan: Plan, independent: &[usize]) {
+        let pattern = self.system.pattern();
+        self.partition.independent = independent.to_vec();
+        self.partition.dependent = plan.pivot_cols().to_vec();
+        self.partition.rows = plan.pivot_rows().to_vec();
+        let mut place = vec![u32::MAX; self.size.nv];
+        for (j, &i) in independent.iter().enumerate() {
+            place[i] = j as u32;
+        }
+        self.independent_entries.clear();
+        for (step, &row) in self.partition.rows.iter().enumerate() {
+            for e in pattern.row(row) {
+                let j = place[pattern.col_idx[e]];
+                if j != u32::MAX {
+                    self.independent_entries.push((step as u32, e as u32, j));
+                }
+            }
+        }
+        self.dt.fill(0.0);
+        for (j, &i) in independent.iter().enumerate() {
+            self.dt[i * self.k + j] = 1.0;
+        }
+        self.gamma.fill(0.0);
+        self.delta.fill(0.0);
+        self.factors.resize(plan.factor_len(), 0.0);
+        self.plan = Some(plan);
+    }
+
+    /// Factor C_D at the last position; a pivot that shrank asks for a new plan on the same partition.
+    pub fn factor(&mut self, t: f64) -> Result<(), SystemError> {
+        if self.rank == 0 {
+            return Ok(());
+        }
+        self.factorisations += 1;
+        let ok = match &self.plan {
+            Some(plan) => plan.factor(&self.c, &mut self.factors).is_ok(),
+            None => return Err(SystemError::Request("no partition was chosen before the evaluation".into())),
+        };
+        if ok {
+            return Ok(());
+        }
+        if !self.c.iter().all(|x| x.is_finite()) {
+            return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t });
+        }
+        let independent = std::mem::take(&mut self.partition.independent);
+        let planned = self.set_partition(t, &independent);
+        if planned.is_err() {
+            self.partition.independent = independent;
+        }
+        planned?;
+        match self.plan.as_ref().map(|p| p.factor(&self.c, &mut self.factors)) {
+            Some(Ok(())) => Ok(()),
+            _ => Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT }),
+        }
+    }
+
+    /// `x ← C_D⁻¹ x` for r numbers in the order of the kept rows; on return in the order of D.
+    pub fn solve(&self, x: &mut [f64], columns: usize) {
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, x, columns);
+        }
+    }
+
+    /// `x ← C_D⁻ᵀ x` for r numbers in the order of D; on return in the order of the kept rows.
+    pub fn solve_transposed(&self, x: &mut [f64]) {
+        if let Some(plan) = &self.plan {
+            plan.solve_transposed(&self.factors, x, 1);
+        }
+    }
+
+    /// A, D and η at the last position: `v_D = A v_I + η`.                                 (P1, P2)
+    pub fn tangent(&mut self, t: f64) -> Result<(), SystemError> {
+        self.factor(t)?;
+        let (r, k) = (self.rank, self.k);
+        if r == 0 {
+            return Ok(());
+        }
+        let columns = k + usize::from(self.rheonomic);
+        let rhs = &mut self.rhs[..r * columns];
+        rhs.fill(0.0);
+        for &(step, e, j) in &self.independent_entries {
+            rhs[step as usize * columns + j as usize] = -self.c[e as usize];
+        }
+        if self.rheonomic {
+            for (step, &row) in self.partition.rows.iter().enumerate() {
+                rhs[step * columns + k] = -self.a[row];
+            }
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, rhs, columns);
+        }
+        for (p, &i) in self.partition.dependent.iter().enumerate() {
+            let row = &rhs[p * columns..(p + 1) * columns];
+            self.a_matrix[p * k..(p + 1) * k].copy_from_slice(&row[..k]);
+            self.dt[i * k..(i + 1) * k].copy_from_slice(&row[..k]);
+            if self.rheonomic {
+                self.gamma[i] = row[k];
+            }
+        }
+        Ok(())
+    }
+
+    /// `v = Dᵀ v_I + [0; η]`, left in `self.v`.                                            (P2)
+    pub fn spread(&mut self, v_independent: &[f64]) {
+        let k = self.k;
+        if k == 1 {
+            let x = v_independent[0];
+            for ((v, d), g) in self.v.iter_mut().zip(&self.dt).zip(&self.gamma) {
+                *v = d * x + g;
+            }
+            return;
+        }
+        for (i, (v, g)) in self.v.iter_mut().zip(&self.gamma).enumerate() {
+            *v = g + dense::dot(&self.dt[i * k..(i + 1) * k], v_independent);
+        }
+    }
+
+    /// b at (t, q, self.v) and ξ.                                                          (S5, P1)
+    pub fn velocity(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.velocity(t, q, &self.v, &mut self.scratch, &mut self.b)?;
+        let x = &mut self.work[..self.rank];
+        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
+            *x = -self.b[row];
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, x, 1);
+        }
+        for (x, &i) in x.iter().zip(&self.partition.dependent) {
+            self.delta[i] = *x;
+        }
+        Ok(())
+    }
+
+    /// `M_d v_I' = h_d` with the state of the lower levels.                                (P3)
+    pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        let tangent = Tangent { k: self.k, dt: &self.dt, delta: &self.delta };
+        self.system.project(t, q, &self.v, &tangent, &mut self.scratch, &mut self.md, &mut self.hd)?;
+        self.md_factor.copy_from_slice(&self.md);
+        self.vdot_independent.copy_from_slice(&self.hd);
+        dense::cholesky(&mut self.md_factor, self.k).map_err(|e| SystemError::Mass {
+            name: self.system.velocity_name(self.partition.independent[e.index]),
+            pivot: e.pivot,
+        })?;
+        dense::cholesky_solve(&self.md_factor, self.k, &mut self.vdot_independent);
+        Ok(())
+    }
+
+    /// All levels at `(t, q, v_I)`.
+    #[inline]
+    pub fn evaluate(&mut self, t: f64, q: &[f64], v_independent: &[f64]) -> Result<(), SystemError> {
+        self.position(t, q)?;
+        self.tangent(t)?;
+        self.spread(v_independent);
+        self.velocity(t, q)?;
+        self.acceleration(t, q)
+    }
+
+    /// `h_d` of the last evaluation.
+    pub fn reduced_force(&self) -> &[f64] {
+        &self.hd
+    }
+
+    /// `v' = Dᵀ v_I' + [0; ξ]` of the last evaluation.                                     (P2)
+    pub fn full_acceleration(&self, out: &mut [f64]) {
+        let k = self.k;
+        for (i, (x, d)) in out.iter_mut().zip(&self.delta).enumerate() {
+            *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.vdot_independent);
+        }
+    }
+
+    /// Multipliers of all rows from the dependent rows of `M v' − h`: `C_Dᵀ λ = (M v' − h)_D`; zero on dropped rows.
+    ///                                                                                     (R1, 41)
+    pub fn multipliers(&mut self, t: f64, q: &[f64], vdot: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        self.system.inverse_dynamics(t, q, &self.v, vdot, &mut self.scratch, &mut self.residual)?;
+        out.fill(0.0);
+        let Some(plan) = &self.plan else { return Ok(()) };
+        let x = &mut self.work[..self.rank];
+        for (x, &i) in x.iter_mut().zip(&self.partition.dependent) {
+            *x = self.residual[i];
+        }
+        plan.solve_transposed(&self.factors, x, 1);
+        for (x, &row) in x.iter().zip(&self.partition.rows) {
+            out[row] = *x;
+        }
+        Ok(())
+    }
+
+    /// Largest |C v + a| over all rows at the last position with `self.v`.
+    pub fn velocity_closure(&self) -> f64 {
+        let pattern = self.system.pattern();
+        (0..self.size.rows).fold(0.0, |m: f64, i| {
+            let r = pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
+            if r.is_nan() { f64::INFINITY } else { m.max(r.abs()) }
+        })
+    }
+
+    /// One Newton step of the dependent coordinates with the current factors, `q_D ← q_D − C_D⁻¹ Φ`.  (34)
+    ///
+    /// Needs `position` and `factor` at q, and all rows holonomic.
+    pub fn correct_dependent(&mut self, q: &mut [f64]) {
+        let x = &mut self.work[..self.rank];
+        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
+            *x = -self.phi[row];
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, x, 1);
+        }
+        self.residual.fill(0.0);
+        for (x, &i) in x.iter().zip(&self.partition.dependent) {
+            self.residual[i] = *x;
+        }
+        self.system.step(q, &self.residual);
+    }
+
+    /// The best exchange at the last tangent.                                              (P6)
+    pub fn best_exchange(&self) -> Option<exchange::Exchange> {
+        exchange::best(&self.a_matrix, &self.s, &self.partition.dependent, &self.partition.independent)
+    }
+
+    /// σ and √μ at the last evaluation.
+    pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+        let (n, k) = (self.size.nv, self.k);
+        let mut columns = vec![0.0; n * k];
+        self.system.inverse_mass_columns(t, q, &self.partition.independent, &mut self.scratch, &mut columns)?;
+        let mut block = vec![0.0; k * k];
+        for (r, &i) in self.partition.independent.iter().enumerate() {
+            block[r * k..(r + 1) * k].copy_from_slice(&columns[i * k..(i + 1) * k]);
+        }
+        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
+        Ok(criterion::quality(&self.md, &s2, &block))
+    }
+
+    /// P4 at the last evaluation, with fresh scales.
+    pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
+        let mut s2 = vec![0.0; self.size.nv];
+        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
+        let mut work = vec![0.0; self.k];
+        criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
+        Ok(())
+    }
+}

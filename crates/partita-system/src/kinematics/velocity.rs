@@ -1,0 +1,81 @@
+//! Velocities with given rates: of all that satisfy S4, the ones of least kinetic energy.
+
+use crate::formulation::reduction::Reduction;
+use crate::system::{ConstrainedSystem, SystemError, Tangent};
+use partita_math::dense::{self, Matrix};
+use partita_math::factor;
+
+/// Velocities with `v_i = rate` for the given pairs and least kinetic energy otherwise, at the partition of `r`.
+///
+/// Needs `r` with a partition; rates that the constraints forbid are refused with the numbers.
+pub fn with_rates<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    rates: &[(usize, f64)],
+) -> Result<Vec<f64>, SystemError> {
+    let k = r.k();
+    r.position(t, q)?;
+    r.tangent(t)?;
+    let zero = vec![0.0; k];
+    r.spread(&zero);
+    let gamma = r.v.clone(); // [0; η]
+    let failed = |got: &[f64]| {
+        let words: Vec<String> = rates
+            .iter()
+            .zip(got)
+            .map(|(&(i, want), got)| format!("{} = {want} (possible: {got:.6})", r.system.velocity_name(i)))
+            .collect();
+        SystemError::Request(format!(
+            "the rates {} cannot hold together: the loops leave {k} degrees of freedom here",
+            words.join(", ")
+        ))
+    };
+    if k == 0 {
+        let got: Vec<f64> = rates.iter().map(|&(i, _)| gamma[i]).collect();
+        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
+        return if off { Err(failed(&got)) } else { Ok(gamma) };
+    }
+    r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
+    let n = gamma.len();
+    let (mut md, mut with, mut without) = (vec![0.0; k * k], vec![0.0; k], vec![0.0; k]);
+    let none = vec![0.0; n];
+    let tangent = Tangent { k, dt: &r.dt, delta: &none };
+    r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut without)?;
+    let tangent = Tangent { k, dt: &r.dt, delta: &gamma };
+    r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut with)?;
+    // D M [0; η]
+    let mut g: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
+    dense::cholesky(&mut md, k).map_err(|e| SystemError::Mass {
+        name: r.system.velocity_name(r.partition.independent[e.index]),
+        pivot: e.pivot,
+    })?;
+    // with v_I = L⁻ᵀ y the energy is ½|y + L⁻¹g|² + const: least norm of y' = y + L⁻¹ g under T L⁻ᵀ y' = w
+    dense::cholesky_forward(&md, k, &mut g);
+    let mut y = vec![0.0; k];
+    if !rates.is_empty() {
+        let mut rows = Matrix::new(rates.len(), k);
+        let mut want = vec![0.0; rates.len()];
+        for (i, &(vi, rate)) in rates.iter().enumerate() {
+            let row = rows.row_mut(i);
+            row.copy_from_slice(&r.dt[vi * k..(vi + 1) * k]);
+            dense::cholesky_forward(&md, k, row); // row of T L⁻ᵀ
+            want[i] = rate - gamma[vi] + dense::dot(row, &g);
+        }
+        let (solution, _) = factor::least_squares_min_norm(&rows, &want, 1e-10)
+            .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
+        let got = rows.matvec(&solution);
+        let off = got.iter().zip(&want).zip(rates).any(|((g, w), r)| (g - w).abs() > 1e-9 * (1.0 + r.1.abs()));
+        if off {
+            let got: Vec<f64> = rates.iter().zip(&got).zip(&want).map(|((r, g), w)| r.1 + g - w).collect();
+            return Err(failed(&got));
+        }
+        y = solution;
+    }
+    for (y, g) in y.iter_mut().zip(&g) {
+        *y -= g;
+    }
+    dense::cholesky_backward(&md, k, &mut y);
+    r.spread(&y);
+    Ok(r.v.clone())
+}

@@ -1,0 +1,12 @@
+//! The constrained system S1-S5 and everything asked of it that needs no body and no joint: the partition and its
+//! projective criterion, closing and projecting, the reduced equations, multipliers.
+
+pub mod formulation;
+pub mod kinematics;
+pub mod partition;
+pub mod reaction;
+pub mod start;
+pub mod system;
+
+pub use partition::Partition;
+pub use system::{ConstrainedSystem, Size, SystemError};

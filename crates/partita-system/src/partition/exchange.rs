@@ -1,0 +1,30 @@
+//! The exchange rule P6: by how much the volume of the choice grows when a dependent coordinate takes the place of an
+//! independent one.
+
+/// One possible exchange.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exchange {
+    /// Position in the list of dependent velocities of the one that would come in.
+    pub enters: usize,
+    /// Position in the list of independent velocities of the one that would go.
+    pub leaves: usize,
+    /// Factor on the volume, `|A_ij| s_j / s_i`.
+    pub gain: f64,
+}
+
+/// The best exchange for `A` (r x k), the scales `s` of all velocities and the lists D and I.
+///
+/// Cost: r k comparisons, no factorisation: `A` is there from P1. Ties go to the first.
+pub fn best(a: &[f64], s: &[f64], dependent: &[usize], independent: &[usize]) -> Option<Exchange> {
+    let k = independent.len();
+    let mut best: Option<Exchange> = None;
+    for (p, &i) in dependent.iter().enumerate() {
+        for (j, &c) in independent.iter().enumerate() {
+            let gain = a[p * k + j].abs() * s[c] / s[i];
+            if best.is_none_or(|b| gain > b.gain * (1.0 + 1e-9)) {
+                best = Some(Exchange { enters: p, leaves: j, gain });
+            }
+        }
+    }
+    best
+}

@@ -1,0 +1,3 @@
+//! Which reactions are physically determined.
+
+pub mod uniqueness;

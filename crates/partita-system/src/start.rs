@@ -1,0 +1,201 @@
+//! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
+
+use crate::formulation::reduction::{Reduction, SINGULAR_PIVOT};
+use crate::partition::criterion;
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::rank::{independent_rows, RowRank};
+
+/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
+///
+/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
+pub const REDUNDANT: f64 = 1e-9;
+/// Smallest accepted ratio between the last pivot kept and the first one dropped.
+pub const RANK_GAP: f64 = 1e3;
+
+/// What was found at the start.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// Rank of C.
+    pub rank: usize,
+    /// Rows that are combinations of the others everywhere, ascending.
+    pub dropped: Vec<usize>,
+    /// Ratio between the last pivot kept and the first one dropped (infinite when nothing was dropped).
+    pub gap: f64,
+    /// Smallest squared sine kept: κ, the distance of the mechanism from a singular position.
+    pub smallest: f64,
+}
+
+fn rank_here<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
+    independent_rows(r.system.pattern(), &r.c, r.scales(), REDUNDANT)
+}
+
+/// Rank of the constraints at an assembled position, by pivots with a gap (scaled Delassus matrix).
+///
+/// A row that is dependent only here (a singular position) is told from a redundant one by a small move along the
+/// mechanism's own motion: redundant rows stay closed and stay dependent.
+pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    let size = system.size();
+    let mut probe = Reduction::new(system, 0);
+    probe.position(t, q)?;
+    probe.refresh_scales(t, q)?;
+    let here = rank_here(&probe);
+    let smallest = here.pivots.last().copied().unwrap_or(1.0);
+    let mut dropped = here.dropped.clone();
+    dropped.sort_unstable();
+    let start = Start { rank: here.rank, dropped, gap: here.gap, smallest };
+    if start.dropped.is_empty() {
+        return Ok(start);
+    }
+    if here.gap < RANK_GAP {
+        return Err(SystemError::Request(format!(
+            "the rank of the constraints is not clear at t = {t}: the last row kept has the squared sine {smallest:.2e}, \
+             the first one dropped {:.2e}; the position is close to a singular one, start elsewhere",
+            here.largest_dropped
+        )));
+    }
+    if start.rank < size.nv {
+        check_neighbour(system, t, q, &start)?;
+    }
+    Ok(start)
+}
+
+/// Take a small step along the motion that the kept rows allow; a redundant row does not notice.
+fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &Start) -> Result<(), SystemError> {
+    let mut r = Reduction::new(system, start.rank);
+    first_partition(&mut r, t, q)?;
+    let k = r.k();
+    // a fixed irregular direction, 1e-3 of a large move in every independent coordinate
+    let move_independent: Vec<f64> = (0..k)
+        .map(|j| {
+            let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
+            1e-3 * sign * (1.0 + 0.37 * (j as f64).sin()) * system.reach(r.partition.independent[j])
+        })
+        .collect();
+    r.gamma.fill(0.0);
+    r.spread(&move_independent);
+    let mut near = q.to_vec();
+    system.step(&mut near, &r.v.clone());
+    for _ in 0..6 {
+        r.position(t, &near)?;
+        if r.factor(t).is_err() {
+            return Ok(()); // the probe itself ran into a singular position: no verdict from it
+        }
+        r.correct_dependent(&mut near);
+    }
+    r.position(t, &near)?;
+    r.refresh_scales(t, &near)?;
+    let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(r.phi[i].abs()));
+    let there = rank_here(&r);
+    // an independent row would open by the square of the move, 1e-6, a redundant one by rounding
+    if there.rank > start.rank || open > 1e-9 {
+        let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
+        return Err(SystemError::Request(format!(
+            "the start is a singular position: {} closing rows ({}) are dependent here but not next to it (rank {} here, \
+             {} next to it), so the motion from here is not unique; start a little away from it",
+            start.dropped.len(),
+            names.join(", "),
+            start.rank,
+            there.rank.max(start.rank + 1)
+        )));
+    }
+    Ok(())
+}
+
+/// Any admissible partition: the one a sparse elimination with pivoting arrives at.
+fn first_partition<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    use partita_math::elimination::{Plan, PlanOptions};
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let size = r.size();
+    let pattern = r.system.pattern();
+    let row_scale: Vec<f64> = (0..size.rows)
+        .map(|i| {
+            let norm = pattern.row(i).map(|e| (r.c[e] * r.scales()[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            if norm > 0.0 { 1.0 / norm } else { 0.0 }
+        })
+        .collect();
+    let plan = Plan::new(
+        pattern,
+        &r.c,
+        &vec![true; size.rows],
+        &vec![true; size.nv],
+        &row_scale,
+        r.scales(),
+        r.rank(),
+        PlanOptions::default(),
+    )
+    .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+    let mut dependent = vec![false; size.nv];
+    for &c in plan.pivot_cols() {
+        dependent[c] = true;
+    }
+    let independent: Vec<usize> = (0..size.nv).filter(|&i| !dependent[i]).collect();
+    r.set_partition(t, &independent)?;
+    r.tangent(t)
+}
+
+/// Choose independent coordinates at `(t, q)`: P5 on any admissible partition, then P6 until no exchange gains.
+///
+/// `weights` multiply ρ (preferences); `fixed` is the user's own choice, taken as it is or refused with a reason.
+/// Leaves the reduction at `(t, q)` with the tangent of the new partition.
+pub fn choose_partition<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    weights: Option<&[f64]>,
+    fixed: Option<&[usize]>,
+) -> Result<(), SystemError> {
+    if let Some(fixed) = fixed {
+        if fixed.len() != r.k() {
+            return Err(SystemError::Request(format!(
+                "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom",
+                fixed.len(),
+                r.k()
+            )));
+        }
+        r.position(t, q)?;
+        r.refresh_scales(t, q)?;
+        let mut sorted = fixed.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        r.set_partition(t, &sorted).map_err(|_| {
+            let names: Vec<String> = sorted.iter().map(|&i| r.system.velocity_name(i)).collect();
+            SystemError::Request(format!(
+                "the coordinates {} cannot be independent here: the others do not follow from them (C_D is singular)",
+                names.join(", ")
+            ))
+        })?;
+        return r.tangent(t);
+    }
+    first_partition(r, t, q)?;
+    if r.k() == 0 || r.rank() == 0 {
+        return Ok(());
+    }
+    r.v.fill(0.0);
+    r.velocity(t, q)?;
+    r.acceleration(t, q)?;
+    let chosen = criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights);
+    // P5 is a factorisation of a good basis: what it picks is admissible unless rounding says otherwise
+    if chosen != r.partition.independent && r.set_partition(t, &chosen).is_err() {
+        first_partition(r, t, q)?;
+    }
+    r.tangent(t)?;
+    let scales: Vec<f64> = match weights {
+        Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
+        None => r.scales().to_vec(),
+    };
+    // every exchange multiplies the volume by more than 1 + 1e-6, so the loop ends; the bound is for round-off
+    for _ in 0..10 * r.size().nv {
+        let (d, i) = (&r.partition.dependent, &r.partition.independent);
+        let Some(x) = crate::partition::exchange::best(&r.a_matrix, &scales, d, i) else { break };
+        if x.gain <= 1.0 + 1e-6 {
+            break;
+        }
+        let mut next = r.partition.independent.clone();
+        next[x.leaves] = r.partition.dependent[x.enters];
+        next.sort_unstable();
+        r.set_partition(t, &next)?;
+        r.tangent(t)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,267 @@
+//! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
+
+use partita_math::dense;
+use partita_math::elimination::Pattern;
+use thiserror::Error;
+
+/// Sizes of a system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Coordinates q.
+    pub nq: usize,
+    /// Velocities v.
+    pub nv: usize,
+    /// Constraint rows of S4 (holonomic ones first).
+    pub rows: usize,
+    /// How many of them exist as S3 too.
+    pub holonomic: usize,
+}
+
+/// Why a system could not be evaluated.
+#[derive(Debug, Error)]
+pub enum SystemError {
+    /// The constraint matrix lost rank here.
+    #[error(
+        "the constraints lose rank at t = {t}: the smallest scaled pivot is {pivot:.2e} (limit {limit:.0e}); \
+         this is a singular position of the mechanism, start or step elsewhere"
+    )]
+    Singular {
+        /// Time.
+        t: f64,
+        /// Smallest scaled pivot.
+        pivot: f64,
+        /// Its limit.
+        limit: f64,
+    },
+    /// The mass matrix is not positive definite.
+    #[error(
+        "the mass matrix is not positive definite at coordinate {name}: pivot {pivot:.3e}; give the body moved by it \
+         a mass or a moment of inertia"
+    )]
+    Mass {
+        /// Name of the velocity whose pivot failed.
+        name: String,
+        /// The pivot.
+        pivot: f64,
+    },
+    /// A number that is not finite.
+    #[error("{what} is not finite at t = {t}; look at the forces and functions that enter it")]
+    NotFinite {
+        /// What.
+        what: String,
+        /// Time.
+        t: f64,
+    },
+    /// A table was left.
+    #[error("{what}: t = {t} is outside its table [{from}, {to}]; extend the table or shorten the run")]
+    OutsideTable {
+        /// Which element.
+        what: String,
+        /// Time asked for.
+        t: f64,
+        /// Start of the table.
+        from: f64,
+        /// End of the table.
+        to: f64,
+    },
+    /// A user's function failed.
+    #[error("{what}: {source}")]
+    Function {
+        /// Which element.
+        what: String,
+        /// What it said.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Closing the loops failed.
+    #[error(
+        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e}; open: \
+         {loops}; {advice}"
+    )]
+    Assembly {
+        /// Iterations done.
+        iterations: usize,
+        /// Largest residual.
+        residual: f64,
+        /// What was asked.
+        tolerance: f64,
+        /// Which rows stay open, with their residuals.
+        loops: String,
+        /// What to try.
+        advice: String,
+    },
+    /// Something in the request cannot be.
+    #[error("{0}")]
+    Request(String),
+}
+
+impl SystemError {
+    /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
+    pub fn is_local(&self) -> bool {
+        matches!(self, Self::Singular { .. } | Self::NotFinite { .. } | Self::Mass { .. })
+    }
+}
+
+/// `D` and `[0; ξ]` of P2, indexed by velocity.
+pub struct Tangent<'a> {
+    /// Number of independent velocities k.
+    pub k: usize,
+    /// `Dᵀ` (nv x k), row by row.
+    pub dt: &'a [f64],
+    /// `[0; ξ]` (nv).
+    pub delta: &'a [f64],
+}
+
+/// S1-S5 of a mechanism or of a system written by hand.
+///
+/// Evaluated by level: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
+/// dynamics. What one level computes it leaves in the scratch for the next; the scratch is never an answer. The
+/// pattern of C is fixed. After set-up no level allocates.
+pub trait ConstrainedSystem: Sync {
+    /// Memory reused between evaluations.
+    type Scratch;
+
+    /// Sizes.
+    fn size(&self) -> Size;
+    /// Sparsity of C (rows x nv).
+    fn pattern(&self) -> &Pattern;
+    /// New scratch.
+    fn scratch(&self) -> Self::Scratch;
+    /// Name of velocity `i`.
+    fn velocity_name(&self, i: usize) -> String;
+    /// Name of constraint row `i`.
+    fn row_name(&self, i: usize) -> String;
+    /// Does any row depend on time (a ≠ 0)?
+    fn rheonomic(&self) -> bool;
+    /// Is work of non-conservative forces to be accounted?
+    fn has_power(&self) -> bool {
+        false
+    }
+
+    /// Position level: Φ (holonomic rows), the values of C in pattern order, and a.       (S3, S4)
+    fn position(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut Self::Scratch,
+        phi: &mut [f64],
+        c: &mut [f64],
+        a: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Velocity level, at the `(t, q)` of the last `position`: b.                          (S5)
+    fn velocity(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut Self::Scratch,
+        b: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Dense M (nv x nv) and h (nv), after `velocity`.                                     (S1)
+    fn dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut Self::Scratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Tangential projection, after `velocity`: `M_d = D M Dᵀ`, `h_d = D (h − M [0; ξ])`.  (P3)
+    fn project(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &Tangent,
+        s: &mut Self::Scratch,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// `M v' − h` (nv), after `velocity`.
+    fn inverse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// `s_i² = [M⁻¹]_ii` after `position`: the squared lengths |k_i|².                     (19)
+    fn inverse_mass_diagonal(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Columns `which` of `M⁻¹` after `position` (nv x which.len(), row by row).
+    fn inverse_mass_columns(
+        &self,
+        t: f64,
+        q: &[f64],
+        which: &[usize],
+        s: &mut Self::Scratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError>;
+    /// Power of the non-conservative applied forces, after `velocity` (see [`has_power`](Self::has_power)).
+    fn power(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch) -> Result<f64, SystemError> {
+        Ok(0.0)
+    }
+
+    /// `q' = N(q) v`.                                                                      (S2)
+    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
+        let _ = q;
+        qdot.copy_from_slice(v);
+    }
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    fn step(&self, q: &mut [f64], dv: &[f64]) {
+        for (q, d) in q.iter_mut().zip(dv) {
+            *q += d;
+        }
+    }
+    /// Remove the drift of redundant coordinates (unit quaternions); true if anything moved.
+    fn normalise(&self, _q: &mut [f64]) -> bool {
+        false
+    }
+    /// The velocity whose integral coordinate `i` is, if there is one.
+    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
+        Some(i)
+    }
+    /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
+    fn reach(&self, _i: usize) -> f64 {
+        1.0
+    }
+}
+
+/// The projection P3 through dense M and h, for systems that offer nothing better.
+///
+/// Cost: n²k multiply-adds.
+pub fn project_dense(mass: &[f64], h: &[f64], tangent: &Tangent, work: &mut [f64], md: &mut [f64], hd: &mut [f64]) {
+    let (n, k, dt) = (h.len(), tangent.k, tangent.dt);
+    // force left over: h − M [0; ξ]
+    hd.fill(0.0);
+    md.fill(0.0);
+    let row = &mut work[..k];
+    for i in 0..n {
+        let m_i = &mass[i * n..(i + 1) * n];
+        let f = h[i] - dense::dot(m_i, tangent.delta);
+        row.fill(0.0);
+        for (j, &m) in m_i.iter().enumerate() {
+            if m != 0.0 {
+                for (r, d) in row.iter_mut().zip(&dt[j * k..(j + 1) * k]) {
+                    *r += m * d;
+                }
+            }
+        }
+        let d_i = &dt[i * k..(i + 1) * k];
+        for (a, &d) in d_i.iter().enumerate() {
+            hd[a] += d * f;
+            if d != 0.0 {
+                for (x, r) in md[a * k..(a + 1) * k].iter_mut().zip(row.iter()) {
+                    *x += d * r;
+                }
+            }
+        }
+    }
+}

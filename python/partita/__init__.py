@@ -1,0 +1,50 @@
+"""Partita: motion and forces of mechanisms with closed loops.
+
+>>> import partita as pt
+>>> m = pt.Mechanism("pendulum")
+>>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+>>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+>>> run = m.simulate(1.0)
+>>> run.success
+True
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from . import errors, partition, units
+from ._core import version as _version
+from .builder import Mechanism
+from .io import load
+from .state import State
+from .system import System, simulate
+
+__version__ = _version()
+
+__all__ = [
+    "Mechanism",
+    "State",
+    "System",
+    "__version__",
+    "catalogue",
+    "errors",
+    "load",
+    "partition",
+    "simulate",
+    "units",
+]
+
+# Imported when first asked for: they bring plotting and data libraries along.
+_LATER = ("catalogue", "plots", "results", "viewer")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})

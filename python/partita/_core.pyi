@@ -1,0 +1,146 @@
+"""The compiled core: a description goes in, arrays come out. Private; `partita` is the public face.
+
+Sizes: nq coordinates, nv velocities, `rows` kept constraint rows, k = nv - rank independent velocities. SI,
+    radians,
+world axes. A callback's own exceptions pass through unchanged.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+class Model:
+    """A compiled mechanism: constant; states are handed in."""
+
+    def __init__(self, spec: str, functions: Sequence[Callable[..., Any]], coordinates: str = "relative") -> None:
+        """`spec`: JSON of the description; `functions`: what its {"function": i} refer to."""
+
+    @property
+    def nq(self) -> int: ...
+    @property
+    def nv(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def rank(self) -> int: ...
+    @property
+    def mobility(self) -> int: ...
+    @property
+    def planar(self) -> bool: ...
+    @property
+    def summary(self) -> str:
+        """JSON: names, sizes and the layout of states."""
+
+    def initial(self) -> tuple[Array, Array]:
+        """q (nq,) of the drawing and v = 0 (nv,)."""
+
+    def assemble(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        targets: list[tuple[int, float]],
+        rates: list[tuple[int, float]],
+        tolerance: float,
+    ) -> tuple[Array, Array, str]:
+        """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
+        index v."""
+
+    def mass_matrix(self, t: float, q: Array) -> Array:
+        """M (nv, nv)."""
+
+    def forces(self, t: float, q: Array, v: Array) -> Array:
+        """h (nv,)."""
+
+    def constraints(self, t: float, q: Array) -> Array:
+        """Phi (rows,)."""
+
+    def jacobian(self, t: float, q: Array) -> Array:
+        """C (rows, nv)."""
+
+    def rate(self, t: float, q: Array) -> Array:
+        """a (rows,)."""
+
+    def bias(self, t: float, q: Array, v: Array) -> Array:
+        """b (rows,)."""
+
+    def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """v' (nv,) and multipliers (rows,)."""
+
+    def measure(self, t: float, q: Array) -> Array:
+        """rho (nv,)."""
+
+    def simulate(
+        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+    ) -> dict[str, Any]:
+        """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
+
+    def observe(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
+        """Poses, velocities and energies of nt samples."""
+
+    def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
+        """Joint wrenches of nt samples."""
+
+    def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:
+        """(nj, 6): which of fx fy fz mx my mz follow from the motion alone."""
+
+    def report(self, t: float, q: Array) -> str:
+        """JSON for `Mechanism.report`."""
+
+class System:
+    """Equations (S1)-(S5) given as callables."""
+
+    def __init__(
+        self,
+        n: int,
+        mass: Callable[[float, Array], Array],
+        forces: Callable[[float, Array, Array], Array],
+        constraints: Callable[[float, Array], Array],
+        jacobian: Callable[[float, Array], Array],
+        constraint_rate: Callable[[float, Array], Array] | None,
+        bias: Callable[[float, Array, Array], Array],
+        names: list[str],
+    ) -> None: ...
+    @property
+    def nq(self) -> int: ...
+    @property
+    def nv(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def rank(self) -> int: ...
+    def assemble(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        targets: list[tuple[int, float]],
+        rates: list[tuple[int, float]],
+        tolerance: float,
+    ) -> tuple[Array, Array, str]: ...
+    def mass_matrix(self, t: float, q: Array) -> Array: ...
+    def forces(self, t: float, q: Array, v: Array) -> Array: ...
+    def constraints(self, t: float, q: Array) -> Array: ...
+    def jacobian(self, t: float, q: Array) -> Array: ...
+    def rate(self, t: float, q: Array) -> Array: ...
+    def bias(self, t: float, q: Array, v: Array) -> Array: ...
+    def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]: ...
+    def measure(self, t: float, q: Array) -> Array: ...
+    def simulate(
+        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+    ) -> dict[str, Any]: ...
+
+def measure(mass: Array, jacobian: Array) -> Array:
+    """rho (nv,)."""
+
+def choose(mass: Array, jacobian: Array, threshold: float, weights: Array | None) -> dict[str, Any]:
+    """independent, dependent, A, D, rho, sigma, sqrt_mu, rows."""
+
+def parse_toml(text: str, path: str) -> tuple[str, str]:
+    """JSON of the document, and JSON of {"/body/0/mass": line} with lines from 1."""
+
+def version() -> str: ...

@@ -1,0 +1,135 @@
+"""Bodies: `Mechanism.add_body` and `Mechanism.add_rod`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import frames
+from .checks import Array, Element, find, name_of, number, vector
+from .records import GROUND, Body, BodyRecord, Handle
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+
+def add_body(
+    self: Mechanism,
+    name: str,
+    mass: float,
+    inertia: ArrayLike,
+    com: ArrayLike = (0.0, 0.0, 0.0),
+    position: ArrayLike = (0.0, 0.0, 0.0),
+    orientation: Any = None,
+) -> Body:
+    """Add a rigid body of any shape. For a straight uniform bar prefer `add_rod`.
+
+    Args:
+        name: unique among the bodies; "ground" is reserved.
+        mass: [kg], not negative.
+        inertia: about the centre of mass, in body axes [kg m^2]: (Ixx, Iyy, Izz) or a symmetric 3x3 matrix.
+            Principal values must be possible for a real body (none negative, none above the sum of the
+            others, to 1e-6 of the largest). All zero is a point mass.
+        com: centre of mass in body axes [m].
+        position: of the body's origin in the world, as drawn [m].
+        orientation: body axes in the world, as drawn: None (parallel to the world), a 3x3 rotation whose
+            columns are the body axes, a quaternion (w, x, y, z) of any length, or a SciPy `Rotation`. A
+            matrix may miss being orthonormal by 1e-9; the nearest rotation is used.
+
+    Returns:
+        A handle; its name serves as well.
+
+    Raises:
+        DescriptionError: a number is impossible, or the name is taken.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("top")
+    >>> top = m.add_body("top", mass=0.2, inertia=(1e-4, 1e-4, 1.5e-4), com=(0, 0, 0.05))
+    >>> top.name
+    'top'
+    """
+    element = name_of("body", name, self._description.bodies, (GROUND,))
+    record = BodyRecord(
+        name=name,
+        mass=number(element, "mass", mass, least=0.0),
+        inertia=frames.inertia(element, inertia),
+        com=vector(element, "com", com),
+        position=vector(element, "position", position),
+        rotation=frames.rotation(element, "orientation", orientation),
+    )
+    self._description.store(self._description.bodies, record)
+    return Body(name, self)
+
+
+def add_rod(self: Mechanism, name: str, start: ArrayLike, end: ArrayLike, mass: float) -> Body:
+    """Add a uniform slender rod between two points of the world as drawn.
+
+    Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so
+    that a rod drawn in the x-y plane turns about its own z; only for rods within 26 degrees of the world's z
+    does y stay near the world's y instead. Inertia about the centre: (0, m L^2/12, m L^2/12), none about the
+    rod itself; where a rod may spin about its axis (two spherical joints), use `add_body` with a small axial
+    inertia.
+
+    Args:
+        name: unique among the bodies.
+        start, end: two different points in the world [m].
+        mass: [kg], not negative. Zero makes a massless link, which must be held by others that have mass.
+
+    Raises:
+        DescriptionError: a number is impossible, the rod has no length, or the name is taken.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> m.add_rod("rod", start=(0, 0, 0), end=(3, 4, 0), mass=2.0).name
+    'rod'
+    >>> m.to_spec()["bodies"][0]["com"]
+    [2.5, 0.0, 0.0]
+    """
+    element = name_of("body", name, self._description.bodies, (GROUND,))
+    first, last = vector(element, "start", start), vector(element, "end", end)
+    length, rotation = frames.along(element, first, last)
+    weight = number(element, "mass", mass, least=0.0)
+    moment = weight * length**2 / 12.0
+    record = BodyRecord(
+        name=name,
+        mass=weight,
+        inertia=np.diag([0.0, moment, moment]),
+        com=np.array([0.5 * length, 0.0, 0.0]),
+        position=first,
+        rotation=rotation,
+        rod=(first, last, length),
+    )
+    self._description.store(self._description.bodies, record)
+    return Body(name, self)
+
+
+def resolve(mechanism: Mechanism, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:
+    """Name of the body meant by a handle or a name."""
+    name = own_name(mechanism, asker, what, body, Body)
+    if name == GROUND:
+        if not ground:
+            asker.fail(f"{what} is the ground, which does not move; name a body")
+        return name
+    known = list(mechanism._description.bodies) + ([GROUND] if ground else [])
+    return find("body", name, known, where=f'{asker.kind} "{asker.name}": {what}: ')
+
+
+def own_name(mechanism: Mechanism, asker: Element, what: str, item: Any, kind: type[Handle]) -> str:
+    """Name of a handle of this mechanism, or the name itself."""
+    if isinstance(item, str):
+        return item
+    if not isinstance(item, kind):
+        asker.fail(
+            f"{what} must be a {kind.__name__.lower()} of this mechanism or its name, not "
+            f"{type(item).__name__} {item!r}"
+        )
+    if item.mechanism is not mechanism:
+        asker.fail(f'{what} "{item.name}" belongs to the mechanism "{item.mechanism.name}", not to "{mechanism.name}"')
+    return item.name
+
+
+def to_world(mechanism: Mechanism, body: str, point: Array) -> Array:
+    """World position, as drawn, of a point given in the axes of `body` (of the world for the ground)."""
+    return point if body == GROUND else mechanism._description.bodies[body].to_world(point)

@@ -1,0 +1,57 @@
+"""User functions f(t, state) in the form in which the core calls them: f(t, q, v)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import EvaluationError
+from ..state import Layout, StateView
+from .checks import Array, Element
+from .values import Function, finite, one_number
+
+
+class Callback:
+    """A user's function with the element it belongs to, not yet bound to a compiled model."""
+
+    def __init__(self, element: Element, function: Callable[..., Any], size: int) -> None:
+        self.element, self.function, self.size = element, function, size
+        self.notes: list[str] = []
+
+    def bind(self, layout: Layout) -> Callable[[float, Array, Array], Any]:
+        """The function as the core calls it. `layout` may be filled in later, but before the first call needs
+        it."""
+
+        def call(t: float, q: Array, v: Array) -> Any:
+            return self._result(t, self.function(t, StateView(t, q, v, layout)))
+
+        return call
+
+    def _result(self, t: float, value: Any) -> Any:
+        """One finite number, or a list of three."""
+        try:
+            numbers = [one_number(value)] if self.size == 1 else [one_number(item) for item in value]
+            if len(numbers) != self.size:
+                raise TypeError(f"{len(numbers)} numbers")
+        except TypeError as error:
+            wanted = "one number" if self.size == 1 else "three numbers"
+            raise self._error(t, f"the function must return {wanted}, not {error}") from error
+        if not finite(numbers):
+            raise self._error(t, f"the function returned {numbers if self.size > 1 else numbers[0]}")
+        return numbers[0] if self.size == 1 else np.array(numbers)
+
+    def _error(self, t: float, sentence: str) -> EvaluationError:
+        name = self.element.name
+        return EvaluationError(f'{self.element.kind} "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+
+
+def number_of(element: Element) -> Callable[[Callable[..., Any]], Function]:
+    """Wrapper for functions that return one number."""
+    return lambda function: Function(Callback(element, function, 1))
+
+
+def vector_of(element: Element) -> Callable[[Callable[..., Any]], Function]:
+    """Wrapper for functions that return three numbers."""
+    return lambda function: Function(Callback(element, function, 3))

@@ -1,0 +1,149 @@
+"""Checks at the door: what the user hands over becomes clean numbers or an error that says what to change.
+
+Each function names the element it was called for, so that the sentence can: `Element("body", "crank")`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DescriptionError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Element:
+    """What an error is about: kind "body", "joint", "force", "drive" or "mechanism", and its name."""
+
+    kind: str
+    name: str
+
+    def fail(self, sentence: str, cause: BaseException | None = None) -> NoReturn:
+        """Raise `DescriptionError`: 'body "crank": sentence'."""
+        raise DescriptionError(f'{self.kind} "{self.name}": {sentence}', element=self.kind, name=self.name) from cause
+
+
+def name_of(kind: str, name: Any, taken: Iterable[str] = (), reserved: Iterable[str] = ()) -> Element:
+    """A usable name: text, not blank, without line breaks, not in `taken`, not in `reserved`."""
+    element = Element(kind, str(name))
+    if not isinstance(name, str):
+        element.fail(f"a name must be text, not {type(name).__name__} {name!r}")
+    if not name.strip() or name != name.strip() or not name.isprintable():
+        element.fail(f"{name!r} cannot be a name; give printable text that neither starts nor ends with a space")
+    if name in reserved:
+        element.fail("this name is reserved; choose another one")
+    if name in taken:
+        element.fail(f"there is already a {kind} of this name; names must be unique among {_plural(kind)}")
+    return element
+
+
+def _plural(kind: str) -> str:
+    return "bodies" if kind == "body" else kind + "s"
+
+
+def find(kind: str, name: str, known: Iterable[str], where: str = "") -> str:
+    """`name` if it is among `known`; else `UnknownNameError` with the nearest name."""
+    names = list(known)
+    if name in names:
+        return name
+    close = difflib.get_close_matches(str(name), names, n=1)
+    hint = (
+        f'did you mean "{close[0]}"?'
+        if close
+        else f"known {_plural(kind)}: {', '.join(names) if names else 'none yet'}"
+    )
+    raise UnknownNameError(f'{where}there is no {kind} "{name}"; {hint}', name=str(name), known=names)
+
+
+def number(element: Element, what: str, value: Any, *, least: float | None = None, above: float | None = None) -> float:
+    """A finite number, optionally `>= least` or `> above`."""
+    array = _floats(element, what, value)
+    if array.ndim != 0:
+        element.fail(f"{what} must be one number, not an array of shape {array.shape}")
+    result = float(array)
+    if not math.isfinite(result):
+        element.fail(f"{what} is {result}; give a finite number")
+    if least is not None and result < least:
+        element.fail(f"{what} is {result:g}; it must be at least {least:g}")
+    if above is not None and result <= above:
+        element.fail(f"{what} is {result:g}; it must be greater than {above:g}")
+    return result
+
+
+def vector(element: Element, what: str, value: Any, size: int = 3) -> Array:
+    """A finite vector of `size` numbers."""
+    array = _floats(element, what, value)
+    if array.shape != (size,):
+        element.fail(f"{what} must be {size} numbers, not {_shape(array)}")
+    return _finite(element, what, array)
+
+
+def matrix(element: Element, what: str, value: Any) -> Array:
+    """A finite 3x3 matrix."""
+    array = _floats(element, what, value)
+    if array.shape != (3, 3):
+        element.fail(f"{what} must be a 3x3 matrix, not {_shape(array)}")
+    return _finite(element, what, array)
+
+
+def direction(element: Element, what: str, value: Any) -> Array:
+    """A vector that is not zero; its length does not matter and is kept."""
+    array = vector(element, what, value)
+    if not np.any(array):
+        element.fail(f"{what} is (0, 0, 0) and has no direction; give for instance (0, 0, 1)")
+    return array
+
+
+def index(element: Element, what: str, value: Any, size: int) -> int:
+    """An integer in 0..size-1."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < size:
+        last = "0" if size == 1 else f"0 to {size - 1}"
+        element.fail(f"{what} is {value!r}; it must be an integer, {last}")
+    return int(value)
+
+
+def choice(element: Element, what: str, value: Any, options: Iterable[str]) -> str:
+    """One of `options`."""
+    known = list(options)
+    if value not in known:
+        close = difflib.get_close_matches(str(value), known, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        element.fail(f"{what} is {value!r}; it must be one of {', '.join(map(repr, known))}{hint}")
+    return str(value)
+
+
+def shape_of(value: Any) -> tuple[int, ...] | None:
+    """Shape of a number or of nested sequences; None where rows differ in length."""
+    try:
+        return np.shape(value)
+    except ValueError:
+        return None
+
+
+def _floats(element: Element, what: str, value: Any) -> Array:
+    """`value` as a new float array."""
+    try:
+        array = np.array(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError(f"{array.dtype} values")
+        return array.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        element.fail(f"{what} must be made of real numbers, not {value!r}", cause=error)
+
+
+def _finite(element: Element, what: str, array: Array) -> Array:
+    if not np.all(np.isfinite(array)):
+        element.fail(f"{what} is {array.tolist()}; NaN and infinity are not allowed")
+    return array
+
+
+def _shape(array: Array) -> str:
+    return "one number" if array.ndim == 0 else f"an array of shape {array.shape}"

@@ -1,0 +1,145 @@
+"""A compiled model: constant equations (S1)-(S5) that can be evaluated at any state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..errors import ArgumentError
+
+Array = NDArray[np.float64]
+
+
+class Equations:
+    """M v' = h + C^T lambda with Phi = 0, evaluated by the core. nq coordinates, nv velocities, `rows`
+    constraint rows.
+
+    Every method takes q (nq,), some v (nv,), and the time t [s] where something depends on it, and returns
+    new arrays. Raises `ArgumentError` if an array has another shape or holds NaN, `EvaluationError` if a
+    user's function fails.
+    """
+
+    def __init__(self, core: _core.Model | _core.System, names: list[str], velocity_names: list[str]) -> None:
+        self._core = core
+        self._names, self._velocity_names = names, velocity_names
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the coordinates q."""
+        return list(self._names)
+
+    @property
+    def velocity_names(self) -> list[str]:
+        """Names of the velocities v; the same as `names` unless there are quaternions."""
+        return list(self._velocity_names)
+
+    def mass_matrix(self, q: ArrayLike, *, t: float = 0.0) -> Array:
+        """M (nv, nv), symmetric. Dense: costs O(nv^2), which a run avoids."""
+        return self._core.mass_matrix(t, self._q(q))
+
+    def forces(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
+        """h (nv,): applied and velocity-dependent forces, the right side of (S1) without constraint
+        forces."""
+        return self._core.forces(t, self._q(q), self._v(v))
+
+    def constraints(self, q: ArrayLike, *, t: float = 0.0) -> Array:
+        """Phi: how far the loops are open (S3); zero in an assembled state."""
+        return self._core.constraints(t, self._q(q))
+
+    def jacobian(self, q: ArrayLike, *, t: float = 0.0) -> Array:
+        """C (rows, nv) of C v + a = 0 (S4)."""
+        return self._core.jacobian(t, self._q(q))
+
+    def rate(self, q: ArrayLike, *, t: float = 0.0) -> Array:
+        """a (rows,) of C v + a = 0 (S4): zero unless something moves by prescription."""
+        return self._core.rate(t, self._q(q))
+
+    def bias(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
+        """b (rows,) of C v' + b = 0 (S5)."""
+        return self._core.bias(t, self._q(q), self._v(v))
+
+    def acceleration(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> tuple[Array, Array]:
+        """v' (nv,) and multipliers (rows,) that satisfy (S1) and (S5). The state must satisfy the
+        constraints."""
+        return self._core.acceleration(t, self._q(q), self._v(v))
+
+    def measure(self, q: ArrayLike, *, t: float = 0.0) -> Array:
+        """Projective measure rho (nv,) of every velocity (P4), without units.
+
+        How mobile it is with the loops closed, relative to the loops opened: 1 = they do not hinder it, 0 =
+        locked.
+        """
+        return self._core.measure(t, self._q(q))
+
+    def _q(self, q: ArrayLike) -> Array:
+        return checked("q", q, self._core.nq, self._names)
+
+    def _v(self, v: ArrayLike) -> Array:
+        return checked("v", v, self._core.nv, self._velocity_names)
+
+
+class CompiledModel(Equations):
+    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes.
+
+    Attributes:
+        summary: names, sizes and layout as plain data.
+        coordinates: "relative" or "absolute".
+        notes: what the compiler wants known: rows left out as redundant, derivatives found by differences,
+            ...
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=3.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.compile().mass_matrix([0.0]).round(12).tolist()   # m L^2 / 3
+    [[1.0]]
+    """
+
+    def __init__(self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]]) -> None:
+        super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
+        self.core = core
+        self.summary, self.coordinates = summary, coordinates
+        self._notes = notes
+
+    @property
+    def notes(self) -> list[str]:
+        """What the compiler and the builder want known, as sentences."""
+        return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
+
+    @property
+    def row_names(self) -> list[str]:
+        """Names of the constraint rows, such as "D.x"."""
+        return list(self.summary["rows_names"])
+
+    @property
+    def mobility(self) -> int:
+        """Number of independent velocities in the assembled position."""
+        return self.core.mobility
+
+    def __repr__(self) -> str:
+        core = self.core
+        return (
+            f"CompiledModel({self.summary['name']!r}: {core.nq} coordinates, {core.nv} velocities, "
+            f"{core.rows} constraint rows of rank "
+            f"{core.rank}, mobility {core.mobility})"
+        )
+
+
+def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:
+    """`values` as a flat, finite, contiguous float array of `size` numbers."""
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
+    if np.ndim(values) != 1 or array.size != size:
+        raise ArgumentError(
+            f"{what} has shape {np.shape(values)}; it must be a flat array of {size} numbers: {', '.join(names)}",
+            argument=what,
+        )
+    if not np.all(np.isfinite(array)):
+        bad = int(np.argmin(np.isfinite(array)))
+        raise ArgumentError(f"{what}[{bad}] ({names[bad]}) is {array[bad]}; give finite numbers", argument=what)
+    return array

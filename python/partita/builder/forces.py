@@ -1,0 +1,253 @@
+"""Forces: springs, torques and forces on a mechanism.
+
+A value that changes may be a number, a table or a Python function f(t, state). `state` offers `.t`, `.q`,
+`.v` and, for joints of the spanning tree, `.position(joint)` and `.velocity(joint)` by name. A table is
+(times [s], values), joined by PCHIP, which never overshoots the samples; a run that leaves the table stops
+with `EvaluationError`. A function is called several times per step, from the compiled core, and is by far the
+most expensive part of an evaluation; numbers and tables cost nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import callbacks
+from .bodies import own_name, resolve, to_world
+from .checks import Element, choice, find, index, name_of, number, vector
+from .joints import scalars, speeds
+from .records import (
+    Body,
+    Force,
+    ForceLike,
+    ForceRecord,
+    Joint,
+    JointRecord,
+    SpringRecord,
+    TorqueRecord,
+    TorsionSpringRecord,
+)
+from .values import Function, Table, Value, is_table, scalar, table
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+
+def add_spring(
+    self: Mechanism,
+    name: str,
+    body1: Body | str,
+    point1: ArrayLike,
+    body2: Body | str,
+    point2: ArrayLike,
+    *,
+    stiffness: float,
+    damping: float = 0.0,
+    length: float | None = None,
+) -> Force:
+    """Add a linear spring and damper between two points.
+
+    The force along the line is stiffness (distance - length) + damping d(distance)/dt, pulling when positive.
+    Negative stiffness or damping is allowed: some controllers and magnets are like that.
+
+    Args:
+        name: unique among the forces.
+        body1, body2: two different bodies or the ground.
+        point1, point2: in the axes of their body (world for the ground) [m].
+        stiffness: [N/m].
+        damping: [N s/m].
+        length: free length [m], not negative; None: as drawn, so that the drawn spring carries no force.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("swing")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> m.add_spring("S", m.ground, (0, 1, 0), rod, (1, 0, 0), stiffness=100.0).name
+    'S'
+    """
+    element = name_of("force", name, self._description.forces)
+    first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
+    if first == second:
+        element.fail(f'both ends are on "{first}", where the spring does nothing; name two different bodies')
+    end1, end2 = vector(element, "point1", point1), vector(element, "point2", point2)
+    drawn = float(np.linalg.norm(to_world(self, second, end2) - to_world(self, first, end1)))
+    if drawn == 0.0:
+        element.fail(
+            "both ends are at the same point as drawn, where the direction of the force is unknown; move one end"
+        )
+    record = SpringRecord(
+        name=name,
+        body1=first,
+        point1=end1,
+        body2=second,
+        point2=end2,
+        stiffness=number(element, "stiffness", stiffness),
+        damping=number(element, "damping", damping),
+        length=None if length is None else number(element, "length", length, least=0.0),
+    )
+    return _store(self, record)
+
+
+def add_torsion_spring(
+    self: Mechanism,
+    joint: Joint | str,
+    *,
+    stiffness: float,
+    damping: float = 0.0,
+    angle: float = 0.0,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add a spring and damper along one coordinate of a joint: -stiffness (x - angle) - damping x' acts on
+    the child.
+
+    Args:
+        joint: the joint or its name; not one whose coordinate is part of a quaternion.
+        stiffness: [N m/rad] on a turn, [N/m] on a slide.
+        damping: [N m s/rad] or [N s/m].
+        angle: coordinate at which the spring is at rest [rad] or [m]; 0: the drawn position.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("flap")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.add_torsion_spring(hinge, stiffness=5.0).name
+    'spring of A'
+    """
+    element = _named(self, name, "spring of", joint)
+    found = joint_record(self, element, joint)
+    record = TorsionSpringRecord(
+        name=element.name,
+        joint=found.name,
+        coordinate=coordinate_of(element, found, coordinate, scalars(found)),
+        stiffness=number(element, "stiffness", stiffness),
+        damping=number(element, "damping", damping),
+        angle=number(element, "angle", angle),
+    )
+    return _store(self, record)
+
+
+def add_torque(
+    self: Mechanism,
+    joint: Joint | str,
+    value: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    *,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add an effort along one coordinate of a joint: on the child, its opposite on the parent.
+
+    Args:
+        joint: the joint or its name.
+        value: torque on a turn [N m], force on a slide [N]: a number, a table (times, values), or f(t, state)
+            that returns a number.
+        coordinate: which velocity of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("motor")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.add_torque(hinge, lambda t, state: 5.0 - 0.1 * state.velocity("A")).name
+    'torque on A'
+    """
+    element = _named(self, name, "torque on", joint)
+    found = joint_record(self, element, joint)
+    record = TorqueRecord(
+        name=element.name,
+        joint=found.name,
+        coordinate=coordinate_of(element, found, coordinate, speeds(found)),
+        value=scalar(element, "value", value, "monotone", callbacks.number_of(element)),
+    )
+    return _store(self, record)
+
+
+def add_force(
+    self: Mechanism,
+    body: Body | str,
+    force: ArrayLike | tuple[Any, ...] | Callable[..., Any],
+    point: ArrayLike | None = None,
+    *,
+    axes: str = "world",
+    name: str | None = None,
+) -> Force:
+    """Add a force on a point of a body.
+
+    Args:
+        body: the body or its name, not the ground.
+        force: [N] three components, each a number, a table (times, values) or f(t, state); or one table
+            (times (n,), values (n, 3)); or one function f(t, state) that returns three numbers.
+        point: where it acts, in body axes [m]; None: the centre of mass.
+        axes: "world": components along the world's axes; "body": along the body's axes, turning with it.
+        name: None: made from the body's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("stone")
+    >>> stone = m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_force(stone, (0, 0, 2.5)).name
+    'force on stone'
+    """
+    element = _named(self, name, "force on", body)
+    found = self._description.bodies[resolve(self, element, "body", body, ground=False)]
+    record = ForceRecord(
+        name=element.name,
+        body=found.name,
+        point=found.com.copy() if point is None else vector(element, "point", point),
+        value=_components(element, force),
+        axes=choice(element, "axes", axes, ("world", "body")),
+    )
+    return _store(self, record)
+
+
+def _components(element: Element, force: Any) -> tuple[Value, Value, Value] | Function:
+    """Three values, or one function for all three."""
+    if callable(force):
+        return callbacks.vector_of(element)(force)
+    if is_table(force):
+        whole = table(element, "force", force, "monotone", columns=3)
+        return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
+    if not isinstance(force, tuple | list | np.ndarray) or len(force) != 3:
+        element.fail(f"force must have three components, or be a table or a function; got {force!r}")
+    x, y, z = (
+        scalar(element, f"force {label}", item, "monotone", callbacks.number_of(element))
+        for label, item in zip("xyz", force, strict=True)
+    )
+    return x, y, z
+
+
+def joint_record(mechanism: Mechanism, element: Element, joint: Joint | str) -> JointRecord:
+    """The record of the joint meant by a handle or a name."""
+    joints = mechanism._description.joints
+    name = own_name(mechanism, element, "joint", joint, Joint)
+    return joints[find("joint", name, joints, where=f'{element.kind} "{element.name}": ')]
+
+
+def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: int) -> int:
+    """A coordinate number that the joint has and the element can use."""
+    if count == 0:
+        element.fail(f'the {joint.kind} joint "{joint.name}" has no slide or angle that this could act along')
+    return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
+
+
+def _named(mechanism: Mechanism, name: str | None, words: str, owner: Any) -> Element:
+    """The element with the user's name, or with one made from its owner's; a second one becomes "... 2"."""
+    taken = mechanism._description.forces
+    return name_of("force", name if name is not None else free_name(f"{words} {owner}", taken), taken)
+
+
+def free_name(wanted: str, taken: dict[str, Any]) -> str:
+    """`wanted`, or the first of "wanted 2", "wanted 3", ... that is free."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted} {count}"
+    return name
+
+
+def _store(mechanism: Mechanism, record: ForceLike) -> Force:
+    mechanism._description.store(mechanism._description.forces, record)
+    return Force(record.name, mechanism)

@@ -1,0 +1,119 @@
+"""Rotations and inertias as the user may write them, checked and brought into one form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .checks import Array, Element, matrix, shape_of, vector
+
+# A matrix typed with ten digits passes; one with six does not: it would bend every length by 1e-6 without a
+# word.
+ORTHONORMAL = 1e-9
+# Below this a matrix is a rotation to round-off and is left untouched, so that saving and loading repeats it
+# exactly.
+ROUND_OFF = 1e-14
+# Published inertias carry about seven digits, and thin rods and flat plates lie exactly on the bounds.
+INERTIA = 1e-6
+
+
+def rotation(element: Element, what: str, value: Any) -> Array:
+    """The 3x3 rotation (body axes to world axes) meant by None, a matrix, a quaternion or a SciPy
+    `Rotation`."""
+    if value is None:
+        return np.eye(3)
+    if isinstance(value, Rotation):
+        if not value.single:
+            element.fail(f"{what} holds {len(value)} rotations; give one, for instance {what}[0]")
+        return _orthonormal(element, what, np.asarray(value.as_matrix(), dtype=float))
+    if shape_of(value) == (4,):
+        return _from_quaternion(element, what, vector(element, what, value, 4))
+    if shape_of(value) != (3, 3):
+        element.fail(
+            f"{what} must be a 3x3 rotation matrix, a quaternion (w, x, y, z) or a SciPy Rotation, "
+            f"not {type(value).__name__} with shape {shape_of(value)}"
+        )
+    return _orthonormal(element, what, matrix(element, what, value))
+
+
+def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
+    """Scalar first; any length but zero, since only the direction of a quaternion matters."""
+    if not np.any(quaternion):
+        element.fail(f"{what} is the zero quaternion, which is no rotation; no rotation is (1, 0, 0, 0)")
+    return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+
+
+def _orthonormal(element: Element, what: str, rows: Array) -> Array:
+    """Refuse what is no rotation; remove what is left of rounding by the polar decomposition."""
+    error = float(np.max(np.abs(rows.T @ rows - np.eye(3))))
+    if error > ORTHONORMAL:
+        element.fail(
+            f"{what} is not a rotation: its columns miss being orthonormal by {error:.1e} (allowed "
+            f"{ORTHONORMAL:.0e}); "
+            "give more digits, or a quaternion"
+        )
+    if np.linalg.det(rows) < 0.0:
+        element.fail(f"{what} is a reflection (determinant -1), not a rotation; change the sign of one column")
+    if error <= ROUND_OFF:
+        return rows
+    left, _, right = np.linalg.svd(rows)
+    return np.asarray(left @ right, dtype=float)
+
+
+def along(element: Element, start: Array, end: Array) -> tuple[float, Array]:
+    """Length of a rod and its 3x3 rotation: x towards `end`.
+
+    z stays as near to the world's z as it can, so that rods drawn in the x-y plane keep it. For a rod within
+    26 degrees of the world's z that would turn wildly: then y stays near the world's y instead.
+    """
+    span = end - start
+    length = float(np.linalg.norm(span))
+    if not length > 0.0:
+        element.fail(f"start and end are the same point {start.tolist()}; a rod needs a length")
+    x = span / length
+    if abs(x[2]) < 0.9:
+        z = _across(np.array([0.0, 0.0, 1.0]), x)
+        y = np.cross(z, x)
+    else:
+        y = _across(np.array([0.0, 1.0, 0.0]), x)
+        z = np.cross(x, y)
+    return length, np.column_stack([x, y, z])
+
+
+def _across(wanted: Array, x: Array) -> Array:
+    """Unit vector across `x` nearest to `wanted`."""
+    rest = wanted - (wanted @ x) * x
+    return np.asarray(rest / np.linalg.norm(rest), dtype=float)
+
+
+def inertia(element: Element, value: Any) -> Array:
+    """Inertia about the centre of mass as 3x3 from three principal values or a matrix; physically possible,
+    or an error."""
+    if shape_of(value) == (3,):
+        tensor = np.diag(vector(element, "inertia", value))
+    elif shape_of(value) == (3, 3):
+        tensor = matrix(element, "inertia", value)
+    else:
+        element.fail(f"inertia must be (Ixx, Iyy, Izz) or a 3x3 matrix, not shape {shape_of(value)}")
+    size = float(np.max(np.abs(tensor)))
+    skew = float(np.max(np.abs(tensor - tensor.T)))
+    if skew > INERTIA * size:
+        element.fail(
+            f"inertia is not symmetric: entries across the diagonal differ by {skew:.3g}; products come "
+            "with equal signs"
+        )
+    tensor = 0.5 * (tensor + tensor.T)
+    small, middle, large = (float(value) for value in np.linalg.eigvalsh(tensor))
+    if small < -INERTIA * size:
+        element.fail(f"inertia has the principal value {small:.6g}; a body has none below zero")
+    if small + middle < large - INERTIA * size:
+        element.fail(
+            f"inertia has the principal values {small:.6g}, {middle:.6g}, {large:.6g}: no body has one "
+            "that exceeds the sum of "
+            f"the two others; if only Izz = {large:.6g} matters because the motion is planar, give "
+            f"({large / 2:.6g}, "
+            f"{large / 2:.6g}, {large:.6g})"
+        )
+    return tensor

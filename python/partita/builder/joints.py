@@ -1,0 +1,349 @@
+"""Joints: `Mechanism.add_revolute` and its sisters.
+
+All share: `parent` and `child` are bodies or their names (or the ground), points and axes are world data of
+the drawn position, coordinates are zero there, and positive turns and slides move the child along the axis as
+seen from the parent. `child_point` and `child_axis` serve a rough drawing in which the loops are still open:
+they say where the same joint sits on the child; `assemble` closes the gap. `cut` says whether the joint may
+close a loop instead of being part of the spanning tree: "auto" (chosen by Partita), "always" or "never".
+
+Every function raises `DescriptionError` for impossible data and `UnknownNameError` for a body that does not
+exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import frames
+from .bodies import resolve
+from .checks import Array, Element, choice, direction, name_of, vector
+from .records import Body, Joint, JointRecord
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+BodyLike = Body | str
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+CUTS = ("auto", "always", "never")
+# Below this sine two axes act as one, and the two turns could not be told apart.
+_PARALLEL = 1e-6
+_SPEEDS = {
+    "revolute": 1,
+    "prismatic": 1,
+    "cylindrical": 2,
+    "universal": 2,
+    "planar": 3,
+    "spherical": 3,
+    "fixed": 0,
+    "free": 6,
+}
+
+
+def add_revolute(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a hinge: the child turns about `axis` through `point`. One coordinate, the angle [rad].
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> m.add_revolute("A", m.ground, rod, point=(0, 0, 0)).name
+    'A'
+    """
+    element = _element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return _store(self, element, "revolute", parent, child, point, geometry, cut, child_point, child_axis)
+
+
+def add_prismatic(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    axis: ArrayLike = (1.0, 0.0, 0.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a slide along `axis` without turning. One coordinate, the slide [m].
+
+    `point` is where the reaction is reduced to; None: the child's origin as drawn.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("slide")
+    >>> block = m.add_body("block", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_prismatic("S", m.ground, block, axis=(0, 1, 0)).name
+    'S'
+    """
+    element = _element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return _store(self, element, "prismatic", parent, child, point, geometry, cut, child_point, child_axis)
+
+
+def add_cylindrical(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a joint that slides along and turns about `axis` through `point`. Coordinates: slide [m], turn
+    [rad].
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("piston")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(0, 0, 1), mass=1.0)
+    >>> m.add_cylindrical("C", m.ground, rod, point=(0, 0, 0)).name
+    'C'
+    """
+    element = _element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return _store(self, element, "cylindrical", parent, child, point, geometry, cut, child_point, child_axis)
+
+
+def add_spherical(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    *,
+    child_point: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a ball joint at `point`. Coordinates: a unit quaternion (w, x, y, z) of the child relative to the
+    parent.
+
+    Its three velocities are the child's relative angular velocity in child axes [rad/s]; there is no singular
+    position.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("top")
+    >>> top = m.add_body("top", mass=1.0, inertia=(1, 1, 1), com=(0, 0, 0.1))
+    >>> m.add_spherical("S", m.ground, top, point=(0, 0, 0)).name
+    'S'
+    """
+    return _store(self, _element(self, name), "spherical", parent, child, point, {}, cut, child_point)
+
+
+def add_universal(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis1: ArrayLike,
+    axis2: ArrayLike,
+    *,
+    child_point: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a universal joint at `point`: a turn about `axis1`, fixed in the parent, then about `axis2`, fixed
+    in the child.
+
+    The axes must cross; a right angle is usual. Coordinates: the two turns [rad].
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("shaft")
+    >>> shaft = m.add_rod("shaft", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> m.add_universal("U", m.ground, shaft, point=(0, 0, 0), axis1=(0, 1, 0), axis2=(0, 0, 1)).name
+    'U'
+    """
+    element = _element(self, name)
+    first, second = direction(element, "axis1", axis1), direction(element, "axis2", axis2)
+    sine = np.linalg.norm(np.cross(first, second)) / float(np.linalg.norm(first) * np.linalg.norm(second))
+    if sine < _PARALLEL:
+        element.fail(
+            f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes that "
+            "cross, at best at a right angle"
+        )
+    return _store(self, element, "universal", parent, child, point, {"axis1": first, "axis2": second}, cut, child_point)
+
+
+def add_planar(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    normal: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a joint that keeps `point` in the plane across `normal`. Coordinates: two slides [m], then the turn
+    [rad].
+
+    `point` None: the child's origin as drawn. `child_axis` is the normal as it sits on the child in a rough
+    drawing.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("puck")
+    >>> puck = m.add_body("puck", mass=0.1, inertia=(1e-4, 1e-4, 2e-4))
+    >>> m.add_planar("P", m.ground, puck).name
+    'P'
+    """
+    element = _element(self, name)
+    geometry = {"normal": direction(element, "normal", normal)}
+    return _store(self, element, "planar", parent, child, point, geometry, cut, child_point, child_axis)
+
+
+def add_fixed(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    *,
+    child_point: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Weld the child to the parent as drawn. No coordinate; its reaction is that of a section through the
+    weld at `point`.
+
+    `point` None: the child's origin as drawn.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("frame")
+    >>> frame = m.add_rod("frame", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> m.add_fixed("weld", m.ground, frame).name
+    'weld'
+    """
+    return _store(self, _element(self, name), "fixed", parent, child, point, {}, cut, child_point)
+
+
+def add_free(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    *,
+    cut: str = "auto",
+) -> Joint:
+    """Let the child move freely, and give that motion a name. Coordinates: three slides [m], a quaternion (w,
+    x, y, z).
+
+    It constrains nothing; use it to set or read the motion of a body that no other joint carries. `point`
+    None: the child's origin as drawn.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("stone")
+    >>> stone = m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_free("flight", m.ground, stone).name
+    'flight'
+    """
+    return _store(self, _element(self, name), "free", parent, child, point, {}, cut)
+
+
+def add_joint(
+    self: Mechanism,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    free: Iterable[str],
+    point: ArrayLike | None = None,
+    frame: Any = None,
+    *,
+    child_point: ArrayLike | None = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a joint with any subset of the six directions free. Prefer a named joint where there is one.
+
+    Args:
+        free: some of "x", "y", "z" (slides along the joint axes) and "rx", "ry", "rz" (turns about them).
+            Coordinates come in this order, whatever the order here; all three turns together are a
+            quaternion.
+        point: where the joint sits in the world; None: the child's origin as drawn.
+        frame: joint axes in the world as drawn, as `orientation` in `add_body`; None: parallel to the world.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("slotted")
+    >>> plate = m.add_body("plate", mass=1.0, inertia=(1, 1, 2))
+    >>> m.add_joint("slot", m.ground, plate, free=("x", "rz"), point=(0, 0, 0)).name
+    'slot'
+    """
+    element = _element(self, name)
+    wanted = [choice(element, "free", item, DIRECTIONS) for item in _listed(element, free)]
+    if len(set(wanted)) < len(wanted):
+        element.fail(f"free names a direction twice: {', '.join(wanted)}")
+    ordered = tuple(item for item in DIRECTIONS if item in wanted)
+    geometry = {"frame": frames.rotation(element, "frame", frame)}
+    return _store(self, element, "generic", parent, child, point, geometry, cut, child_point, free=ordered)
+
+
+def _listed(element: Element, free: Any) -> list[Any]:
+    if isinstance(free, str) or not isinstance(free, Iterable):
+        element.fail(f'free must be a list of directions such as ("x", "rz"), not {free!r}')
+    return list(free)
+
+
+def _element(mechanism: Mechanism, name: str) -> Element:
+    return name_of("joint", name, mechanism._description.joints)
+
+
+def _store(
+    mechanism: Mechanism,
+    element: Element,
+    kind: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None,
+    geometry: dict[str, Array],
+    cut: str,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    free: tuple[str, ...] = (),
+) -> Joint:
+    """Check what all joints have in common and keep the record."""
+    first, second = resolve(mechanism, element, "parent", parent), resolve(mechanism, element, "child", child)
+    if first == second:
+        element.fail(f'parent and child are both "{first}"; a joint needs two different bodies')
+    record = JointRecord(
+        name=element.name,
+        kind=kind,
+        parent=first,
+        child=second,
+        point=None if point is None else vector(element, "point", point),
+        geometry=geometry,
+        free=free,
+        child_point=None if child_point is None else vector(element, "child_point", child_point),
+        child_axis=None if child_axis is None else direction(element, "child_axis", child_axis),
+        cut=choice(element, "cut", cut, CUTS),
+    )
+    mechanism._description.store(mechanism._description.joints, record)
+    return Joint(element.name, mechanism)
+
+
+def speeds(joint: JointRecord) -> int:
+    """Number of velocities of a joint: an effort can act along each."""
+    return len(joint.free) if joint.kind == "generic" else _SPEEDS[joint.kind]
+
+
+def scalars(joint: JointRecord) -> int:
+    """Number of leading coordinates that are a slide or an angle, not part of a quaternion."""
+    if joint.kind in ("spherical", "free"):
+        return 0 if joint.kind == "spherical" else 3
+    turns = sum(item.startswith("r") for item in joint.free)
+    return len(joint.free) - 3 if turns == 3 else speeds(joint)

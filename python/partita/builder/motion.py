@@ -1,0 +1,183 @@
+"""Prescribed motion from a Python function: position, velocity and acceleration at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import EvaluationError
+from ..state import Layout
+from .checks import Element
+from .taylor import Jet
+from .values import finite, one_number
+
+TimeFunction = Callable[[Any], Any]
+
+# Central differences of order eight at offsets 1..4, and of order six at 1..3 to estimate the error.
+_FIRST_8, _FIRST_6 = (4 / 5, -1 / 5, 4 / 105, -1 / 280), (3 / 4, -3 / 20, 1 / 60)
+_SECOND_8, _SECOND_6 = (-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560), (-49 / 18, 3 / 2, -3 / 20, 1 / 90)
+_STEPS = tuple(0.1 / 8.0**power for power in range(5, -1, -1))  # 3 microseconds to 0.1 s: fast and slow machines
+# Where a function is tried at the door; the second avoids the zeros that functions like to have at round times.
+_PROBES = (0.0, 0.7310585786)
+
+
+class Motion:
+    """f(t) -> (position, velocity, acceleration), as the core asks for it.
+
+    What is not given is derived: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
+    interpolators) by central differences with the step that shows the smallest error. `notes` says so.
+    """
+
+    def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
+        self.element, self.notes = element, list[str]()
+        self.position, self.velocity, self.acceleration = position, velocity, acceleration
+        self._probe()
+
+    def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
+        """Itself: a prescribed motion looks at no state."""
+        return self
+
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        if self.velocity is not None and self.acceleration is not None:
+            motion = (
+                self._plain(self.position, t),
+                self._plain(self.velocity, t),
+                self._plain(self.acceleration, t),
+            )
+        elif self.velocity is not None:
+            motion = (self._plain(self.position, t), *self._derive(self.velocity, t)[:2])
+        else:
+            x, v, a = self._derive(self.position, t)
+            motion = x, v, a if self.acceleration is None else self._plain(self.acceleration, t)
+        if not finite(motion):
+            raise EvaluationError(
+                f'drive "{self.element.name}": position, velocity, acceleration at t = {t:g} s are {motion}; '
+                "the function must be smooth and defined at all times of the run, and slightly around them where "
+                "its derivatives are not given (pass velocity= and acceleration=)",
+                t=t,
+                where=self.element.name,
+            )
+        return motion
+
+    def _probe(self) -> None:
+        """Try the functions: errors show at the door, and given derivatives are compared with the function."""
+        self._plain(self.position, _PROBES[0])
+        if self.velocity is not None:
+            self._compare("velocity", self.position, self.velocity)
+        elif self.acceleration is None:
+            self._derive(self.position, _PROBES[0])
+        if self.acceleration is not None:
+            slope = self.velocity if self.velocity is not None else lambda t: self._derive(self.position, t)[1]
+            self._compare("acceleration", slope, self.acceleration)
+
+    def _compare(self, what: str, function: TimeFunction, derivative: TimeFunction) -> None:
+        """Refuse a derivative that is plainly another function: such a drive would not do what it says.
+
+        A time at which one of the two cannot be evaluated tells nothing and is passed over.
+        """
+        for t in _PROBES:
+            try:
+                _, slope, _, error = differences(lambda s: self._plain(function, s), t)
+                given = self._plain(derivative, t)
+            except Exception:
+                continue
+            if abs(given - slope) > 1e-4 * max(1.0, abs(slope), abs(given)) + 10.0 * error:
+                self.element.fail(
+                    f"at t = {t:g} s the {what} given is {given:g}, but the function it belongs to has "
+                    f"the slope {slope:g}"
+                )
+
+    def _plain(self, function: TimeFunction, t: float) -> float:
+        """f(t) as a float; a function's own exceptions pass through."""
+        value = function(t)
+        try:
+            return one_number(value)
+        except TypeError as error:
+            raise EvaluationError(
+                f'drive "{self.element.name}": the function must return one number, not {error} (t = {t:g} s)',
+                t=t,
+                where=self.element.name,
+            ) from error
+
+    def _derive(self, function: TimeFunction, t: float) -> tuple[float, float, float]:
+        """f, f', f'' at t. Which way is taken is decided at each time anew, whatever came before."""
+        try:
+            jet = _as_jet(function(Jet(t, 1.0, 0.0)))
+            return jet.x, jet.d1, jet.d2
+        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+            result = self._differences(function, t)
+        if not self.notes:
+            self._tell(function, t)
+        return result[:3]
+
+    def _differences(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
+        """`differences`, with words for a function that ends at t."""
+        self._plain(function, t)
+        try:
+            return differences(lambda s: self._plain(function, s), t)
+        except Exception as error:
+            raise EvaluationError(
+                f'drive "{self.element.name}": the function works at t = {t:g} s but not slightly before or after, '
+                f"where its derivatives are looked for ({type(error).__name__}: {error}); pass velocity= and "
+                "acceleration=, or use NumPy functions (np.sin instead of math.sin)",
+                t=t,
+                where=self.element.name,
+            ) from error
+
+    def _tell(self, function: TimeFunction, t: float) -> None:
+        """Say once that derivatives are not exact."""
+        error = self._differences(function, t)[3]
+        self.notes.append(
+            f'drive "{self.element.name}": the function could not be differentiated exactly, so its derivatives are '
+            f"central differences of order 8, good to about {error:.0e} in the second derivative at t = {t:g} s; use "
+            "NumPy functions (np.sin instead of math.sin), or give velocity= and acceleration="
+        )
+
+
+def _as_jet(value: Any) -> Jet:
+    """What f(Jet) returned, as a Jet."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(())[()]
+    return value if isinstance(value, Jet) else Jet(one_number(value))
+
+
+def differences(f: Callable[[float], float], t: float) -> tuple[float, float, float, float]:
+    """f, f', f'' at `t` and the estimated error of f''. Costs 49 evaluations.
+
+    Six step sizes, from the finest on. A coarser one is taken for its smaller error, but only if its answer lies within
+    the error of the finer one: a fast oscillation seen through a coarse step looks like a slow one, perfectly smooth.
+    The choice depends on `t` alone, never on earlier calls.
+    """
+    middle = f(t)
+    slope, bend = _Best(), _Best()
+    for h in _STEPS:
+        ahead, behind = [f(t + i * h) for i in range(1, 5)], [f(t - i * h) for i in range(1, 5)]
+        odd = [(a - b) / h for a, b in zip(ahead, behind, strict=True)]
+        even = [value / h**2 for value in (middle, *(a + b for a, b in zip(ahead, behind, strict=True)))]
+        size = max(map(abs, [*ahead, *behind, middle])) + abs(t) * max(map(abs, odd))
+        noise = 4.0 * np.finfo(float).eps * size  # round-off of f and of its argument
+        slope.offer(_dot(_FIRST_8, odd), _dot(_FIRST_6, odd), noise / h)
+        bend.offer(_dot(_SECOND_8, even), _dot(_SECOND_6, even), noise / h**2)
+    return middle, slope.value, bend.value, bend.error
+
+
+class _Best:
+    """The best answer so far, from fine to coarse."""
+
+    def __init__(self) -> None:
+        self.value, self.error, self._closed = float("nan"), float("inf"), False
+
+    def offer(self, high: float, low: float, noise: float) -> None:
+        """An answer of order 8, the one of order 6 with the same step, and the round-off in them."""
+        error = abs(high - low) + noise
+        first = not np.isfinite(self.error)
+        self._closed = self._closed or not (first or abs(high - self.value) <= 10.0 * (self.error + error))
+        if not self._closed and (first or error < self.error):
+            self.value, self.error = high, error
+
+
+def _dot(weights: tuple[float, ...], samples: list[float]) -> float:
+    """Sum of products over the shorter of the two."""
+    return float(sum(weight * sample for weight, sample in zip(weights, samples, strict=False)))

@@ -1,0 +1,155 @@
+"""The description: plain records of what the user said, and the handles that the `add_...` methods return."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from .checks import Array
+from .values import Function, Value
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """An element of a mechanism, accepted wherever its name is."""
+
+    name: str
+    mechanism: Mechanism = field(repr=False)
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Body(Handle):
+    """A rigid body, or the ground."""
+
+
+class Joint(Handle):
+    """A joint between two bodies."""
+
+
+class Force(Handle):
+    """A spring, a torque or a force."""
+
+
+class Drive(Handle):
+    """The prescribed motion of one joint coordinate."""
+
+
+@dataclass(frozen=True)
+class BodyRecord:
+    """One rigid body; arrays in body axes except `position` and `rotation`."""
+
+    name: str
+    mass: float
+    inertia: Array  # (3, 3) about the centre of mass
+    com: Array  # (3,)
+    position: Array  # (3,) of the body's origin in the world, as drawn
+    rotation: Array  # (3, 3) body axes to world axes, as drawn
+    rod: tuple[Array, Array, float] | None = None  # start, end, length
+
+    def to_world(self, point: Array) -> Array:
+        """World position of a point of the body as drawn."""
+        return self.position + self.rotation @ point
+
+
+@dataclass(frozen=True)
+class JointRecord:
+    """One joint; `point` and `geometry` ("axis", "axis1", "axis2", "normal", "frame") in the world of the
+    drawing."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    point: Array | None  # None: the child's origin as drawn
+    geometry: Mapping[str, Array]
+    free: tuple[str, ...] = ()
+    child_point: Array | None = None
+    child_axis: Array | None = None
+    cut: str = "auto"
+
+
+@dataclass(frozen=True)
+class DriveRecord:
+    """Prescribed motion of coordinate number `coordinate` of `joint`."""
+
+    name: str
+    joint: str
+    coordinate: int
+    motion: Value
+
+
+@dataclass(frozen=True)
+class SpringRecord:
+    """Spring and damper between two points; `length` None means as drawn."""
+
+    name: str
+    body1: str
+    point1: Array
+    body2: str
+    point2: Array
+    stiffness: float
+    damping: float
+    length: float | None
+
+
+@dataclass(frozen=True)
+class TorsionSpringRecord:
+    """Spring and damper along one joint coordinate, at rest at `angle`."""
+
+    name: str
+    joint: str
+    coordinate: int
+    stiffness: float
+    damping: float
+    angle: float
+
+
+@dataclass(frozen=True)
+class TorqueRecord:
+    """Effort along one joint coordinate."""
+
+    name: str
+    joint: str
+    coordinate: int
+    value: Value
+
+
+@dataclass(frozen=True)
+class ForceRecord:
+    """Force on a point of a body; `value` has three components, or is one function that returns three
+    numbers."""
+
+    name: str
+    body: str
+    point: Array
+    value: tuple[Value, Value, Value] | Function
+    axes: str
+
+
+ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord
+
+
+@dataclass
+class Description:
+    """Everything said so far, in the order in which it was said. `version` grows with every addition."""
+
+    name: str
+    gravity: Array
+    bodies: dict[str, BodyRecord] = field(default_factory=dict)
+    joints: dict[str, JointRecord] = field(default_factory=dict)
+    drives: dict[str, DriveRecord] = field(default_factory=dict)
+    forces: dict[str, ForceLike] = field(default_factory=dict)
+    version: int = 0
+
+    def store(self, table: dict[str, Any], record: Any) -> None:
+        """Add a finished record."""
+        table[record.name] = record
+        self.version += 1

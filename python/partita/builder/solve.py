@@ -1,0 +1,262 @@
+"""What a mechanism can be asked: `compile`, `assemble`, `simulate`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import _core
+from .. import options as run_options
+from ..errors import ArgumentError, UnknownNameError
+from ..state import Layout, State
+from .checks import Element
+from .compiled import CompiledModel
+from .spec import Writer
+
+if TYPE_CHECKING:
+    from ..results import Result
+    from .mechanism import Mechanism
+
+
+def compile(self: Mechanism, coordinates: str = "relative") -> CompiledModel:
+    """Compile the description into equations. The model is kept until the description changes.
+
+    Args:
+        coordinates: "relative": joint coordinates along a spanning tree and closing conditions (few and
+            fast); "absolute": six velocities per body and conditions for every joint (an independent check).
+
+    Raises:
+        DescriptionError: there is nothing to move, or the core finds the description inconsistent.
+        ArgumentError: unknown coordinates.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.compile().mobility
+    1
+    """
+    wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    version = self._description.version
+    if wanted not in self._compiled or self._compiled[wanted][0] != version:
+        self._compiled[wanted] = (version, *_compile(self, wanted))
+    return self._compiled[wanted][1]
+
+
+def _compile(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Layout]:
+    if not mechanism._description.bodies:
+        Element("mechanism", mechanism.name).fail("it has no bodies; add some with add_body or add_rod")
+    layout = Layout()
+    writer = Writer(mechanism, layout)
+    core = _core.Model(json.dumps(writer.spec()), writer.functions, coordinates)
+    summary = json.loads(core.summary)
+    layout.fill(summary)
+    return CompiledModel(core, summary, coordinates, writer.notes), layout
+
+
+def layout_of(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Layout]:
+    """The compiled model with the layout of its states."""
+    model = compile(mechanism, coordinates)
+    return model, mechanism._compiled[coordinates][2]
+
+
+def assemble(
+    self: Mechanism,
+    targets: Mapping[Any, Any] | None = None,
+    rates: Mapping[Any, Any] | None = None,
+    near: State | None = None,
+    *,
+    t: float | None = None,
+    tolerance: float = 1e-12,
+    coordinates: str = "relative",
+) -> State:
+    """Close the loops: a state that satisfies the constraints, nearest to the drawing or to `near`.
+
+    Args:
+        targets: joint (name or handle) -> position [rad or m] that it shall have; a sequence for a joint with
+            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`).
+        rates: the same for velocities [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
+            it can.
+        near: where to start, for another branch; None: the drawing at rest.
+        t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
+        tolerance: largest residual |Phi| allowed [m, rad].
+        coordinates: as in `compile`; a run with "absolute" needs a state of that kind.
+
+    Returns:
+        The state; `state.assembly` says what residual was reached.
+
+    Raises:
+        AssemblyError: the lengths cannot close, or not with these targets.
+        UnknownNameError: a key is no joint and no coordinate. ArgumentError: the joint closes a loop, or a
+            value does not fit it.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.assemble(targets={"A": 1.0}, rates={"A": 2.0}).position("A")
+    1.0
+    """
+    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
+    _fitting("near", start, model)
+    wanted = _indexed("targets", targets or {}, layout.names, layout.q, layout)
+    speeds = _indexed("rates", rates or {}, layout.velocity_names, layout.v, layout)
+    limit = run_options.positive("tolerance", tolerance)
+    time = start.t if t is None else State(t, [], []).t
+    q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
+    return State(time, q, v, layout=layout, assembly=json.loads(said))
+
+
+def _indexed(
+    what: str, wanted: Mapping[Any, Any], names: list[str], span: Any, layout: Layout
+) -> list[tuple[int, float]]:
+    """Names to indices: a coordinate by its own name, or all those of a joint."""
+    if not isinstance(wanted, Mapping):
+        raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {wanted!r}", argument=what)
+    pairs: dict[int, float] = {}
+    for key, value in wanted.items():
+        first, count = _where(what, str(key), names, span, layout)
+        numbers = _numbers(what, key, value, count)
+        for index, number in zip(range(first, first + count), numbers, strict=True):
+            if index in pairs:
+                raise ArgumentError(f"{what} sets {names[index]!r} twice; give it once", argument=what)
+            pairs[index] = number
+    return list(pairs.items())
+
+
+def _where(what: str, key: str, names: list[str], span: Any, layout: Layout) -> tuple[int, int]:
+    """First index and count of the coordinates that `key` means."""
+    if key in names:
+        return names.index(key), 1
+    try:
+        first, count = span(key)
+    except UnknownNameError:
+        known = sorted({*layout.tree_joints, *names})
+        raise UnknownNameError(
+            f"{what}: {key!r} is neither a joint nor a coordinate; known: {', '.join(known)}",
+            name=key,
+            known=known,
+        ) from None
+    return int(first), int(count)
+
+
+def _numbers(what: str, key: Any, value: Any, count: int) -> list[float]:
+    """As many finite numbers as the joint has coordinates."""
+    try:
+        numbers = np.atleast_1d(np.array(value, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what}[{str(key)!r}] must be made of numbers, not {value!r}", argument=what) from error
+    if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
+        raise ArgumentError(
+            f"{what}[{str(key)!r}] must be {count} finite number{'s' if count != 1 else ''}, not "
+            f"{value!r}; one coordinate of "
+            "several is set by its own name",
+            argument=what,
+        )
+    return [float(number) for number in numbers]
+
+
+def _fitting(what: str, state: Any, model: CompiledModel) -> None:
+    """Refuse a state of another model or of other coordinates."""
+    if not isinstance(state, State):
+        raise ArgumentError(
+            f"{what} must be a State as assemble() returns it, not {type(state).__name__}", argument=what
+        )
+    fits = state.q.size == model.core.nq and state.v.size == model.core.nv
+    if not fits or (state.names and state.names != model.names):
+        raise ArgumentError(
+            f"{what} has the coordinates {', '.join(state.names) or state.q.size}, but this model "
+            f"({model.coordinates}) has "
+            f"{', '.join(model.names)}; make the state with assemble(..., coordinates={model.coordinates!r})",
+            argument=what,
+        )
+
+
+def simulate(
+    self: Mechanism,
+    duration: float,
+    *,
+    t_eval: ArrayLike | None = None,
+    initial: State | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    method: str = "dop853",
+    formulation: str = "projective",
+    coordinates: str = "relative",
+    events: Iterable[Any] = (),
+    progress: Any = False,
+    correction: str = "partition",
+    exchange: float = 1.25,
+    step: float | None = None,
+    max_step: float | None = None,
+    max_steps: int = 10_000_000,
+    independent: Iterable[str] | None = None,
+) -> Result:
+    """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
+
+    Args:
+        duration: [s], from the time of the initial state.
+        t_eval: increasing times of the outputs (nt,) inside the run; None: 201 evenly spaced ones. Outputs
+            satisfy the constraints whatever their spacing and do not change the steps.
+        initial: state to start from, as `assemble` returns it; None: the drawing, assembled, at rest.
+        rtol, atol: tolerances of the step control on each integrated quantity.
+        method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
+        formulation: "projective" (equations without reactions in independent coordinates) or "multipliers"
+            (the full equations at each evaluation; slower, an independent check).
+        coordinates: "relative" or "absolute", as in `compile`.
+        events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
+        progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
+        correction: how the remainder of the constraints is removed after each step: "partition" (dependent
+            coordinates only), "mass-orthogonal" or "none" (a drift then remains, and the result shows it).
+        exchange: a coordinate choice is replaced when another is this much better; at least 1.
+        step: fixed step [s]; None: adaptive.
+        max_step: largest adaptive step [s].
+        max_steps: the run stops with status "max-steps" after so many.
+        independent: names of velocities to be kept independent throughout; None: chosen, and exchanged when
+            others serve better. A fixed choice fails where it becomes singular.
+
+    Returns:
+        A result, also for a run that stopped early: look at `success` and `message`.
+
+    Raises:
+        ArgumentError, AssemblyError, EvaluationError, SingularityError; DescriptionError from `compile`.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> run = m.simulate(1.0, rtol=1e-10)
+    >>> run.success, run.t.shape
+    (True, (201,))
+    """
+    from ..results import Result
+
+    model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    start = initial if initial is not None else assemble(self, coordinates=coordinates)
+    _fitting("initial", start, model)
+    chosen = run_options.options(
+        start.t,
+        duration,
+        model.velocity_names,
+        rtol=rtol,
+        atol=atol,
+        method=method,
+        formulation=formulation,
+        events=events,
+        correction=correction,
+        exchange=exchange,
+        step=step,
+        max_step=max_step,
+        max_steps=max_steps,
+        independent=independent,
+    )
+    times = run_options.output_times(t_eval, start.t, chosen["t_end"])
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress)
+    raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
+    chosen["coordinates"] = coordinates
+    return Result.from_run(raw, model=model.core, summary=model.summary, mechanism=self, options=chosen)

@@ -1,0 +1,156 @@
+"""From the records to the description that the core compiles (version 1): plain lists and numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..state import Layout
+from .bodies import to_world
+from .records import (
+    GROUND,
+    BodyRecord,
+    DriveRecord,
+    ForceLike,
+    ForceRecord,
+    JointRecord,
+    SpringRecord,
+    TorqueRecord,
+    TorsionSpringRecord,
+)
+from .values import Constant, Function, Table, Value
+
+VERSION = 1
+# Joints keep the user's word for their direction; the core calls each of these "axis".
+_AXIS_WORDS = {"axis": "axis", "normal": "axis", "axis1": "axis", "axis2": "axis2", "frame": "frame"}
+
+
+class Writer:
+    """Writes one mechanism; collects the Python functions it meets."""
+
+    def __init__(self, mechanism: Any, layout: Layout) -> None:
+        self.mechanism, self.layout = mechanism, layout
+        self.functions: list[Any] = []
+        self.notes: list[list[str]] = []
+
+    def spec(self) -> dict[str, Any]:
+        """The whole description."""
+        d = self.mechanism._description
+        return {
+            "partita": VERSION,
+            "name": d.name,
+            "gravity": d.gravity.tolist(),
+            "bodies": [_body(record) for record in d.bodies.values()],
+            "joints": [self._joint(record) for record in d.joints.values()],
+            "drives": [self._drive(record) for record in d.drives.values()],
+            "forces": [self._force(record) for record in d.forces.values()],
+        }
+
+    def _joint(self, record: JointRecord) -> dict[str, Any]:
+        point = record.point if record.point is not None else self._origin(record.child, record.parent)
+        spec: dict[str, Any] = {
+            "name": record.name,
+            "kind": record.kind,
+            "parent": record.parent,
+            "child": record.child,
+            "point": point.tolist(),
+        }
+        for word, value in record.geometry.items():
+            spec[_AXIS_WORDS[word]] = value.tolist() if word == "frame" else (value / np.linalg.norm(value)).tolist()
+        if record.kind == "generic":
+            spec["free"] = list(record.free)
+        if record.child_point is not None:
+            spec["child_point"] = record.child_point.tolist()
+        if record.child_axis is not None:
+            spec["child_axis"] = (record.child_axis / np.linalg.norm(record.child_axis)).tolist()
+        return {**spec, "cut": record.cut}
+
+    def _origin(self, child: str, parent: str) -> Any:
+        """The child's origin as drawn (the parent's where the child is the ground)."""
+        return to_world(self.mechanism, parent if child == GROUND else child, np.zeros(3))
+
+    def _drive(self, record: DriveRecord) -> dict[str, Any]:
+        return {
+            "name": record.name,
+            "joint": record.joint,
+            "coordinate": record.coordinate,
+            "motion": self._value(record.motion),
+        }
+
+    def _force(self, record: ForceLike) -> dict[str, Any]:
+        match record:
+            case SpringRecord():
+                return {
+                    "kind": "spring",
+                    "name": record.name,
+                    "body1": record.body1,
+                    "point1": record.point1.tolist(),
+                    "body2": record.body2,
+                    "point2": record.point2.tolist(),
+                    "stiffness": record.stiffness,
+                    "damping": record.damping,
+                    "length": self._length(record),
+                }
+            case TorsionSpringRecord():
+                return {
+                    "kind": "torsion_spring",
+                    "name": record.name,
+                    "joint": record.joint,
+                    "coordinate": record.coordinate,
+                    "stiffness": record.stiffness,
+                    "damping": record.damping,
+                    "angle": record.angle,
+                }
+            case TorqueRecord():
+                return {
+                    "kind": "torque",
+                    "name": record.name,
+                    "joint": record.joint,
+                    "coordinate": record.coordinate,
+                    "value": self._value(record.value),
+                }
+            case ForceRecord():
+                value = record.value
+                return {
+                    "kind": "force",
+                    "name": record.name,
+                    "body": record.body,
+                    "point": record.point.tolist(),
+                    "value": self._value(value)
+                    if isinstance(value, Function)
+                    else [self._value(item) for item in value],
+                    "axes": record.axes,
+                }
+
+    def _length(self, record: SpringRecord) -> float:
+        """Free length; as drawn where the user gave none."""
+        if record.length is not None:
+            return record.length
+        ends = [
+            to_world(self.mechanism, *end) for end in ((record.body1, record.point1), (record.body2, record.point2))
+        ]
+        return float(np.linalg.norm(ends[1] - ends[0]))
+
+    def _value(self, value: Value) -> dict[str, Any]:
+        match value:
+            case Constant():
+                return {"constant": value.value}
+            case Table():
+                return value.spec()
+            case Function():
+                self.notes.append(value.call.notes)
+                self.functions.append(value.call.bind(self.layout))
+                return {"function": len(self.functions) - 1}
+
+
+def _body(record: BodyRecord) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "mass": record.mass,
+        "com": record.com.tolist(),
+        "inertia": record.inertia.tolist(),
+        "position": record.position.tolist(),
+        "orientation": record.rotation.tolist(),
+        "shape": {"kind": "auto"} if record.rod is None else {"kind": "rod", "length": record.rod[2]},
+    }

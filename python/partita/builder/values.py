@@ -1,0 +1,127 @@
+"""Numbers, tables and functions of time: what a force, a torque or a prescribed motion may be given as."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from ..state import Layout
+from .checks import Array, Element, number, shape_of
+
+Curve = Literal["smooth", "monotone"]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same number at all times."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Table:
+    """Samples joined by piecewise cubics.
+
+    "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "monotone" is
+    PCHIP, which never overshoots the samples and so suits forces.
+    """
+
+    times: Array
+    values: Array
+    curve: Curve
+
+    def spec(self) -> dict[str, Any]:
+        """Breaks (n+1) and coefficients (n, 4), highest power of (t - break) first."""
+        make = CubicSpline if self.curve == "smooth" else PchipInterpolator
+        return {
+            "table": {
+                "breaks": self.times.tolist(),
+                "coefficients": make(self.times, self.values).c.T.tolist(),
+            }
+        }
+
+
+@dataclass(frozen=True)
+class Function:
+    """A Python function, kept with what is needed to bring it into the form that the core calls."""
+
+    call: Binding
+
+
+class Binding(Protocol):
+    """A user's function that can be bound to a compiled model."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know about how it is evaluated; may grow during a run."""
+
+    def bind(self, layout: Layout) -> Callable[..., Any]:
+        """The function as the core calls it. `layout` may be filled in later, but before it is needed."""
+
+
+Value = Constant | Table | Function
+
+
+def scalar(
+    element: Element, what: str, value: Any, curve: Curve, wrap: Callable[[Callable[..., Any]], Function]
+) -> Value:
+    """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's
+    form."""
+    if callable(value):
+        return wrap(value)
+    if is_table(value):
+        return table(element, what, value, curve)
+    if isinstance(value, tuple | list | np.ndarray):
+        element.fail(f"{what} must be a number, a function or a table (times, values), not {value!r}")
+    return Constant(number(element, what, value))
+
+
+def is_table(value: Any) -> bool:
+    """Whether `value` looks like (times, values): a pair of sequences."""
+    return isinstance(value, tuple | list) and len(value) == 2 and all(shape_of(part) != () for part in value)
+
+
+def table(element: Element, what: str, value: Sequence[Any], curve: Curve, columns: int | None = None) -> Table:
+    """A checked table: times (n,) increasing, values (n,) or (n, columns), n >= 2."""
+    try:
+        times, values = (np.array(part, dtype=np.float64) for part in value)
+    except (TypeError, ValueError) as error:
+        element.fail(f"{what}: a table is (times, values) made of numbers", cause=error)
+    shape = (times.size,) if columns is None else (times.size, columns)
+    if times.ndim != 1 or times.size < 2 or values.shape != shape:
+        per_time = "one value" if columns is None else f"{columns} values"
+        element.fail(
+            f"{what}: a table needs at least two times and {per_time} for each; "
+            f"times have shape {times.shape}, values {values.shape}"
+        )
+    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+        element.fail(f"{what}: the table holds NaN or infinity; remove those rows")
+    steps = np.diff(times)
+    if not np.all(steps > 0.0):
+        row = int(np.argmin(steps > 0.0))
+        element.fail(
+            f"{what}: times must increase, but t = {times[row]:g} is followed by t = {times[row + 1]:g}; sort the table"
+        )
+    return Table(times, values, curve)
+
+
+def one_number(value: Any) -> float:
+    """What a function returned, as a float; TypeError if it is not one real number. A size-one array
+    counts."""
+    if isinstance(value, np.ndarray):
+        if value.size != 1:
+            raise TypeError(f"an array of shape {value.shape}")
+        value = value.reshape(())[()]
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise TypeError(f"{type(value).__name__} {value!r}")
+    return float(value)
+
+
+def finite(values: Sequence[float]) -> bool:
+    """Whether all are finite; quicker than NumPy for three numbers."""
+    return all(math.isfinite(value) for value in values)

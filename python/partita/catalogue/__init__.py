@@ -1,0 +1,96 @@
+"""Problems with known answers.
+
+Each entry is a mechanism, its start, and numbers from closed forms, extended precision or other programs that
+its motion must meet. They show how mechanisms are described, and they tell whether this build of Partita
+computes them right.
+
+>>> import partita as pt
+>>> pt.catalogue.names()[:3]
+['andrews-squeezer', 'bricard', 'car-axis']
+>>> m = pt.catalogue.load("n-four-bar", loops=3)
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ..errors import ArgumentError, UnknownNameError
+from . import (
+    andrews,
+    branch_four_bar,
+    bricard,
+    car_axis,
+    four_bar,
+    n_four_bar,
+    planar_pendulum,
+    slider_crank,
+    spatial_four_bar,
+    spring_four_bar,
+)
+from .entry import Check, Entry, Measurement
+
+if TYPE_CHECKING:
+    from ..builder import Mechanism
+
+__all__ = ["Check", "Entry", "Measurement", "about", "entry", "load", "names"]
+
+_ENTRIES: dict[str, Callable[..., Entry]] = {
+    "andrews-squeezer": andrews.entry,
+    "bricard": bricard.entry,
+    "car-axis": car_axis.entry,
+    "double-four-bar": n_four_bar.double,
+    "four-bar": four_bar.entry,
+    "four-bar-spring": spring_four_bar.entry,
+    "grashof-four-bar": branch_four_bar.entry,
+    "n-four-bar": n_four_bar.entry,
+    "planar-pendulum": planar_pendulum.entry,
+    "slider-crank": slider_crank.entry,
+    "spatial-four-bar": spatial_four_bar.entry,
+}
+
+
+def names() -> list[str]:
+    """Names of all entries, in alphabetical order."""
+    return sorted(_ENTRIES)
+
+
+def entry(name: str, **parameters: Any) -> Entry:
+    """The entry `name`: mechanism, start, run and checks.
+
+    Parameters: "n-four-bar" takes `loops`, the number of four-bars in the chain (40 if not given); others take none.
+
+    Raises:
+        UnknownNameError: there is no such entry; the nearest names are told.
+        ArgumentError: a parameter that the entry does not have, or an impossible value.
+    """
+    if name not in _ENTRIES:
+        near = difflib.get_close_matches(str(name), names(), n=3)
+        hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(names())}"
+        raise UnknownNameError(f"the catalogue has no entry {name!r}; {hint}", name=str(name), known=names())
+    make = _ENTRIES[name]
+    known = list(inspect.signature(make).parameters)
+    for parameter in parameters:
+        if parameter not in known:
+            takes = f"it takes {', '.join(known)}" if known else "it takes no parameters"
+            raise ArgumentError(f"{name!r} has no parameter {parameter!r}; {takes}", argument=parameter)
+    return make(**parameters)
+
+
+def load(name: str, **parameters: Any) -> Mechanism:
+    """The mechanism of entry `name`, drawn in its starting position; `entry(name).initial(m)` is its start with rates.
+
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> state = pt.catalogue.entry("four-bar").initial(m)
+
+    Parameters and errors as for `entry`.
+    """
+    return entry(name, **parameters).mechanism()
+
+
+def about(name: str, **parameters: Any) -> str:
+    """What entry `name` is, in words: title, source, run, checks with tolerances and their reasons, notes."""
+    return entry(name, **parameters).about()

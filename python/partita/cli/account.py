@@ -1,0 +1,66 @@
+"""What was found in a run, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results.names import listed
+
+if TYPE_CHECKING:
+    from ..results import Result
+
+LINES = 12
+
+
+def account(result: Result, measured: Sequence[str] = ()) -> str:
+    """Choice of coordinates, switches, certificate, counters and, if given, errors against known answers."""
+    span = f"{result.t[-1] - result.t[0]:g} s, " if len(result.t) else ""
+    options = result.options
+    how = ", ".join(str(options[key]) for key in ("method", "formulation", "coordinates") if key in options)
+    tolerances = ", ".join(f"{key} {options[key]:g}" for key in ("rtol", "atol") if key in options)
+    work = ", ".join(f"{value} {key.replace('_', ' ')}" for key, value in result.counters.items())
+    parts = [
+        f"{result.title}: {span}{len(result.t)} outputs ({', '.join(part for part in (how, tolerances) if part)})",
+        *choice(result),
+        *switches(result),
+        "Certificate",
+        *(f"  {line}" for line in str(result.certificate).splitlines()),
+        "Work",
+        f"  {work or 'not counted'}",
+    ]
+    if measured:
+        parts += ["Against known answers", *(f"  {line}" for line in measured)]
+    return "\n".join(parts)
+
+
+def choice(result: Result) -> list[str]:
+    """The coordinates at the first output: their measure, and which were independent."""
+    if len(result.t) == 0 or result.measure.shape[1] == 0:
+        return []
+    rho, names = result.measure[0], result.names.velocities
+    chosen = {int(i) for i in result.independent[0]}
+    total = len(rho)
+    lines = [f"Coordinates at t = {result.t[0]:g} s: {len(chosen)} of {total} independent, chosen by the measure rho"]
+    order = sorted(range(total), key=lambda i: (i not in chosen, -rho[i] if np.isfinite(rho[i]) else 0.0))
+    width = max(len(names[i]) for i in order[:LINES])
+    for i in order[:LINES]:
+        mark = "  independent" if i in chosen else ""
+        lines.append(f"  {names[i]:<{width}}  rho = {rho[i]:.6f}{mark}")
+    if total > LINES:
+        lines.append(f"  and {total - LINES} more")
+    return lines
+
+
+def switches(result: Result) -> list[str]:
+    """The exchanges during the run."""
+    changes = [change for change in result.partitions if change.is_switch]
+    if not changes:
+        return ["Switches: none"]
+    lines = [f"Switches: {len(changes)}", *(f"  {change}" for change in changes[:LINES])]
+    if len(changes) > LINES:
+        ever = sorted({name for change in changes for name in change.entering})
+        lines.append(f"  and {len(changes) - LINES} more; entered at some time: {listed(ever)}")
+    return lines

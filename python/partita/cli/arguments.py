@@ -1,0 +1,135 @@
+"""What can be typed: the words and options of the command line."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import NoReturn
+
+from ..options import COORDINATES, FORMULATIONS, METHODS
+
+MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser; every command stores the function that carries it out in `run`."""
+    from .. import __version__
+    from . import commands
+    from .simulate import simulate
+
+    top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
+    top.add_argument("--version", action="version", version=f"partita {__version__}")
+    words = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    _simulate(_command(words, "simulate", simulate, "compute a motion, and tell what was found"))
+
+    report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
+    report.add_argument("model", metavar="FILE|NAME", help=MODEL)
+
+    _command(words, "list", commands.list_names, "list the mechanisms of the catalogue")
+
+    plot = _command(words, "plot", commands.plot, "draw a stored result")
+    plot.add_argument("result", metavar="RESULT", help="a stored result (.json or .nc)")
+    plot.add_argument(
+        "-o", "--output", metavar="FILE", help="figure to write (.png, .pdf, .svg); default: beside RESULT"
+    )
+    plot.add_argument(
+        "--what",
+        metavar="WORD",
+        action="append",
+        help="overview (default), coordinates, closure, energy, measure, reactions, or the name of a joint; repeatable",
+    )
+
+    view = _command(words, "view", commands.view, "make the animated page of a stored result")
+    view.add_argument("result", metavar="RESULT", help="a stored result (.json or .nc)")
+    view.add_argument("-o", "--output", metavar="FILE", help="page to write (.html); default: beside RESULT")
+
+    convert = _command(words, "convert", commands.convert, "read one model file and write another")
+    convert.add_argument("source", metavar="A", help="model file to read")
+    convert.add_argument("target", metavar="B", help="model file to write; its ending decides the format")
+    return top
+
+
+def _simulate(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE|NAME", help=MODEL)
+    add("--time", metavar="S", type=positive, help="length of the run [s]; default for a NAME: that of its problem")
+    add("--outputs", metavar="N", type=count, default=501, help="number of equally spaced outputs (default 501)")
+    add("--rtol", metavar="X", type=positive, help="relative tolerance of the step control (default 1e-8)")
+    add("--atol", metavar="X", type=positive, help="absolute tolerance of the step control (default 1e-10)")
+    add("--method", choices=METHODS, help="integrator (default dop853)")
+    add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
+    add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
+    add(
+        "--target",
+        metavar="JOINT=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="position of a joint at the start [rad or m; 30deg for degrees]; repeatable",
+    )
+    add(
+        "--rate",
+        metavar="JOINT=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="velocity of a joint at the start [rad/s or m/s]; repeatable",
+    )
+    add("--html", metavar="FILE", help="write the animated page")
+    add("--save", metavar="FILE", help="write the result (.nc, .json, .csv, .parquet, .mat)")
+    add("--plot", metavar="FILE", help="write the figure (.png, .pdf, .svg)")
+    add("--quiet", action="store_true", help="print nothing but errors")
+
+
+def _command(words: argparse._SubParsersAction, name: str, run: object, text: str) -> argparse.ArgumentParser:  # type: ignore[type-arg]
+    command: argparse.ArgumentParser = words.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    command.set_defaults(run=run)
+    return command
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells a misuse in one sentence instead of a page of usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"partita: error: {message}; see `{self.prog} --help`\n")
+
+
+def number(text: str) -> float:
+    """A finite number; a trailing `deg` turns degrees into radians."""
+    digits = text.strip()
+    degrees = digits.endswith("deg")
+    try:
+        value = float(digits.removesuffix("deg"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not finite")
+    return math.radians(value) if degrees else value
+
+
+def positive(text: str) -> float:
+    """A finite number above zero."""
+    value = number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not greater than zero")
+    return value
+
+
+def count(text: str) -> int:
+    """Two or more."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if value < 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is too few: the start and the end are two outputs")
+    return value
+
+
+def setting(text: str) -> tuple[str, list[float]]:
+    """`JOINT=VALUE`; several values for a joint with several coordinates stand with commas."""
+    name, equals, values = text.rpartition("=")
+    if not equals or not name:
+        raise argparse.ArgumentTypeError(f"{text!r} does not read JOINT=VALUE, such as A=0.5 or A=30deg")
+    return name, [number(value) for value in values.split(",")]

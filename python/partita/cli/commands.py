@@ -1,0 +1,65 @@
+"""`partita report | list | plot | view | convert`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..errors import ArgumentError
+from .models import open_model
+
+
+def report(arguments: argparse.Namespace) -> int:
+    """Print what the core finds about a mechanism."""
+    opened = open_model(arguments.model)
+    print(opened.mechanism.report(opened.initial()), end="")
+    return 0
+
+
+def list_names(arguments: argparse.Namespace) -> int:
+    """Print names, lengths of the runs, and titles of the catalogue."""
+    from .. import catalogue
+
+    names = catalogue.names()
+    width = max(map(len, names), default=0)
+    for name in names:
+        entry = catalogue.entry(name)
+        print(f"{name:<{width}}  {entry.duration:>6g} s  {entry.title}")
+    return 0
+
+
+def plot(arguments: argparse.Namespace) -> int:
+    """Draw a stored result."""
+    from ..results import load
+
+    target = _beside(arguments.result, arguments.output, ".png")
+    load(arguments.result).plot(*(arguments.what or ()), path=target)
+    print(f"wrote {target}")
+    return 0
+
+
+def view(arguments: argparse.Namespace) -> int:
+    """Make the page of a stored result."""
+    from ..results import load
+
+    target = _beside(arguments.result, arguments.output, ".html")
+    load(arguments.result).to_html(target)
+    print(f"wrote {target}; open it with a browser")
+    return 0
+
+
+def convert(arguments: argparse.Namespace) -> int:
+    """Read one model file and write another."""
+    from ..io import load
+
+    load(arguments.source).save(arguments.target)
+    print(f"wrote {arguments.target}")
+    return 0
+
+
+def _beside(result: str, output: str | None, ending: str) -> Path:
+    """The file asked for, or one beside the result with another ending; never the result itself."""
+    target = Path(output) if output else Path(result).with_suffix(ending)
+    if target.resolve() == Path(result).resolve():
+        raise ArgumentError(f"{str(target)!r} is the result itself; give another file with -o", argument="output")
+    return target

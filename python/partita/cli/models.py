@@ -1,0 +1,41 @@
+"""FILE|NAME: where a mechanism comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..builder import Mechanism
+    from ..catalogue import Entry
+    from ..state import State
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A mechanism and, when it comes from the catalogue, its entry."""
+
+    mechanism: Mechanism
+    entry: Entry | None = None
+
+    def initial(self) -> State | None:
+        """The published start of a catalogue entry; None for a file: as drawn, at rest."""
+        return None if self.entry is None else self.entry.initial(self.mechanism)
+
+
+def open_model(word: str) -> Opened:
+    """The mechanism in the file `word`, or of that name in the catalogue.
+
+    A file is meant when it exists or when the word has an ending or a folder in it. Errors: those of `partita.load` and
+    of `partita.catalogue.entry`.
+    """
+    path = Path(word)
+    if path.is_file() or path.suffix or len(path.parts) > 1:
+        from ..io import load
+
+        return Opened(load(word))
+    from .. import catalogue
+
+    entry = catalogue.entry(word)
+    return Opened(entry.mechanism(), entry)

@@ -1,0 +1,133 @@
+"""Errors: sentences with names, numbers and a next step.
+
+Every error that Partita raises on purpose derives from `PartitaError` and carries its numbers as attributes,
+so that a program can react to them without reading the sentence. The compiled core raises the same classes.
+
+>>> import partita as pt
+>>> try:
+...     pt.Mechanism("m").add_rod("bar", start=(0, 0, 0), end=(1, 0, 0), mass=-1.0)
+... except pt.errors.DescriptionError as error:
+...     print(error.name)
+bar
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = [
+    "ArgumentError",
+    "AssemblyError",
+    "DescriptionError",
+    "EvaluationError",
+    "FileFormatError",
+    "IntegrationError",
+    "MissingDependencyError",
+    "MissingFileError",
+    "PartitaError",
+    "SingularityError",
+    "UnknownNameError",
+]
+
+
+class PartitaError(Exception):
+    """Base of all errors of Partita.
+
+    Attributes:
+        message: the sentence.
+        fields: the numbers and names in it; each one is an attribute of the error as well.
+    """
+
+    message: str
+    fields: dict[str, Any]
+
+    def __init__(self, message: str, **fields: Any) -> None:
+        super().__init__(message)
+        self.message = message
+        self.fields = fields
+        for name, value in fields.items():
+            setattr(self, name, value)
+
+    def __str__(self) -> str:
+        return self.message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self.message, self.fields)
+
+
+def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> PartitaError:
+    """Make the error again in another process: `pickle` alone would lose the keyword arguments."""
+    return kind(message, **fields)
+
+
+class DescriptionError(PartitaError, ValueError):
+    """The description of a mechanism or a system is wrong.
+
+    Fields: `element` ("body", "joint", "force", "drive" or "mechanism") and its `name`.
+    """
+
+    element: str
+    name: str
+
+
+class ArgumentError(PartitaError, ValueError):
+    """An argument of a call is wrong. Field: `argument`, its name."""
+
+    argument: str
+
+
+class UnknownNameError(PartitaError, KeyError):
+    """No element has this name. Fields: `name` as given, `known` names."""
+
+    name: str
+    known: list[str]
+
+
+class FileFormatError(PartitaError, ValueError):
+    """A file cannot be understood or written. Fields: `path`, and `line` (from 1) where it is known, else
+    None."""
+
+    path: str
+    line: int | None
+
+
+class MissingFileError(PartitaError, FileNotFoundError):
+    """There is no such file. Field: `path`."""
+
+    path: str
+
+
+class AssemblyError(PartitaError, RuntimeError):
+    """The loops do not close. Fields: largest `residual`, `iterations` done, `loops` that stayed open."""
+
+    residual: float
+    iterations: int
+    loops: str
+
+
+class SingularityError(PartitaError, RuntimeError):
+    """The equations lose rank where they must not. Fields: time `t` [s] and `quality` of the best
+    partition."""
+
+    t: float
+    quality: float
+
+
+class EvaluationError(PartitaError, RuntimeError):
+    """A function or a table gave no usable value. Fields: time `t` [s] and `where`, the element that
+    asked."""
+
+    t: float
+    where: str
+
+
+class IntegrationError(PartitaError, RuntimeError):
+    """The march in time cannot go on. Field: time `t` [s] reached."""
+
+    t: float
+
+
+class MissingDependencyError(PartitaError, ImportError):
+    """An optional package is not installed. Field: `package`."""
+
+    package: str

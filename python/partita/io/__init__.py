@@ -1,0 +1,59 @@
+"""Model files: `load` and `save`, by the suffix of the path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..builder import Mechanism
+from ..errors import FileFormatError, MissingFileError
+from . import toml
+
+__all__ = ["load", "save"]
+
+# A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
+_READERS: dict[str, Callable[[Path], Mechanism]] = {".toml": toml.read}
+_WRITERS: dict[str, Callable[[Mechanism, Path], None]] = {".toml": toml.write}
+
+
+def load(path: str | PathLike[str]) -> Mechanism:
+    """Read a mechanism from a model file; the suffix says which kind: .toml.
+
+    Raises:
+        MissingFileError: there is no such file.
+        FileFormatError: the suffix is not known, or the content is wrong; `line` says where.
+
+    >>> import partita as pt
+    >>> try:
+    ...     pt.load("no-such-file.toml")
+    ... except pt.errors.MissingFileError as error:
+    ...     print(error.path)
+    no-such-file.toml
+    """
+    where = Path(path)
+    reader: Callable[[Path], Mechanism] = _by_suffix(_READERS, where, "read")
+    if not where.is_file():
+        what = "this is a folder" if where.is_dir() else "there is no such file"
+        raise MissingFileError(f'"{where}": {what}; the working folder is {Path.cwd()}', path=str(where))
+    return reader(where)
+
+
+def save(mechanism: Mechanism, path: str | PathLike[str]) -> None:
+    """Write a mechanism to a model file; see `Mechanism.save`."""
+    where = Path(path)
+    writer = _by_suffix(_WRITERS, where, "written")
+    if not where.parent.is_dir():
+        raise MissingFileError(f'"{where.parent}": there is no such folder; make it first', path=str(where.parent))
+    writer(mechanism, where)
+
+
+def _by_suffix(table: dict[str, Any], path: Path, verb: str) -> Any:
+    found = table.get(path.suffix.lower())
+    if found is None:
+        shown = f'the suffix "{path.suffix}" is not known' if path.suffix else "the name has no suffix"
+        raise FileFormatError(
+            f'"{path}": {shown}; files that can be {verb}: {", ".join(table)}', path=str(path), line=None
+        )
+    return found

@@ -1,0 +1,153 @@
+"""The published JSON Schema of model files, and a check by it that speaks in sentences.
+
+The schema is the only place where keys, types and defaults of a file are said; the reader knows none by
+itself. The part of JSON Schema that it uses is the part understood here: $ref, type, properties, required,
+items, oneOf, enum, const and simple bounds. `title` is the word for a value in messages.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, NoReturn
+
+PATH = Path(__file__).with_name("mechanism.schema.json")
+Schema = Mapping[str, Any]
+
+_TYPES: dict[str, tuple[str, Any]] = {
+    "object": ("a table", lambda value: isinstance(value, dict)),
+    "array": ("a list", lambda value: isinstance(value, list)),
+    "string": ("text", lambda value: isinstance(value, str)),
+    "integer": ("an integer", lambda value: isinstance(value, int) and not isinstance(value, bool)),
+    "number": ("a number", lambda value: isinstance(value, int | float) and not isinstance(value, bool)),
+}
+
+
+class Mismatch(Exception):
+    """What is wrong with the value at a JSON pointer."""
+
+    def __init__(self, pointer: str, sentence: str) -> None:
+        super().__init__(sentence)
+        self.pointer, self.sentence = pointer, sentence
+
+
+@cache
+def load() -> dict[str, Any]:
+    """The schema as plain data."""
+    content: dict[str, Any] = json.loads(PATH.read_text(encoding="utf-8"))
+    return content
+
+
+def check(value: Any, schema: Schema | None = None, pointer: str = "", owner: str = "the file") -> None:
+    """Raise `Mismatch` for the first thing in `value` that the schema does not allow."""
+    rule = _resolved(load() if schema is None else schema)
+    if "oneOf" in rule:
+        _one_of(value, rule, pointer, owner)
+        return
+    if "type" in rule and not _TYPES[rule["type"]][1](value):
+        _expected(rule, value, pointer)
+    if "enum" in rule and value not in rule["enum"]:
+        close = difflib.get_close_matches(str(value), rule["enum"], n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise Mismatch(
+            pointer,
+            f"{_key(pointer)} must be one of {', '.join(map(repr, rule['enum']))}, not {value!r}{hint}",
+        )
+    if "const" in rule and (value != rule["const"] or isinstance(value, bool)):  # for Python True == 1
+        _expected(rule, value, pointer)
+    if "minimum" in rule and value < rule["minimum"]:
+        raise Mismatch(pointer, f"{_key(pointer)} is {value}; it must be at least {rule['minimum']}")
+    if isinstance(value, dict) and "properties" in rule:
+        _object(value, rule, pointer, owner)
+    if isinstance(value, list):
+        _array(value, rule, pointer)
+
+
+def _object(value: dict[str, Any], rule: Schema, pointer: str, owner: str) -> None:
+    """Known keys only, all required ones, each as it must be."""
+    known = rule["properties"]
+    for key in value:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
+            raise Mismatch(child(pointer, key), f'"{key}" is no key of {owner}; {hint}')
+    for key in rule.get("required", ()):
+        if key not in value:
+            raise Mismatch(pointer, f'{owner} has no "{key}": {known[key].get("description", "it is required")}')
+    for key, item in value.items():
+        check(item, known[key], child(pointer, key), _owner(key, item))
+
+
+def _array(value: list[Any], rule: Schema, pointer: str) -> None:
+    """The right number of items, each as it must be."""
+    low, high = rule.get("minItems", 0), rule.get("maxItems", len(value))
+    if not low <= len(value) <= high:
+        _expected(rule, value, pointer)
+    for index, item in enumerate(value):
+        check(item, rule.get("items", {}), child(pointer, index), _owner(pointer.rpartition("/")[2], item))
+
+
+def _one_of(value: Any, rule: Schema, pointer: str, owner: str) -> None:
+    """One of several forms; tables with a key `type` are told apart by it, so that the message is about the
+    right one."""
+    forms = [_resolved(form) for form in rule["oneOf"]]
+    kinds = {form.get("properties", {}).get("type", {}).get("const"): form for form in forms}
+    if None in kinds:
+        if not any(_fits(value, form) for form in forms):
+            _expected(rule, value, pointer)
+        return
+    if not isinstance(value, dict):
+        _expected(rule, value, pointer)
+    if "type" not in value:
+        raise Mismatch(pointer, f'{owner} has no "type"; it is one of {", ".join(kinds)}')
+    if not isinstance(value["type"], str) or value["type"] not in kinds:
+        close = difflib.get_close_matches(str(value["type"]), kinds, n=1)
+        hint = f'did you mean "{close[0]}"?' if close else f"known types: {', '.join(kinds)}"
+        raise Mismatch(child(pointer, "type"), f"there is no joint of type {value['type']!r}; {hint}")
+    check(value, kinds[value["type"]], pointer, f"{value['type']} {owner}")
+
+
+def _fits(value: Any, rule: Schema) -> bool:
+    try:
+        check(value, rule)
+    except Mismatch:
+        return False
+    return True
+
+
+def _resolved(schema: Schema) -> Schema:
+    """The schema that a $ref stands for."""
+    if "$ref" not in schema:
+        return schema
+    target: Schema = load()["$defs"][schema["$ref"].rpartition("/")[2]]
+    return target
+
+
+def _expected(rule: Schema, value: Any, pointer: str) -> NoReturn:
+    wanted = rule.get("title") or (_TYPES[rule["type"]][0] if "type" in rule else repr(rule.get("const")))
+    shown = json.dumps(value, ensure_ascii=False)
+    raise Mismatch(
+        pointer, f"{_key(pointer)} must be {wanted}, not {shown if len(shown) <= 60 else shown[:57] + '...'}"
+    )
+
+
+def _owner(key: str, item: Any) -> str:
+    """How messages call a table: 'joint "A"'."""
+    name = item.get("name") if isinstance(item, dict) else None
+    return f'{key} "{name}"' if isinstance(name, str) else key
+
+
+def _key(pointer: str) -> str:
+    """The last key of a pointer, with the indices behind it: 'point[1]'."""
+    parts, indices = pointer.split("/")[1:], ""
+    while parts and parts[-1].isdigit():
+        indices = f"[{parts.pop()}]{indices}"
+    return (parts[-1] if parts else "the file") + indices
+
+
+def child(pointer: str, key: str | int) -> str:
+    """JSON pointer of a member."""
+    return f"{pointer}/{str(key).replace('~', '~0').replace('/', '~1')}"

@@ -1,0 +1,127 @@
+"""Model files in TOML: read here, written in `toml_writer`; the keys are those of the published JSON Schema.
+
+    [mechanism]
+    partita = 1
+    name = "pendulum"
+
+    [[rod]]
+    name = "rod"
+    start = [0.0, 0.0, 0.0]
+    end = [1.0, 0.0, 0.0]
+    mass = 1.0
+
+    [[joint]]
+    name = "A"
+    type = "revolute"
+    parent = "ground"
+    child = "rod"
+    point = [0.0, 0.0, 0.0]
+
+Each table is a call of the `add_...` method of the same name, its keys are the arguments. Bodies are made
+before joints, joints before drives and forces, and among themselves in the order of the file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from .. import _core
+from ..builder import Mechanism
+from ..errors import ArgumentError, DescriptionError, EvaluationError, FileFormatError, UnknownNameError
+from . import schema
+from .toml_writer import document
+
+# Tables that are made together, in the order of the file.
+_STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
+
+
+def read(path: Path) -> Mechanism:
+    """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
+    return parse(text, str(path))
+
+
+def parse(text: str, path: str = "text") -> Mechanism:
+    """The mechanism in a TOML text; `path` is named in errors."""
+    content, lines = _core.parse_toml(text, path)
+    file = _File(path, json.loads(content), json.loads(lines))
+    return file.mechanism()
+
+
+def write(mechanism: Mechanism, path: Path) -> None:
+    """Write a mechanism to a TOML file."""
+    text = document(mechanism)
+    try:
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise FileFormatError(f'"{path}" cannot be written: {error}', path=str(path), line=None) from error
+
+
+class _File:
+    """The content of a file with the line of every key."""
+
+    def __init__(self, path: str, content: dict[str, Any], lines: dict[str, int]) -> None:
+        self.path, self.content, self.lines = path, content, lines
+
+    def mechanism(self) -> Mechanism:
+        """Check the content by the schema, then say it to a `Mechanism`."""
+        try:
+            schema.check(self.content)
+        except schema.Mismatch as error:
+            raise self._error(error.pointer, error.sentence) from error
+        head = self.content["mechanism"]
+        mechanism: Mechanism = self._call(
+            "/mechanism", Mechanism, {key: head[key] for key in ("name", "gravity") if key in head}
+        )
+        for tables in _STAGES:
+            for kind, pointer, item in self._in_order(tables):
+                method, arguments = _call_of(kind, item)
+                self._call(pointer, getattr(mechanism, method), arguments)
+        return mechanism
+
+    def _in_order(self, tables: tuple[str, ...]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """Tables of these kinds as they follow each other in the file."""
+        found = [
+            (kind, f"/{kind}/{index}", item) for kind in tables for index, item in enumerate(self.content.get(kind, []))
+        ]
+        yield from sorted(found, key=lambda entry: self._line(entry[1]) or 0)
+
+    def _call(self, pointer: str, function: Any, arguments: dict[str, Any]) -> Any:
+        """Call the builder; what it refuses is told with the line."""
+        try:
+            return function(**arguments)
+        except (DescriptionError, UnknownNameError, ArgumentError, EvaluationError) as error:
+            raise self._error(pointer, error.message) from error
+
+    def _error(self, pointer: str, sentence: str) -> FileFormatError:
+        line = self._line(pointer)
+        place = f'"{self.path}", line {line}' if line is not None else f'"{self.path}"'
+        return FileFormatError(f"{place}: {sentence}", path=self.path, line=line)
+
+    def _line(self, pointer: str) -> int | None:
+        """Line of a key, or of the nearest table around it."""
+        while pointer and pointer not in self.lines:
+            pointer = pointer.rpartition("/")[0]
+        return self.lines.get(pointer)
+
+
+def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Method and arguments that a table stands for."""
+    arguments = {key: _argument(value) for key, value in item.items()}
+    if kind == "joint":
+        word = arguments.pop("type")
+        return "add_joint" if word == "generic" else f"add_{word}", arguments
+    return f"add_{kind}", arguments
+
+
+def _argument(value: Any) -> Any:
+    """A table {times, values} as the pair that the builder takes; all else as it is."""
+    if isinstance(value, dict):
+        return value["times"], value["values"]
+    return [_argument(item) for item in value] if isinstance(value, list) else value

@@ -1,0 +1,191 @@
+"""Options of a run, the same for mechanisms and systems: checked here, marched by the core."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import sys
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import ArgumentError, UnknownNameError
+
+Array = NDArray[np.float64]
+METHODS = ("dop853", "dopri5", "tsit5", "rk4")
+FORMULATIONS = ("projective", "multipliers")
+CORRECTIONS = ("partition", "mass-orthogonal", "none")
+COORDINATES = ("relative", "absolute")
+OUTPUTS = 201
+# Outputs may miss the end of the run by the rounding of np.arange; they are moved onto it.
+_SLACK = 1e-12
+
+
+class Core(Protocol):
+    """What marches: a compiled mechanism or system."""
+
+    def simulate(
+        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+    ) -> dict[str, Any]:
+        """Outputs, logs and counters of a run."""
+
+
+def options(
+    t0: float,
+    duration: float,
+    velocity_names: list[str],
+    *,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    method: str = "dop853",
+    formulation: str = "projective",
+    events: Iterable[Any] = (),
+    correction: str = "partition",
+    exchange: float = 1.25,
+    step: float | None = None,
+    max_step: float | None = None,
+    max_steps: int = 10_000_000,
+    independent: Iterable[Any] | None = None,
+) -> dict[str, Any]:
+    """Checked options of a run from t0, as the core reads them. Raises `ArgumentError`."""
+    if len(list(events)) > 0:
+        raise ArgumentError(
+            "this version does not offer events; simulate without them and look for the instant in the outputs",
+            argument="events",
+        )
+    span = positive("duration", duration)
+    if step is not None and max_step is not None:
+        raise ArgumentError(
+            f"step = {step} fixes every step and leaves nothing to max_step = {max_step}; give one",
+            argument="step",
+        )
+    return {
+        "t0": t0,
+        "t_end": t0 + span,
+        "rtol": positive("rtol", rtol),
+        "atol": positive("atol", atol),
+        "method": one_of("method", method, METHODS),
+        "formulation": one_of("formulation", formulation, FORMULATIONS),
+        "step": None if step is None else positive("step", step),
+        "max_step": None if max_step is None else positive("max_step", max_step),
+        "correction": one_of("correction", correction, CORRECTIONS),
+        "exchange": _exchange(exchange),
+        "max_steps": _count(max_steps),
+        "independent": None if independent is None else _independent(independent, velocity_names),
+    }
+
+
+def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
+    """Times of the outputs (nt,): as given if increasing and inside the run; None: 201 evenly spaced ones."""
+    if t_eval is None:
+        return np.linspace(t0, t_end, OUTPUTS)
+    try:
+        times = np.array(t_eval, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"t_eval must be an array of times, not {t_eval!r}", argument="t_eval") from error
+    if times.ndim != 1 or times.size == 0:
+        raise ArgumentError(
+            f"t_eval has shape {times.shape}; it must be a flat array of times such as "
+            f"np.linspace({t0:g}, {t_end:g}, {OUTPUTS})",
+            argument="t_eval",
+        )
+    if not np.all(np.isfinite(times)):
+        raise ArgumentError("t_eval holds NaN or infinity; give finite times", argument="t_eval")
+    if np.any(np.diff(times) <= 0.0):
+        row = int(np.argmax(np.diff(times) <= 0.0))
+        raise ArgumentError(
+            f"t_eval must increase, but {times[row]:g} is followed by {times[row + 1]:g}; sort it",
+            argument="t_eval",
+        )
+    slack = _SLACK * max(abs(t0), abs(t_end))
+    if times[0] < t0 - slack or times[-1] > t_end + slack:
+        raise ArgumentError(
+            f"t_eval goes from {times[0]:.12g} to {times[-1]:.12g} s, outside the run from {t0:.12g} to "
+            f"{t_end:.12g} s; "
+            "change the duration or the times",
+            argument="t_eval",
+        )
+    return np.clip(times, t0, t_end)
+
+
+def run(core: Core, chosen: dict[str, Any], t_eval: Array, q: Array, v: Array, progress: Any) -> dict[str, Any]:
+    """March in the core; what it returns."""
+    return core.simulate(
+        json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), _progress(progress)
+    )
+
+
+def positive(what: str, value: Any) -> float:
+    """A finite number above zero."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what} must be a number, not {value!r}", argument=what) from error
+    if not np.isfinite(number) or number <= 0.0:
+        raise ArgumentError(f"{what} is {number:g}; it must be finite and greater than zero", argument=what)
+    return number
+
+
+def one_of(what: str, value: Any, known: Iterable[str]) -> str:
+    """One of the known words."""
+    words = list(known)
+    if value not in words:
+        close = difflib.get_close_matches(str(value).lower(), words, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(map(repr, words))}"
+        raise ArgumentError(f"{what} {value!r} is not known; {hint}", argument=what)
+    return str(value)
+
+
+def _exchange(value: Any) -> float:
+    number = positive("exchange", value)
+    if number < 1.0:
+        raise ArgumentError(
+            f"exchange is {number:g}; below 1 two choices would replace each other for ever; 1.25 is usual",
+            argument="exchange",
+        )
+    return number
+
+
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ArgumentError(f"max_steps is {value!r}; it must be an integer above zero", argument="max_steps")
+    return int(value)
+
+
+def _independent(independent: Iterable[Any], velocity_names: list[str]) -> list[str]:
+    """Names of velocities; a user's fixed choice of the independent ones."""
+    if isinstance(independent, str):
+        raise ArgumentError(f"independent must be a list of names such as [{independent!r}]", argument="independent")
+    names = [str(item) for item in independent]
+    for name in names:
+        if name not in velocity_names:
+            close = difflib.get_close_matches(name, velocity_names, n=1)
+            hint = f'did you mean "{close[0]}"?' if close else f"known velocities: {', '.join(velocity_names)}"
+            raise UnknownNameError(
+                f'independent: there is no velocity "{name}"; {hint}', name=name, known=velocity_names
+            )
+    if len(set(names)) < len(names):
+        raise ArgumentError(f"independent names a velocity twice: {', '.join(names)}", argument="independent")
+    return names
+
+
+def _progress(progress: Any) -> Callable[[float], None] | None:
+    """What the core calls with the fraction done: nothing, the user's function, or a line on stderr."""
+    if progress is None or progress is False:
+        return None
+    if progress is True:
+        return _print_progress
+    if not callable(progress):
+        raise ArgumentError(
+            f"progress must be True, False or a function of the fraction done, not {progress!r}",
+            argument="progress",
+        )
+    return progress  # type: ignore[no-any-return]
+
+
+def _print_progress(fraction: float) -> None:
+    end = "\n" if fraction >= 1.0 else ""
+    sys.stderr.write(f"\r{100.0 * fraction:5.1f} % of the run{end}")
+    sys.stderr.flush()

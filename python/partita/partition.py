@@ -1,0 +1,156 @@
+"""The choice of independent coordinates by the projective criterion, for any mass matrix and constraint
+Jacobian.
+
+A mechanism chooses by itself; these functions are for looking at the criterion and for systems of one's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from .errors import ArgumentError
+from .options import positive
+
+__all__ = ["Partition", "choose", "measure"]
+
+Array = NDArray[np.float64]
+# Entries of a mass matrix computed in two ways agree to round-off; a larger difference is a mistake in the
+# formulas.
+_SYMMETRY = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """A choice of k independent coordinates among n. With n velocities, m rows, rank r, k = n - r.
+
+    Attributes:
+        independent: indices (k,).
+        dependent: indices (n - k,).
+        A: v_D = A v_I + eta, (n - k, k), rows in the order of `dependent`, columns in that of `independent`.
+        D: (k, n) with D C^T = 0 and v = D^T v_I + [0; eta]; columns in the order of the coordinates.
+        rho: projective measure of every coordinate (n,), 0 to 1.
+        sigma: smallest singular value of the chosen, normalised coordinate directions: 1 best, 0 singular. It
+            bounds the conditioning of the reduced equations.
+        sqrt_mu: smallest principal cosine between the chosen directions and the possible motions: 1 best, 0
+            singular. Its inverse is the most by which an error in the constraints can be magnified in the
+            dependent coordinates.
+        rows: indices (r,) of the constraint rows that were kept.
+    """
+
+    independent: NDArray[np.int64]
+    dependent: NDArray[np.int64]
+    A: Array
+    D: Array
+    rho: Array
+    sigma: float
+    sqrt_mu: float
+    rows: NDArray[np.int64]
+
+
+def measure(M: ArrayLike, C: ArrayLike) -> Array:
+    """Projective measure rho (n,) of every coordinate (P4).
+
+    How mobile a coordinate is with the constraints, relative to without: 1 = they do not hinder it, 0 =
+    locked. Computed in the mass metric, so the same in all units. Redundant rows do no harm. Costs O(n^3).
+
+    Args:
+        M: mass matrix (n, n), symmetric and positive definite.
+        C: constraint Jacobian (m, n); m may be zero.
+
+    Raises:
+        ArgumentError: wrong shapes, NaN, or M not symmetric and positive definite.
+
+    >>> import partita as pt
+    >>> pt.partition.measure([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]]).round(12).tolist()
+    [0.8, 0.6]
+    """
+    mass, jacobian = _checked(M, C)
+    return _core.measure(mass, jacobian)
+
+
+def choose(M: ArrayLike, C: ArrayLike, *, threshold: float = 1.0, weights: ArrayLike | None = None) -> Partition:
+    """Choose independent coordinates: greedily by the measure (P5), then by exchanges (P6).
+
+    Args:
+        M: mass matrix (n, n), symmetric and positive definite.
+        C: constraint Jacobian (m, n).
+        threshold: a dependent coordinate replaces an independent one when this multiplies the volume of the
+            choice by more than `threshold`; at least 1. With 1 no single exchange can improve the choice any
+            more.
+        weights: preference (n,) for coordinates, positive: the measure is multiplied by it; None: all equal.
+
+    Raises:
+        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, threshold below 1.
+
+    >>> import partita as pt
+    >>> choice = pt.partition.choose([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]])
+    >>> choice.independent.tolist(), choice.A.tolist()
+    ([0], [[-0.75]])
+    """
+    mass, jacobian = _checked(M, C)
+    limit = positive("threshold", threshold)
+    if limit < 1.0:
+        raise ArgumentError(
+            f"threshold is {limit:g}; below 1 two choices would replace each other for ever",
+            argument="threshold",
+        )
+    preference = None if weights is None else _weights(weights, mass.shape[0])
+    found = _core.choose(mass, jacobian, limit, preference)
+    return Partition(
+        independent=np.asarray(found["independent"], dtype=np.int64),
+        dependent=np.asarray(found["dependent"], dtype=np.int64),
+        A=np.asarray(found["A"], dtype=np.float64),
+        D=np.asarray(found["D"], dtype=np.float64),
+        rho=np.asarray(found["rho"], dtype=np.float64),
+        sigma=float(found["sigma"]),
+        sqrt_mu=float(found["sqrt_mu"]),
+        rows=np.asarray(found["rows"], dtype=np.int64),
+    )
+
+
+def _checked(M: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
+    """Both as finite arrays that fit together."""
+    mass, jacobian = _matrix("M", M), _matrix("C", C)
+    n = mass.shape[0]
+    if mass.shape != (n, n) or n == 0:
+        raise ArgumentError(f"M must be square, not of shape {mass.shape}", argument="M")
+    if jacobian.shape[1] != n:
+        raise ArgumentError(
+            f"C has {jacobian.shape[1]} columns for {n} coordinates; it must be of shape (m, {n})",
+            argument="C",
+        )
+    skew = float(np.max(np.abs(mass - mass.T)))
+    if skew > _SYMMETRY * float(np.max(np.abs(mass))):
+        row, column = np.unravel_index(int(np.argmax(np.abs(mass - mass.T))), mass.shape)
+        raise ArgumentError(
+            f"M is not symmetric: M[{row}, {column}] and M[{column}, {row}] differ by {skew:.3g}",
+            argument="M",
+        )
+    return mass, jacobian
+
+
+def _matrix(what: str, values: ArrayLike) -> Array:
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what} must be a matrix of numbers, not {values!r}", argument=what) from error
+    if np.ndim(values) != 2:
+        raise ArgumentError(f"{what} must be a matrix, not of shape {np.shape(values)}", argument=what)
+    if not np.all(np.isfinite(array)):
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise ArgumentError(f"{what}[{row}, {column}] is {array[row, column]}; give finite numbers", argument=what)
+    return array
+
+
+def _weights(weights: ArrayLike, n: int) -> Array:
+    array = np.ascontiguousarray(weights, dtype=np.float64)
+    if array.shape != (n,) or not np.all(np.isfinite(array)) or np.any(array <= 0.0):
+        raise ArgumentError(
+            f"weights must be {n} positive finite numbers, not {np.asarray(weights).tolist()}",
+            argument="weights",
+        )
+    return array

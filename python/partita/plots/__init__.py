@@ -1,0 +1,137 @@
+"""Figures of results, with matplotlib; nothing opens a window.
+
+Every function returns a `matplotlib.figure.Figure`; with `path` it is saved too, in the format of the
+ending (.png, .pdf, .svg). Units stand on the axes; where not all lines fit, the legend counts them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.figure import Figure
+
+from ..errors import FileFormatError, MissingFileError
+from ..results.names import index_of
+from .joint import draw_joint
+from .measure import draw_measure
+from .overview import draw_overview
+from .reactions import draw_reactions
+from .series import draw_closure, draw_coordinates, draw_energy
+from .style import Canvas, headline, new_figure
+
+if TYPE_CHECKING:
+    from ..results.result import Result
+
+__all__ = [
+    "figure_path",
+    "overview",
+    "plot",
+    "plot_energy",
+    "plot_joint",
+    "plot_measure",
+    "plot_reactions",
+    "save_figure",
+]
+
+PathLike = str | os.PathLike[str]
+WORDS: dict[str, tuple[Callable[[Result, Canvas], object], float]] = {
+    # word: (how it is drawn, height in inches)
+    "overview": (draw_overview, 6.5),
+    "coordinates": (lambda result, canvas: draw_coordinates(result, canvas.subplots()), 3.5),
+    "closure": (lambda result, canvas: draw_closure(result, canvas.subplots()), 3.0),
+    "energy": (lambda result, canvas: draw_energy(result, canvas.subplots()), 3.5),
+    "measure": (lambda result, canvas: draw_measure(result, canvas, canvas.add_gridspec(1, 1)[0]), 3.8),
+    "reactions": (draw_reactions, 5.5),
+}
+JOINT_HEIGHT = 5.5
+
+
+def plot(result: Result, *what: str, path: PathLike | None = None) -> Figure:
+    """Words among overview (the default), coordinates, closure, energy, measure, reactions, or names of joints,
+    below each other in one figure. `UnknownNameError` for another word."""
+    parts = [_part(result, word) for word in what or ("overview",)]
+    heights = [height for _, height in parts]
+    figure = new_figure(11.0, sum(heights))
+    if len(parts) == 1:
+        parts[0][0](result, figure)
+    else:
+        places = figure.add_gridspec(len(parts), 1, height_ratios=heights)
+        for n, (draw, _) in enumerate(parts):
+            draw(result, figure.add_subfigure(places[n]))
+    if not figure.get_suptitle():
+        headline(result, figure)
+    return _saved(figure, path)
+
+
+def _part(result: Result, word: str) -> tuple[Callable[[Result, Canvas], object], float]:
+    if word in WORDS:
+        return WORDS[word]
+    known = [*WORDS, *result.names.joints]
+    name = known[index_of(word, known, "plot or joint")]
+    return (lambda result, canvas: draw_joint(result, name, canvas)), JOINT_HEIGHT
+
+
+def overview(result: Result, path: PathLike | None = None) -> Figure:
+    """The run at a glance: coordinates, measure with the independent coordinates, closure, energy balance."""
+    return plot(result, "overview", path=path)
+
+
+def plot_energy(result: Result, path: PathLike | None = None) -> Figure:
+    """Kinetic, potential and total energy and the work put in [J]."""
+    return plot(result, "energy", path=path)
+
+
+def plot_measure(result: Result, path: PathLike | None = None) -> Figure:
+    """Projective measure of the coordinates over time; a strip on top shows which were independent."""
+    return plot(result, "measure", path=path)
+
+
+def plot_reactions(result: Result, path: PathLike | None = None) -> Figure:
+    """Size of force [N] and moment [N m] of every joint; of many, the most loaded."""
+    return plot(result, "reactions", path=path)
+
+
+def plot_joint(result: Result, name: str, path: PathLike | None = None, *, axes: str = "world") -> Figure:
+    """Position, velocity, force and moment of the joint `name`, the last two in "world" or "joint" axes.
+
+    Components that are not unique are dashed. `UnknownNameError` with the nearest names.
+    """
+    figure = new_figure(11.0, JOINT_HEIGHT)
+    draw_joint(result, name, figure, axes)
+    return _saved(figure, path)
+
+
+def _saved(figure: Figure, path: PathLike | None) -> Figure:
+    if path is not None:
+        save_figure(figure, path)
+    return figure
+
+
+def save_figure(figure: Figure, path: PathLike) -> Path:
+    """Save in the format of the ending; errors of `figure_path`."""
+    target = figure_path(path)
+    figure.savefig(target)
+    return target
+
+
+def figure_path(path: PathLike) -> Path:
+    """`path` when a figure can be written there: `FileFormatError` for an ending that matplotlib does not write,
+    `MissingFileError` when the folder does not exist."""
+    target = Path(path)
+    endings = sorted(FigureCanvasBase.get_supported_filetypes())
+    if target.suffix.lower().lstrip(".") not in endings:
+        raise FileFormatError(
+            f"cannot save a figure to {str(target)!r}: the ending {target.suffix!r} is not one of {', '.join(endings)}",
+            path=str(target),
+            line=None,
+        )
+    if not target.parent.is_dir():
+        raise MissingFileError(
+            f"cannot save a figure to {str(target)!r}: the folder {str(target.parent)!r} does not exist; make it first",
+            path=str(target.parent),
+        )
+    return target

@@ -1,0 +1,78 @@
+"""One joint: its motion, force, moment, drive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..results.names import joint_units
+from ..results.variables import column_names
+from .style import COLOURS, Canvas, dressed, empty, ending, legend, unit_label
+
+if TYPE_CHECKING:
+    from ..results.joint import JointResult
+    from ..results.result import Result
+
+
+def draw_joint(result: Result, name: str, canvas: Canvas, axes: str = "world") -> None:
+    """Position, velocity, force and moment of the joint `name` in four panels.
+
+    Reaction components that are not unique are drawn dashed and marked in the legend.
+    """
+    joint = result.joint(name).in_frame(axes)
+    about = result.summary["joints"][result.names.joints.index(name)]
+    grid = canvas.subplots(2, 2, sharex=True)
+    canvas.suptitle(
+        f"{result.title}: joint {name} ({joint.kind}, {joint.parent} → {joint.child}){ending(result)}", fontsize=11
+    )
+    q_units, v_units = joint_units(about)
+    words = list(about.get("axes", ()))
+    _motion(grid[0, 0], result.t, joint.position, column_names("", words, len(q_units)), "Position", q_units)
+    rates = [f"{unit}/s" for unit in v_units]
+    _motion(grid[0, 1], result.t, joint.velocity, column_names("", words, len(v_units)), "Velocity", rates)
+    grid[0, 1].set_title(f"Velocity{_effort(joint, rates)}", loc="left", fontsize=10, fontweight="bold")
+    _wrench(grid[1, 0], result.t, joint.force, joint.determined[:3], f"Force on {joint.child}, {joint.axes} axes", "N")
+    title = f"Moment on {joint.child} about the joint"
+    _wrench(grid[1, 1], result.t, joint.moment, joint.determined[3:], title, "N m")
+
+
+def _motion(
+    ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], labels: list[str], title: str, units: list[str]
+) -> None:
+    dressed(ax, title, f"{title.lower()}{unit_label(units)}", time_axis=False)
+    if values.shape[1] == 0:
+        empty(ax, "this joint has no freedom")
+        return
+    for i in range(values.shape[1]):
+        ax.plot(t, values[:, i], color=COLOURS[i], lw=1.2, label=labels[i].lstrip(".") or "along the axis")
+    if values.shape[1] > 1:
+        legend(ax, values.shape[1], values.shape[1], "coordinates")
+
+
+def _wrench(
+    ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], unique: NDArray[np.bool_], title: str, unit: str
+) -> None:
+    dressed(ax, title, f"[{unit}]")
+    for i, letter in enumerate("xyz"):
+        style = "-" if unique[i] else "--"
+        label = letter if unique[i] else f"{letter} (not unique)"
+        ax.plot(t, values[:, i], style, color=COLOURS[i], lw=1.2, label=label)
+    legend(ax, 3, 3, "components")
+    level(ax, values)
+
+
+def level(ax: Axes, values: NDArray[np.float64]) -> None:
+    """Do not blow up round-off: around values that are all zero, the axis spans -1 to 1."""
+    if float(np.max(np.abs(values), initial=0.0)) < 1e-12:
+        ax.set_ylim(-1.0, 1.0)
+
+
+def _effort(joint: JointResult, rates: list[str]) -> str:
+    """For the title of the velocities: the greatest effort of a drive, where there is one."""
+    peaks = np.max(np.abs(joint.drive), axis=0, initial=0.0)
+    units = ["N" if rate == "m/s" else "N m" for rate in rates]
+    words = [f"{peak:.3g} {unit}" for peak, unit in zip(peaks, units, strict=True) if peak > 0]
+    return f"; drive up to {', '.join(words)}" if words else ""

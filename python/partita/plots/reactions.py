@@ -1,0 +1,36 @@
+"""Size of the reaction of every joint over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .joint import level
+from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
+
+if TYPE_CHECKING:
+    from ..results.result import Result
+
+
+def draw_reactions(result: Result, canvas: Canvas) -> None:
+    """|force| and |moment| of each joint; of many joints, the most loaded. Marked * when not all is unique."""
+    upper, lower = canvas.subplots(2, 1, sharex=True)
+    dressed(upper, "Forces of the joints", "|force| [N]", time_axis=False)
+    dressed(lower, "Moments of the joints", "|moment| [N m]")
+    if not result.names.joints:
+        for ax in (upper, lower):
+            empty(ax, "no joints")
+        return
+    unique = result.determined[0]
+    for ax, key, part in ((upper, "force", slice(0, 3)), (lower, "moment", slice(3, 6))):
+        size = np.linalg.norm(result.reactions[key], axis=2)
+        peak = np.max(size, axis=0, initial=0.0)
+        loaded = sorted(int(j) for j in np.argsort(-peak, kind="stable")[:LIMIT])
+        for n, j in enumerate(loaded):
+            star = "" if unique[j, part].all() else " *"
+            ax.plot(result.t, size[:, j], color=COLOURS[n], lw=1.2, label=shortened(result.names.joints[j]) + star)
+        legend(ax, len(loaded), size.shape[1], "shown")
+        level(ax, size)
+    if not unique.all():
+        canvas.supxlabel("* some components are not unique (redundant constraints)", fontsize=8, color="#555555")

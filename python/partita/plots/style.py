@@ -1,0 +1,102 @@
+"""How all figures look: sizes, colours, legends, and how many lines fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ..results.result import Result
+
+Canvas = Figure | SubFigure
+
+COLOURS = ("#1f6fb4", "#d95f02", "#1b9e77", "#b03060", "#7570b3", "#a6761d", "#e7298a", "#4d4d4d")
+LIMIT = len(COLOURS)
+FLOOR = 1e-17
+"""Drawn in the place of an exact zero on a logarithmic axis."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """A figure of its own, tied to no window; `savefig` works everywhere."""
+    return Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
+
+
+def dressed(ax: Axes, title: str, ylabel: str, *, time_axis: bool = True) -> Axes:
+    """Title, labels and a quiet grid."""
+    ax.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    ax.set_ylabel(ylabel, fontsize=9)
+    if time_axis:
+        ax.set_xlabel("time [s]", fontsize=9)
+    ax.tick_params(labelsize=8)
+    ax.grid(True, color="#dddddd", linewidth=0.6)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    ax.set_axisbelow(True)
+    ax.margins(x=0.0)
+    return ax
+
+
+def legend(ax: Axes, shown: int, total: int, what: str) -> None:
+    """The legend beside the plot; says so when not all lines are drawn."""
+    title = f"{shown} of {total} {what}" if shown < total else None
+    if shown:
+        ax.legend(
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.0),
+            fontsize=8,
+            frameon=False,
+            title=title,
+            title_fontsize=8,
+            handlelength=1.4,
+        )
+
+
+def shortened(name: str, limit: int = 18) -> str:
+    """`name` cut in the middle, for legends."""
+    return name if len(name) <= limit else f"{name[: limit // 2]}…{name[-(limit // 2 - 1) :]}"
+
+
+def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Absolute values fit for a logarithmic axis."""
+    return np.maximum(np.abs(values), FLOOR)
+
+
+def telling(result: Result, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
+    """Columns worth a line: those most often independent first, then the ones that move most; at most `limit`."""
+    total = values.shape[1]
+    if total <= limit:
+        return list(range(total))
+    often = np.bincount(result.independent[result.independent >= 0], minlength=total)[:total]
+    ever = [int(i) for i in np.argsort(-often, kind="stable") if often[i]]
+    span = np.ptp(values, axis=0) if len(values) else np.zeros(total)
+    order = ever + [int(i) for i in np.argsort(-span, kind="stable") if int(i) not in set(ever)]
+    return sorted(order[:limit])
+
+
+def unit_label(units: Sequence[str]) -> str:
+    """`[rad]`, or `[m, rad]` when columns differ; empty when none is known."""
+    known = sorted({unit for unit in units if unit not in ("", "1")})
+    return f" [{', '.join(known)}]" if known else ""
+
+
+def headline(result: Result, canvas: Canvas) -> None:
+    """Name of the mechanism and how the run ended, over the whole figure."""
+    colour = "#222222" if result.success else "#a01010"
+    canvas.suptitle(f"{result.title}{ending(result)}", fontsize=12, fontweight="bold", color=colour)
+
+
+def ending(result: Result) -> str:
+    """A warning for titles when the run stopped early, else nothing."""
+    return "" if result.success else f"  (stopped early: {result.status})"
+
+
+def empty(ax: Axes, why: str) -> None:
+    """A panel with nothing to draw says why."""
+    ax.text(0.5, 0.5, why, transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True)
+    ax.set_xticks([])
+    ax.set_yticks([])

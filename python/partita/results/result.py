@@ -1,0 +1,259 @@
+"""The result of a run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError
+from .body import BodyResult, resting
+from .certificate import Certificate, certify
+from .energy import EnergyResult
+from .joint import JointResult, JointWrench
+from .names import Names, index_of
+from .partition_log import PartitionChange, partition_changes
+from .record import Record, spec_of
+from .source import Arrays, ModelSource, Source
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+
+class Result:
+    """Motion and forces of one run, over nt outputs; SI units and radians, names in `names`.
+
+    Arrays of the run itself are plain attributes. Bodies, joints and reactions are computed by the
+    compiled model when first asked for and kept. A result that was stopped (`success` False, or by
+    Ctrl-C) holds every output reached; `status` and `message` say why it ended.
+
+    >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
+    """
+
+    def __init__(self, record: Record, source: Source | None) -> None:
+        self._record = record
+        self._source = source
+        arrays = record.arrays
+        self.t: FloatArray = arrays["t"]
+        """(nt,): times of the outputs [s]."""
+        self.q: FloatArray = arrays["q"]
+        """(nt, nq): coordinates [m, rad; quaternions scalar first]."""
+        self.v: FloatArray = arrays["v"]
+        """(nt, nv): velocities [m/s, rad/s]."""
+        self.vdot: FloatArray = arrays["vdot"]
+        """(nt, nv): accelerations [m/s^2, rad/s^2]."""
+        self.multipliers: FloatArray = arrays["multipliers"]
+        """(nt, rows): lambda in M v' = h + C^T lambda [N, N m]; prefer `joint(name)` for reactions."""
+        self.closure: FloatArray = arrays["closure"]
+        """(nt,): max |Phi| over the constraints."""
+        self.velocity_closure: FloatArray = arrays["velocity_closure"]
+        """(nt,): max |C v + a| over the constraints."""
+        self.measure: FloatArray = arrays["measure"]
+        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
+        self.sigma: FloatArray = arrays["sigma"]
+        """(nt,): quality of the choice of independent coordinates; small near singular positions."""
+        self.sqrt_mu: FloatArray = arrays["sqrt_mu"]
+        """(nt,): a second quality of the choice, in the mass metric."""
+        self.independent: NDArray[np.int64] = arrays["independent"]
+        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
+        self.status = record.status
+        self.success = record.success
+        self.message = record.message
+        self.counters = dict(record.counters)
+        self.options = dict(record.options)
+        self.summary = dict(record.summary)
+        """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
+        self.spec = record.spec
+        """Plain description of the mechanism as built (a dictionary), or None for a `System`."""
+        self.names = Names.from_summary(record.summary, self.q.shape[1], self.v.shape[1], self.multipliers.shape[1])
+
+    @classmethod
+    def from_run(
+        cls,
+        raw: Mapping[str, Any],
+        *,
+        model: Any,
+        summary: Mapping[str, Any],
+        mechanism: Any = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> Result:
+        """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
+
+        `mechanism` is None for a hand-written `System`: such a result has no bodies and joints.
+        """
+        record = Record.from_raw(raw, summary, options or {}, spec_of(mechanism))
+        return cls(record, None if mechanism is None else ModelSource(model, record.arrays))
+
+    @property
+    def title(self) -> str:
+        """Name of the mechanism, or "system"."""
+        return str(self.summary.get("name") or "system")
+
+    @cached_property
+    def partitions(self) -> list[PartitionChange]:
+        """Every choice of independent coordinates, the first one included, in order of time."""
+        return partition_changes(self._record.partitions, self.names.velocities)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the compiler and the run had to tell: rows dropped, repairs, passages."""
+        removed = (f"row {r['row']} removed: {r['why']}" for r in self.summary.get("removed", ()))
+        return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.notes]))
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Worst closure, energy balance, Newton-Euler residual, quality, switches and notes of this run."""
+        return certify(self)
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether energies are known (not for a hand-written `System`)."""
+        return len(self._record.arrays["kinetic"]) == len(self.t) and self._source is not None
+
+    @property
+    def energy(self) -> EnergyResult:
+        """Kinetic, potential and total energy, work and balance.
+
+        Empty arrays for a `System`: from its matrices the potential energy is not known. See `has_energy`.
+        """
+        arrays = self._record.arrays
+        return EnergyResult(arrays["kinetic"], arrays["potential"], arrays["work"])
+
+    def joint(self, name: str) -> JointResult:
+        """Motion and reaction of the joint `name`, tree or cut alike.
+
+        Raises `UnknownNameError` with the nearest names. The first call computes all joints at once.
+        """
+        source = self._source_for("joint", name)
+        j = index_of(name, self.names.joints, "joint")
+        about = self.summary["joints"][j]
+        (q0, nq), (v0, nv) = about["q"], about["v"]
+        seen, forces = source.observed, source.reactions
+        world, joint = source.determined
+        wrench = JointWrench(
+            forces["force"][:, j], forces["moment"][:, j], forces["joint_rotation"][:, j], world[j], joint[j]
+        )
+        return JointResult(
+            name=name,
+            kind=about["kind"],
+            parent=about["parent"],
+            child=about["child"],
+            position=seen["joint_position"][:, q0 : q0 + nq],
+            velocity=seen["joint_velocity"][:, v0 : v0 + nv],
+            drive=forces["drive"][:, v0 : v0 + nv],
+            point=seen["joint_point"][:, j],
+            wrench=wrench,
+        )
+
+    def body(self, name: str) -> BodyResult:
+        """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
+        source = self._source_for("body", name)
+        if name == "ground":
+            return resting(name, len(self.t))
+        b = index_of(name, self.names.bodies, "body")
+        seen = source.observed
+        return BodyResult(
+            name,
+            seen["body_position"][:, b],
+            seen["body_rotation"][:, b],
+            seen["body_velocity"][:, b],
+            seen["body_angular_velocity"][:, b],
+        )
+
+    @property
+    def observed(self) -> Arrays:
+        """All bodies and joints at once, by array name (`body_position` (nt, nb, 3), ...); for tools."""
+        return self._source_for("body", "all").observed
+
+    @property
+    def reactions(self) -> Arrays:
+        """All reactions at once, by array name (`force` (nt, nj, 3), `moment`, ...); for tools."""
+        return self._source_for("joint", "all").reactions
+
+    @property
+    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Uniqueness of all reaction components: (nj, 6) in world axes and in joint axes; for tools."""
+        return self._source_for("joint", "all").determined
+
+    def _source_for(self, kind: str, name: str) -> Source:
+        if self._source is None:
+            raise ArgumentError(
+                f"no {kind} {name!r}: this is the run of a System given by matrices, which has coordinates "
+                f"and multipliers only; use result.q, result.v and result.multipliers",
+                argument=kind,
+            )
+        return self._source
+
+    @property
+    def record(self) -> Record:
+        """Plain data of this result; for writers of files."""
+        return self._record
+
+    @property
+    def is_mechanism(self) -> bool:
+        """Whether this is the run of a mechanism (with bodies and joints), not of a `System`."""
+        return self._source is not None
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All arrays with named axes and units. `MissingDependencyError` without xarray."""
+        from .save_xarray import to_xarray
+
+        return to_xarray(self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
+
+        Columns are those of `save("x.csv")`. `MissingDependencyError` without pandas.
+        """
+        from .save_table import to_pandas
+
+        return to_pandas(self)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write to `path`, in the format of its ending, and return the path.
+
+        `.json`: everything, self-contained, can be loaded, plotted and viewed again. `.nc`: NetCDF 3 with units,
+        the same content. `.mat`: all arrays for MATLAB and Octave. `.csv`, `.parquet`: a table, one row per output
+        (without rotation matrices). Raises `FileFormatError` for another ending, `MissingFileError` when the folder
+        does not exist, `MissingDependencyError` for Parquet without pyarrow. A file is replaced only when
+        the new one is complete.
+        """
+        from .save import save
+
+        return save(self, path)
+
+    def plot(self, *what: str, path: str | os.PathLike[str] | None = None) -> Figure:
+        """A matplotlib figure of `what`: "overview" (the default), "coordinates", "closure", "energy", "measure",
+        "reactions", or the name of a joint; several stand below each other. `path` saves it too.
+
+        Nothing is shown on the screen; in a notebook the figure displays itself.
+        """
+        from ..plots import plot
+
+        return plot(self, *what, path=path)
+
+    def to_html(self, path: str | os.PathLike[str], title: str | None = None) -> Path:
+        """One self-contained page with the animated mechanism; opens from disk without a network."""
+        from ..viewer import write_html
+
+        write_html(self, path, title=title)
+        return Path(path)
+
+    def __repr__(self) -> str:
+        span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
+        ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
+        switches = sum(change.is_switch for change in self.partitions)
+        return (
+            f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {span}; "
+            f"closure {np.max(self.closure, initial=0.0):.1e}, {switches} switches, "
+            f"{self.counters.get('steps', 0)} steps>"
+        )

@@ -1,0 +1,35 @@
+"""JSON: the whole result in one readable file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .record import plain
+from .variables import variables
+
+if TYPE_CHECKING:
+    from .result import Result
+
+VERSION = 1
+
+
+def write_json(result: Result, path: Path) -> None:
+    """Account and arrays of `result`; numbers to full precision, NaN and infinities as null."""
+    path.write_text(json.dumps(document(result), ensure_ascii=False, separators=(",", ":")), encoding="utf-8")
+
+
+def document(result: Result) -> dict[str, Any]:
+    """The file's content: `partita_result` (its version), the account, `arrays` by name with axes and units."""
+    arrays = {
+        v.name: {
+            "axes": list(v.axes),
+            "unit": v.unit,
+            "text": v.text,
+            "shape": list(v.values.shape),
+            "values": plain(v.values),
+        }
+        for v in variables(result)
+    }
+    return {"partita_result": VERSION, "account": result.record.account(), "arrays": arrays}

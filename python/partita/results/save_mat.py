@@ -1,0 +1,44 @@
+"""MAT (version 5): for MATLAB and Octave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import savemat
+
+from .variables import axes, variables
+
+if TYPE_CHECKING:
+    from .result import Result
+
+
+def write_mat(result: Result, path: Path) -> None:
+    """Arrays under their own names, time along the first axis; cells of names in the structure `names`.
+
+    `units` and `about` tell the unit and the meaning of each array. `independent` counts from 1, as
+    MATLAB does.
+    """
+    found = variables(result)
+    content: dict[str, Any] = {v.name: v.values + 1 if v.name == "independent" else v.values for v in found}
+    used = {name for v in found for name in v.axes}
+    labelled = [axis for axis in axes(result).values() if axis.name in used]
+    content["names"] = {axis.name: _cell(axis.labels) for axis in labelled}
+    content["column_units"] = {axis.name: _cell(axis.units) for axis in labelled if any(axis.units)}
+    content["units"] = {v.name: v.unit for v in found}
+    content["about"] = {v.name: v.text for v in found}
+    content["run"] = {
+        "title": result.title,
+        "status": result.status,
+        "message": result.message,
+        "counters": {key: float(value) for key, value in result.counters.items()},
+    }
+    savemat(str(path), content, appendmat=False, long_field_names=True, oned_as="column", do_compression=True)
+
+
+def _cell(words: tuple[str, ...]) -> NDArray[np.object_]:
+    cell = np.empty(len(words), dtype=object)
+    cell[:] = words
+    return cell

@@ -1,0 +1,146 @@
+"""Every array of a result with its axes and units: one list from which all writers of files work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from .joint import COMPONENTS
+from .names import coordinate_units, joint_units
+from .source import Arrays
+
+if TYPE_CHECKING:
+    from .result import Result
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An array, the names of its axes, its unit ("" where columns differ, see the axis) and what it is."""
+
+    name: str
+    values: NDArray[Any]
+    axes: tuple[str, ...]
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Labels along an axis and, where its entries differ in kind, the unit of each."""
+
+    name: str
+    labels: tuple[str, ...]
+    units: tuple[str, ...] = ()
+
+
+# name: (axes after time, unit, text)
+RUN: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "t": ((), "s", "time"),
+    "q": (("coordinate",), "", "coordinates; units along the axis `coordinate`"),
+    "v": (("velocity",), "", "velocities; units along the axis `velocity`"),
+    "vdot": (("velocity",), "", "accelerations; units of `velocity` per second"),
+    "multipliers": (("multiplier",), "", "lambda in M vdot = h + C^T lambda; N for lengths, N m for angles"),
+    "measure": (("velocity",), "1", "projective measure rho: 1 = not hindered by the loops, 0 = locked"),
+    "independent": (("choice",), "1", "indices along `velocity` (from 0) of the independent coordinates"),
+    "closure": ((), "", "largest closing error of the constraints, m or rad"),
+    "velocity_closure": ((), "", "largest closing error in velocities, m/s or rad/s"),
+    "sigma": ((), "", "quality of the choice of independent coordinates, small near singular positions"),
+    "sqrt_mu": ((), "", "quality of the choice in the mass metric"),
+    "kinetic": ((), "J", "kinetic energy"),
+    "potential": ((), "J", "potential energy of gravity and springs"),
+    "work": ((), "J", "work of dampers, torques, forces and drives since the run began"),
+}
+
+OBSERVED: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "body_position": (("body", "axis"), "m", "origin of the body, world axes"),
+    "body_rotation": (("body", "axis", "body_axis"), "1", "columns are the axes of the body in the world"),
+    "body_velocity": (("body", "axis"), "m/s", "velocity of the origin of the body, world axes"),
+    "body_angular_velocity": (("body", "axis"), "rad/s", "angular velocity of the body, world axes"),
+    "joint_position": (("joint_coordinate",), "", "coordinates of all joints, cut ones too; zero as drawn"),
+    "joint_velocity": (("joint_freedom",), "", "velocities of all joints, cut ones too"),
+    "joint_point": (("joint", "axis"), "m", "point of the joint on its child body, world axes"),
+}
+
+REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "force": (("joint", "axis"), "N", "force of the joint on its child body, world axes"),
+    "moment": (("joint", "axis"), "N m", "moment of the joint on its child body about joint_point, world axes"),
+    "drive": (("joint_freedom",), "", "effort of the drive along each freedom, N for slides, N m for turns"),
+    "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
+    "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
+}
+
+DETERMINED = {
+    "determined_world": "whether the component is unique, world axes",
+    "determined_joint": "whether the component is unique, axes of the joint",
+}
+
+
+def variables(result: Result) -> list[Variable]:
+    """All arrays of `result`; asks for bodies and reactions. Arrays the run does not have are left out."""
+    nt = len(result.t)
+    found = [v for v in _over_time(RUN, result.record.arrays) if len(v.values) == nt]
+    if result.is_mechanism:
+        found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
+        flags = zip(DETERMINED.items(), result.determined, strict=True)
+        found += [Variable(name, a, ("joint", "component"), "1", text) for (name, text), a in flags]
+    return found
+
+
+def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Arrays) -> list[Variable]:
+    return [
+        Variable(name, arrays[name], ("t", *axes), unit, text)
+        for name, (axes, unit, text) in table.items()
+        if name in arrays
+    ]
+
+
+def axes(result: Result) -> dict[str, Axis]:
+    """Labels of every axis the variables use, except time."""
+    names = result.names
+    q_units, v_units = coordinate_units(result.summary, names)
+    q_labels, q_kinds, v_labels, v_kinds = _joint_axes(result)
+    xyz = ("x", "y", "z")
+    listed = [
+        Axis("coordinate", names.coordinates, tuple(q_units)),
+        Axis("velocity", names.velocities, tuple(v_units)),
+        Axis("multiplier", names.multipliers),
+        Axis("choice", tuple(str(i) for i in range(result.independent.shape[1]))),
+        Axis("body", names.bodies),
+        Axis("joint", names.joints),
+        Axis("joint_coordinate", tuple(q_labels), tuple(q_kinds)),
+        Axis("joint_freedom", tuple(v_labels), tuple(f"{u}/s" for u in v_kinds)),
+        Axis("axis", xyz),
+        Axis("body_axis", xyz),
+        Axis("joint_axis", xyz),
+        Axis("component", COMPONENTS),
+    ]
+    return {axis.name: axis for axis in listed}
+
+
+def _joint_axes(result: Result) -> tuple[list[str], list[str], list[str], list[str]]:
+    """Labels and units of the columns of joint_position and joint_velocity."""
+    q_labels: list[str] = []
+    q_units: list[str] = []
+    v_labels: list[str] = []
+    v_units: list[str] = []
+    for joint in result.summary.get("joints", ()):
+        qs, vs = joint_units(joint)
+        q_units += qs
+        v_units += vs
+        words = list(joint.get("axes", ()))
+        v_labels += column_names(joint["name"], words, len(vs))
+        slides = [word for word, unit in zip(words, vs, strict=False) if unit == "m"]
+        quaternion = len(qs) != len(vs)
+        q_labels += column_names(joint["name"], [*slides, "qw", "qx", "qy", "qz"] if quaternion else words, len(qs))
+    return q_labels, q_units, v_labels, v_units
+
+
+def column_names(name: str, words: list[str], count: int) -> list[str]:
+    """`A` for a joint with one freedom, `A.x`, `A.turn`, ... for more."""
+    if count == 1:
+        return [name]
+    if len(words) != count or len(set(words)) != count:
+        words = [str(i) for i in range(count)]
+    return [f"{name}.{word}" for word in words]

@@ -1,0 +1,202 @@
+"""A state: time, coordinates and velocities, with access by joint name."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import ArgumentError, UnknownNameError
+
+Array = NDArray[np.float64]
+Span = tuple[int, int]
+
+
+class Layout:
+    """Where the coordinates of each joint stand in q and v: read from the summary of a compiled model."""
+
+    def __init__(self, summary: dict[str, Any] | None = None) -> None:
+        self.names: list[str] = []
+        self.velocity_names: list[str] = []
+        self._spans: dict[str, tuple[Span | None, Span | None]] = {}
+        if summary is not None:
+            self.fill(summary)
+
+    def fill(self, summary: dict[str, Any]) -> None:
+        """Take names and spans from a model's summary."""
+        self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
+        for joint in summary["joints"]:
+            self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
+
+    @property
+    def tree_joints(self) -> list[str]:
+        """Names of the joints whose coordinates are part of the state."""
+        return [name for name, (q, _) in self._spans.items() if q is not None]
+
+    def q(self, joint: Any) -> Span:
+        """First index and number of the joint's coordinates in q."""
+        return self._find(joint)[0]
+
+    def v(self, joint: Any) -> Span:
+        """First index and number of the joint's velocities in v."""
+        return self._find(joint)[1]
+
+    def _find(self, joint: Any) -> tuple[Span, Span]:
+        name = str(joint)
+        if name not in self._spans:
+            known = list(self._spans)
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f'did you mean "{close[0]}"?' if close else f"known joints: {', '.join(known) or 'none'}"
+            raise UnknownNameError(f'there is no joint "{name}"; {hint}', name=name, known=known)
+        q, v = self._spans[name]
+        if q is None or v is None:
+            tree = ", ".join(self.tree_joints) or "none"
+            raise ArgumentError(
+                f'the coordinates of joint "{name}" are not part of the state: the model was compiled '
+                "with other coordinates or the "
+                "joint closes a loop, so that its motion follows from the others. Joints in the state: "
+                f'{tree}; cut="never" '
+                "keeps a joint among them, and a result knows the motion of every joint",
+                argument="joint",
+            )
+        return q, v
+
+
+class StateView:
+    """A state as handed to a user's function: time `t`, coordinates `q`, velocities `v`, and both by joint
+    name."""
+
+    __slots__ = ("_layout", "q", "t", "v")
+
+    def __init__(self, t: float, q: Array, v: Array, layout: Layout) -> None:
+        self.t, self.q, self.v = t, q, v
+        self._layout = layout
+
+    def position(self, joint: Any) -> Any:
+        """Coordinate of a joint by name or handle [rad or m]: a float if it has one, else an array; see
+        `State.position`."""
+        return _part(self.q, self._layout.q(joint))
+
+    def velocity(self, joint: Any) -> Any:
+        """Velocity of a joint by name or handle [rad/s or m/s]: a float if it has one, else an array."""
+        return _part(self.v, self._layout.v(joint))
+
+
+class State(StateView):
+    """Time, coordinates and velocities of a mechanism or a system.
+
+    `Mechanism.assemble` returns states that satisfy the constraints. States are plain values: nothing refers
+    back to the model, and `copy` gives an independent one.
+
+    Attributes:
+        t: time [s].
+        q: coordinates (nq,), named by `names`.
+        v: velocities (nv,), named by `velocity_names`.
+        assembly: what the assembly said (residual, iterations, ...), or None.
+
+    Raises:
+        ArgumentError: the arrays are not flat, hold NaN or infinity, or do not fit the names.
+
+    >>> import partita as pt
+    >>> state = pt.State(0.0, [1.0, 2.0], [0.0, 0.0], names=["x", "y"])
+    >>> state.q
+    array([1., 2.])
+    """
+
+    __slots__ = ("assembly",)
+
+    def __init__(
+        self,
+        t: float,
+        q: ArrayLike,
+        v: ArrayLike,
+        names: list[str] | None = None,
+        velocity_names: list[str] | None = None,
+        *,
+        layout: Layout | None = None,
+        assembly: dict[str, Any] | None = None,
+    ) -> None:
+        if layout is None:
+            layout = Layout()
+            layout.names = list(names) if names is not None else []
+            layout.velocity_names = list(velocity_names) if velocity_names is not None else list(layout.names)
+        super().__init__(_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
+        self.assembly = assembly
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the coordinates q."""
+        return list(self._layout.names)
+
+    @property
+    def velocity_names(self) -> list[str]:
+        """Names of the velocities v."""
+        return list(self._layout.velocity_names)
+
+    def position(self, joint: Any) -> Any:
+        """Coordinate of a joint [rad or m].
+
+        Args:
+            joint: name or handle of a joint in the state (of the spanning tree).
+
+        Returns:
+            A float for a joint with one coordinate, else an array (number of coordinates,).
+
+        Raises:
+            UnknownNameError: no such joint.
+            ArgumentError: its coordinates are not part of the state.
+        """
+        return super().position(joint)
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return State(self.t, self.q.copy(), self.v.copy(), layout=self._layout, assembly=self.assembly)
+
+    def __repr__(self) -> str:
+        def listed(values: Array, names: list[str]) -> str:
+            labels = names or [str(i) for i in range(len(values))]
+            shown = [f"{name}={value:.6g}" for name, value in zip(labels, values, strict=True)]
+            return ", ".join(shown if len(shown) <= 8 else [*shown[:7], f"... {len(shown)} in all"])
+
+        return f"State(t={self.t:g}, q: {listed(self.q, self.names)}; v: {listed(self.v, self.velocity_names)})"
+
+
+def _span(pair: Any) -> Span | None:
+    return None if pair is None else (int(pair[0]), int(pair[1]))
+
+
+def _part(values: Array, span: Span) -> Any:
+    first, count = span
+    return float(values[first]) if count == 1 else values[first : first + count]
+
+
+def _time(t: Any) -> float:
+    try:
+        time = float(t)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"t must be a number, not {t!r}", argument="t") from error
+    if not np.isfinite(time):
+        raise ArgumentError(f"t is {time}; give a finite time", argument="t")
+    return time
+
+
+def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
+    """A new flat array of finite numbers, as many as there are names (if there are any)."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
+    if array.ndim != 1 or (names and array.size != len(names)):
+        raise ArgumentError(
+            f"{what} must be a flat array{f' of {len(names)} numbers' if names else ''}, not of shape {array.shape}",
+            argument=what,
+        )
+    if not np.all(np.isfinite(array)):
+        bad = int(np.argmin(np.isfinite(array)))
+        raise ArgumentError(
+            f"{what}[{bad}] ({names[bad] if names else bad}) is {array[bad]}; give finite numbers",
+            argument=what,
+        )
+    return array

@@ -1,0 +1,112 @@
+// The run: tables unpacked from text, and small vector algebra.
+
+/** A table packed by the page's writer, as rows of numbers: one row per frame. */
+function unpack(table, frames) {
+  const bytes = Uint8Array.from(atob(table.data), (c) => c.charCodeAt(0));
+  const moving = new Float32Array(bytes.buffer);
+  const columns = table.columns, count = table.moving.length;
+  const values = new Float32Array(frames * columns);
+  for (let f = 0; f < frames; f++) {
+    for (let c = 0; c < columns; c++) values[f * columns + c] = table.still[c] === null ? NaN : table.still[c];
+    for (let m = 0; m < count; m++) values[f * columns + table.moving[m]] = moving[f * count + m];
+  }
+  return {
+    columns, values,
+    get: (frame, column = 0) => values[frame * columns + column],
+    vector: (frame, i) => {
+      const at = frame * columns + 3 * i;
+      return [values[at], values[at + 1], values[at + 2]];
+    },
+  };
+}
+
+const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const scaled = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+const along = (a, b, s) => [a[0] + (b[0] - a[0]) * s, a[1] + (b[1] - a[1]) * s, a[2] + (b[2] - a[2]) * s];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const length = (a) => Math.hypot(a[0], a[1], a[2]);
+const unit = (a) => scaled(a, 1 / (length(a) || 1));
+const isFinite3 = (a) => Number.isFinite(a[0] + a[1] + a[2]);
+
+/** Any unit vector perpendicular to a unit vector. */
+function perpendicular(a) {
+  return unit(cross(a, Math.abs(a[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]));
+}
+
+/** The run as the rest of the page sees it: where bodies and joints are in a frame. */
+class Run {
+  constructor(scene) {
+    this.scene = scene;
+    this.frames = scene.frames;
+    this.tables = {};
+    for (const name of Object.keys(scene.tables)) this.tables[name] = unpack(scene.tables[name], scene.frames);
+    this.t = this.tables.t.values;
+  }
+
+  /** Vector in body axes, turned into the world; body -1 is the ground. */
+  turned(frame, body, v) {
+    if (body < 0) return v;
+    const q = this.tables.turn, c = 4 * body;
+    const u = [q.get(frame, c), q.get(frame, c + 1), q.get(frame, c + 2)], w = q.get(frame, c + 3);
+    const twice = scaled(cross(u, v), 2);
+    return add(add(v, scaled(twice, w)), cross(u, twice));
+  }
+
+  /** Point in body axes, placed in the world. */
+  placed(frame, body, p) {
+    return body < 0 ? p : add(this.tables.position.vector(frame, body), this.turned(frame, body, p));
+  }
+
+  jointPoint(frame, joint) {
+    const { child, at } = this.scene.joints[joint]; // a joint's point rests on its child
+    return this.placed(frame, child, at);
+  }
+
+  /** Indices of the independent velocities in a frame. */
+  independent(frame) {
+    let now = [];
+    for (const [first, indices] of this.scene.independent) {
+      if (first > frame) break;
+      now = indices;
+    }
+    return now;
+  }
+
+  /** The frame nearest to a time. */
+  frameAt(time) {
+    let low = 0, high = this.frames - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.t[middle] <= time) low = middle; else high = middle;
+    }
+    return Math.abs(this.t[high] - time) < Math.abs(this.t[low] - time) ? high : low;
+  }
+
+  /** The q-th quantile of the lengths of all finite vectors of a table; 0 when all vanish. */
+  typicalLength(name, q) {
+    const table = this.tables[name], lengths = [];
+    const step = Math.max(1, Math.floor(table.values.length / 3 / 50000));
+    for (let i = 0; i < table.values.length / 3; i += step) {
+      const l = length([table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]]);
+      if (Number.isFinite(l) && l > 0) lengths.push(l);
+    }
+    lengths.sort((a, b) => a - b);
+    return lengths.length ? lengths[Math.floor(q * (lengths.length - 1))] : 0;
+  }
+}
+
+/** A number in few digits, for people. */
+function short(x, digits = 4) {
+  if (!Number.isFinite(x)) return "–";
+  if (x === 0) return "0";
+  const size = Math.abs(x);
+  return size >= 1e5 || size < 1e-3 ? x.toExponential(digits - 2) : x.toPrecision(digits);
+}
+
+/** The largest of 1, 2, 5 times a power of ten not above x. */
+function roundBelow(x) {
+  const power = 10 ** Math.floor(Math.log10(x));
+  return (x >= 5 * power ? 5 : x >= 2 * power ? 2 : 1) * power;
+}

@@ -1,0 +1,128 @@
+"""How a body looks from the points known on it, and from where a mechanism is seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
+    """Shape of a body from points (np, 3) in body axes: kind and the points that draw it, in order.
+
+    `rod` between two points or the ends of a line, `plate` around points in a plane, `star` from the middle
+    to points in space, `hammer` from a single point to the centre of mass, `ball` when there is no extent.
+    Points closer than 1e-6 of `size` are one.
+    """
+    near = 1e-6 * size
+    distinct: list[FloatArray] = []
+    for point in points:
+        if all(np.linalg.norm(point - other) > near for other in distinct):
+            distinct.append(point)
+    if len(distinct) < 2:
+        ends = [end for end in (com, np.zeros(3)) if distinct and np.linalg.norm(end - distinct[0]) > near]
+        if ends:
+            return {"kind": "hammer", "points": [_plain(distinct[0]), _plain(ends[0])]}
+        return {"kind": "ball", "points": [_plain(distinct[0] if distinct else com)]}
+
+    cloud = np.array(distinct)
+    middle = cloud.mean(axis=0)
+    _, extent, axes = np.linalg.svd(cloud - middle, full_matrices=False)
+    flat = 1e-3 * extent[0]
+    if len(distinct) == 2 or extent[1] <= flat:
+        along = (cloud - middle) @ axes[0]
+        return {"kind": "rod", "points": [_plain(cloud[along.argmin()]), _plain(cloud[along.argmax()])]}
+    if len(extent) < 3 or extent[2] <= flat:
+        ring = _hull((cloud - middle) @ axes[:2].T)
+        return {"kind": "plate", "points": [_plain(cloud[i]) for i in ring]}
+    return {"kind": "star", "points": [_plain(middle), *(_plain(p) for p in cloud)]}
+
+
+def view(points: FloatArray, gravity: FloatArray | None, normal: FloatArray | None) -> dict[str, Any]:
+    """Axes of the first view: `right`, `up` and `back` (towards the viewer), a right-handed set in the world.
+
+    Up is opposite to gravity; without gravity, y for a mechanism seen along z and z otherwise. `normal` is
+    the normal of a planar mechanism, seen face-on; None asks for a three-quarter view of a spatial one, as
+    `azimuth` and `elevation` [rad] about these axes. Of several such views the one is taken in which `points`
+    (np, 3) spread most.
+    """
+    if normal is None:
+        up = _up(gravity, None)
+        back = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
+    else:
+        back = normal / np.linalg.norm(normal)
+        up = _up(gravity, back)
+    back = _unit(back - (back @ up) * up)
+    right = np.cross(up, back)
+    if normal is not None and right[np.abs(right).argmax()] < 0:
+        right, back = -right, -back  # world axes should run to the right
+    chosen = {"right": _plain(right), "up": _plain(up), "back": _plain(back), "azimuth": 0.0, "elevation": 0.0}
+    if normal is None:
+        chosen["elevation"] = 0.38
+        spread = [(_area(points, right, up, back, azimuth, 0.38), azimuth) for azimuth in (0.6, -0.6, 1.0, -1.0)]
+        best = max(area for area, _ in spread)
+        chosen["azimuth"] = next(azimuth for area, azimuth in spread if area >= 0.9 * best)
+    return chosen
+
+
+def plane_normal(points: FloatArray) -> FloatArray | None:
+    """Normal of the plane in which points (np, 3) lie best; None when they lie on a line or in one place."""
+    _, extent, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(extent) < 3 or extent[1] <= 1e-6 * max(extent[0], 1e-300):
+        return None
+    normal: FloatArray = axes[2]
+    return normal
+
+
+def _up(gravity: FloatArray | None, back: FloatArray | None) -> FloatArray:
+    """Unit vector shown upwards; perpendicular to `back` when that is given."""
+    wanted = [] if gravity is None else [-gravity]
+    if back is None:
+        wanted.append(np.array([0.0, 0.0, 1.0]))
+        return next(_unit(w) for w in wanted if np.linalg.norm(w) > 0)
+    y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    wanted += [y, z] if abs(back[2]) > 0.9 else [z, y]
+    flat = [w - (w @ back) * back for w in wanted]
+    return next(_unit(f) for f, w in zip(flat, wanted, strict=True) if np.linalg.norm(f) > 0.1 * np.linalg.norm(w))
+
+
+def _area(
+    points: FloatArray, right: FloatArray, up: FloatArray, back: FloatArray, azimuth: float, elevation: float
+) -> float:
+    """Measure of how widely points spread over the picture: product of their two spreads."""
+    across = np.cos(azimuth) * right - np.sin(azimuth) * back
+    towards = np.cos(elevation) * (np.cos(azimuth) * back + np.sin(azimuth) * right) + np.sin(elevation) * up
+    picture = np.stack([points @ across, points @ np.cross(towards, across)])
+    return float(np.prod(np.linalg.svd(picture - picture.mean(axis=1, keepdims=True), compute_uv=False)))
+
+
+def _hull(flat: FloatArray) -> list[int]:
+    """Indices of the convex hull of points (np, 2), around (Andrew's monotone chain)."""
+    order = np.lexsort((flat[:, 1], flat[:, 0]))
+
+    def half(indices: list[int]) -> list[int]:
+        chain: list[int] = []
+        for i in indices:
+            while len(chain) > 1:
+                a, b = flat[chain[-1]] - flat[chain[-2]], flat[i] - flat[chain[-1]]
+                if a[0] * b[1] - a[1] * b[0] > 0:
+                    break
+                chain.pop()
+            chain.append(i)
+        return chain[:-1]
+
+    forward = [int(i) for i in order]
+    return half(forward) + half(forward[::-1])
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    scaled: FloatArray = vector / np.linalg.norm(vector)
+    return scaled
+
+
+def _plain(vector: FloatArray) -> list[float]:
+    """A list for JSON, without digits nobody can see."""
+    return [float(f"{x:.7g}") for x in vector]

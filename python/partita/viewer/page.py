@@ -1,0 +1,76 @@
+"""The page: template, style and scripts of the viewer with one run's data inlined."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import escape
+from importlib import resources
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import ArgumentError, MissingFileError
+from .scene import describe
+
+if TYPE_CHECKING:
+    from ..results import Result
+
+SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
+
+
+def html(result: Result, title: str | None = None) -> str:
+    """The animation of a run as the text of one HTML page.
+
+    Use `write_html` for a file; this is for putting the page elsewhere, such as a notebook or a server.
+    The page contains its data, style and scripts, and loads nothing. Lengths are metres, forces newtons.
+    At most 1500 outputs are stored, fewer for large mechanisms; the page says so when outputs were left out.
+    `title` defaults to the name of the mechanism. Names and titles are escaped: they cannot carry markup.
+
+    A run of a hand-written `System` has no bodies: its page shows coordinates and read-outs only.
+
+    Raises `ArgumentError` for a result without a single output. Costs O(outputs x bodies).
+    """
+    if len(result.t) == 0:
+        raise ArgumentError(
+            "cannot animate a run with no outputs: it stopped before the first one; see result.message",
+            argument="result",
+        )
+    scene = describe(result, title)
+    # Inside a script element only "<" could end the data early; JSON allows it escaped.
+    data = json.dumps(scene, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    parts = {
+        "TITLE": escape(scene["title"]),
+        "STYLE": _file("style.css"),
+        "DATA": data,
+        "SCRIPT": "\n".join(_file(name) for name in SCRIPTS),
+    }
+    # One pass, so that nothing inserted is searched for marks again.
+    return re.sub(r"\{\{(TITLE|STYLE|DATA|SCRIPT)\}\}", lambda mark: parts[mark[1]], _file("page.html"))
+
+
+def write_html(result: Result, path: str | PathLike[str], title: str | None = None) -> Path:
+    """Write the animation of a run to one HTML file that opens from disk, and return its path.
+
+    See `html` for what it shows and holds. An existing file is replaced.
+
+    Raises `MissingFileError` when the folder of `path` does not exist, `ArgumentError` when `path` is a folder
+    or the result has no outputs.
+
+    >>> m = partita.catalogue.load("four-bar")                      # doctest: +SKIP
+    >>> partita.viewer.write_html(m.simulate(10.0), "four-bar.html")  # doctest: +SKIP
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise ArgumentError(f'"{target}" is a folder; give the name of an .html file in it', argument="path")
+    if not target.parent.is_dir():
+        raise MissingFileError(
+            f'cannot write "{target.name}": the folder "{target.parent}" does not exist; create it first',
+            path=str(target),
+        )
+    target.write_text(html(result, title), encoding="utf-8")
+    return target
+
+
+def _file(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,231 @@
+// Time and input: the slider, playing, the keyboard, the pointer.
+
+const byId = (id) => document.getElementById(id);
+const run = new Run(JSON.parse(byId("data").textContent));
+const canvas = byId("view");
+const scene = new Scene(run, canvas);
+const panel = new Panel(run, (t) => show(run.frameAt(t)));
+
+const duration = run.t[run.frames - 1] - run.t[0];
+let frame = 0, playing = false, instant = run.t[0], before = 0, speed = 1, waiting = false;
+
+/** Draw soon, once, however often asked. */
+function redraw() {
+  if (waiting) return;
+  waiting = true;
+  requestAnimationFrame(() => {
+    waiting = false;
+    scene.draw(frame);
+  });
+}
+
+function show(wanted, keepInstant) {
+  frame = Math.max(0, Math.min(run.frames - 1, wanted));
+  if (!keepInstant) instant = run.t[frame];
+  byId("slider").value = frame;
+  byId("slider").setAttribute("aria-valuetext", `t = ${short(run.t[frame])} s`);
+  byId("clock").textContent = `t = ${run.t[frame].toFixed(decimals)} s`;
+  panel.show(frame);
+  redraw();
+}
+
+// ---- playing
+
+/** Digits of the clock: enough to tell two outputs apart. */
+const decimals = duration > 0 ? Math.max(2, Math.min(9, Math.ceil(-Math.log10(duration / run.frames)) + 1)) : 3;
+
+function play(on) {
+  playing = on && run.frames > 1;
+  byId("play").textContent = playing ? "❚❚ Pause" : "▶ Play";
+  if (!playing) return;
+  if (frame === run.frames - 1) show(0);
+  before = performance.now();
+  requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  if (!playing) return;
+  instant += (Math.max(0, Math.min(200, now - before)) / 1000) * speed;
+  before = now;
+  const end = run.t[run.frames - 1];
+  if (instant > end) {
+    if (byId("loop").checked) {
+      instant = run.t[0];
+    } else {
+      show(run.frames - 1);
+      play(false);
+      return;
+    }
+  }
+  show(run.frameAt(instant), true);
+  requestAnimationFrame(tick);
+}
+
+/** Real time where that takes 2 to 40 s; else a round speed at which the run lasts about 10 s. */
+function fillSpeeds() {
+  const usual = duration <= 0 || (duration >= 2 && duration <= 40) ? 1 : roundBelow(duration / 8);
+  for (const factor of [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10]) {
+    const option = element("option", "", `${Number((usual * factor).toPrecision(2))}×`);
+    option.value = usual * factor;
+    option.selected = factor === 1;
+    byId("speed").append(option);
+  }
+  speed = usual;
+  byId("speed").addEventListener("change", (e) => { speed = Number(e.target.value); });
+}
+
+function nextSwitch(direction) {
+  const times = run.scene.switches.map((s) => s.t), now = run.t[frame], near = 0.5 * duration / run.frames;
+  const found = direction > 0
+    ? times.find((t) => run.frameAt(t) > frame)
+    : times.filter((t) => t < now - near && run.frameAt(t) < frame).pop();
+  if (found !== undefined) show(run.frameAt(found));
+}
+
+function fillTicks() {
+  for (const s of run.scene.switches) {
+    const mark = element("i");
+    mark.style.left = `${(100 * run.frameAt(s.t)) / Math.max(1, run.frames - 1)}%`;
+    byId("ticks").append(mark);
+  }
+}
+
+// ---- tools
+
+function setLens(parallel) {
+  scene.camera.parallel = parallel;
+  byId("lens").textContent = parallel ? "Parallel" : "Perspective";
+  byId("lens").setAttribute("aria-pressed", String(!parallel));
+  redraw();
+}
+
+function bindTools() {
+  for (const name of ["names", "traces", "forces", "moments"]) {
+    byId(name).checked = scene.options[name];
+    byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; redraw(); });
+  }
+  byId("arrows").addEventListener("input", (e) => {
+    scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
+    redraw();
+  });
+  byId("reset").addEventListener("click", () => { scene.resetView(); redraw(); });
+  byId("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
+  byId("play").addEventListener("click", () => play(!playing));
+  byId("slider").addEventListener("input", (e) => show(Number(e.target.value)));
+  byId("slider").addEventListener("pointerdown", () => play(false));
+}
+
+// ---- keyboard
+
+function onKey(e) {
+  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  const tag = e.target.tagName;
+  const control = ["BUTTON", "SELECT", "SUMMARY"].includes(tag) || e.target.type === "checkbox";
+  const scrolls = e.target.type === "range" || tag === "SELECT" || e.target.id === "bars"; // uses Home, End itself
+  const camera = scene.camera, turn = 0.09;
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
+  if (arrows && e.target === canvas) {
+    if (e.shiftKey) camera.move(24 * arrows[0], 24 * arrows[1]);
+    else camera.turnTo(camera.azimuth - turn * arrows[0], camera.elevation + turn * arrows[1]);
+  } else if (e.key === " " && !control) play(!playing);
+  else if (e.key === "," || e.key === ".") { play(false); show(frame + (e.key === "." ? 1 : -1)); }
+  else if (e.key === "[" || e.key === "]") { play(false); nextSwitch(e.key === "]" ? 1 : -1); }
+  else if (e.key === "Home" && !scrolls) show(0);
+  else if (e.key === "End" && !scrolls) show(run.frames - 1);
+  else if (e.key === "0") scene.resetView();
+  else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + 8);
+  else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + 8);
+  else if (e.key === "p" || e.key === "P") setLens(!camera.parallel);
+  else if ((e.key === "f" || e.key === "F") && tag !== "SELECT") byId("forces").click();
+  else return;
+  e.preventDefault();
+  redraw();
+}
+
+// ---- pointer: one turns or moves, two pinch
+
+const pointers = new Map();
+
+function onPointerMove(e) {
+  const last = pointers.get(e.pointerId), box = canvas.getBoundingClientRect(), camera = scene.camera;
+  if (!last) { hover(e.clientX - box.left, e.clientY - box.top); return; }
+  const dx = e.clientX - last.x, dy = e.clientY - last.y;
+  if (pointers.size === 2) {
+    const other = [...pointers].find(([id]) => id !== e.pointerId)[1];
+    const from = Math.hypot(last.x - other.x, last.y - other.y);
+    const to = Math.hypot(e.clientX - other.x, e.clientY - other.y);
+    const x = (e.clientX + other.x) / 2 - box.left, y = (e.clientY + other.y) / 2 - box.top;
+    camera.move(dx / 2, dy / 2);
+    if (from > 0 && to > 0) camera.zoom(to / from, x, y);
+  } else if (last.moves || e.shiftKey) {
+    camera.move(dx, dy);
+  } else {
+    camera.turnTo(camera.azimuth - dx * 0.008, camera.elevation + dy * 0.008);
+  }
+  pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, moves: last.moves });
+  byId("tip").hidden = true;
+  redraw();
+}
+
+/** Name, kind and reaction of the joint under the pointer. */
+function hover(x, y) {
+  const tip = byId("tip"), hit = scene.pick(x, y);
+  tip.hidden = !hit;
+  if (!hit) return;
+  const lines = [`${hit.label} (${hit.kind})`];
+  if (hit.joint !== undefined) {
+    lines.push(`force ${short(length(run.tables.force.vector(frame, hit.joint)))} N`);
+    lines.push(`moment ${short(length(run.tables.moment.vector(frame, hit.joint)))} N m`);
+  }
+  tip.textContent = lines.join("\n");
+  tip.style.left = `${Math.min(x + 14, scene.camera.width - 150)}px`;
+  tip.style.top = `${y + 14}px`;
+}
+
+function bindPointer() {
+  canvas.addEventListener("pointerdown", (e) => {
+    canvas.setPointerCapture(e.pointerId);
+    pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, moves: e.button !== 0 });
+  });
+  canvas.addEventListener("pointermove", onPointerMove);
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => pointers.delete(e.pointerId));
+  canvas.addEventListener("pointerleave", () => { byId("tip").hidden = true; });
+  canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+  canvas.addEventListener("dblclick", () => { scene.resetView(); redraw(); });
+  canvas.addEventListener("wheel", (e) => {
+    e.preventDefault();
+    scene.camera.zoom(Math.exp(-Math.max(-200, Math.min(200, e.deltaY)) * 0.0015), e.offsetX, e.offsetY);
+    redraw();
+  }, { passive: false });
+}
+
+// ---- start
+
+function start() {
+  const s = run.scene;
+  if (s.warning) {
+    byId("warning").textContent = s.warning;
+    byId("warning").hidden = false;
+  }
+  if (s.frames < s.outputs) {
+    byId("note").textContent =
+      `${s.frames} of ${s.outputs} computed outputs are kept in this page, evenly chosen, to keep the file small.`;
+  }
+  byId("slider").max = Math.max(0, run.frames - 1);
+  byId("slider").disabled = byId("play").disabled = run.frames < 2;
+  fillSpeeds();
+  fillTicks();
+  bindTools();
+  bindPointer();
+  document.addEventListener("keydown", onKey);
+  scene.resize();
+  setLens(s.planar);
+  byId("tools").hidden = !scene.extent.length;
+  new ResizeObserver(() => { scene.resize(); scene.draw(frame); panel.bars(frame); }).observe(canvas);
+  // A page opened as run.html#t=1.5 begins there; with #play it begins to move.
+  const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
+  show(at ? run.frameAt(Number(at[1])) : 0);
+  if (/[#&]play\b/.test(location.hash)) play(true);
+}
+
+start();

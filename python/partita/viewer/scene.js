@@ -1,0 +1,243 @@
+// One frame of the mechanism: bodies, joints, springs, traces, reactions.
+
+class Scene {
+  constructor(run, canvas) {
+    this.run = run;
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    const s = run.scene;
+    this.camera = new Camera(s.view, s.planar);
+    this.jointOf = new Map(); // velocity -> joint
+    s.joints.forEach((joint, j) => joint.velocities.forEach((v) => this.jointOf.set(v, j)));
+    this.extent = findExtent(run);
+    const sizes = findSizes(run, this.extent);
+    this.size = sizes.size;
+    this.radius = sizes.radius;
+    this.arrowSpan = sizes.arrow;
+    this.paths = findPaths(run);
+    this.forceUnit = run.typicalLength("force", 0.95);
+    this.momentUnit = run.typicalLength("moment", 0.95);
+    this.options = {
+      names: s.joints.length <= 12, traces: this.paths.length <= 6, forces: true, moments: false, arrows: 1,
+    };
+    this.ratio = 1;
+    this.hits = [];
+  }
+
+  resize() {
+    const box = this.canvas.getBoundingClientRect(), first = this.camera.width === 1;
+    this.ratio = window.devicePixelRatio || 1;
+    this.canvas.width = Math.max(1, Math.round(box.width * this.ratio));
+    this.canvas.height = Math.max(1, Math.round(box.height * this.ratio));
+    this.camera.resize(Math.max(1, box.width), Math.max(1, box.height));
+    if (first) this.resetView();
+  }
+
+  resetView() {
+    this.camera.turnTo(this.run.scene.view.azimuth, this.run.scene.view.elevation);
+    if (this.extent.length) this.camera.fit(this.extent, 3.2 * this.radius + 1e-3 * this.size);
+  }
+
+  draw(frame) {
+    const c = this.context, { camera } = this;
+    c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    c.clearRect(0, 0, camera.width, camera.height);
+    const painter = new Painter(c, camera, 0.5 * this.radius);
+    this.hits = [];
+    if (!this.run.scene.planar) this.floor(painter);
+    if (this.options.traces) this.traces(painter);
+    this.bodies(painter, frame);
+    this.springs(painter, frame);
+    this.joints(painter, frame);
+    painter.paint();
+    this.reactions(painter, frame);
+    painter.paint();
+    const legends = new Legends(this, painter);
+    if (!this.extent.length) {
+      legends.words("This run has no bodies to draw: its coordinates are in the list.", 16, camera.height / 2);
+      return;
+    }
+    if (this.options.names) legends.names();
+    legends.axes();
+    legends.scales();
+  }
+
+  /** Faint grid under a spatial mechanism, so that heights can be judged. */
+  floor(painter) {
+    const { right, up, back } = this.camera.base, grid = [[Infinity, -Infinity], [Infinity, -Infinity]];
+    let level = Infinity;
+    for (const p of this.extent) {
+      level = Math.min(level, dot(p, up));
+      [right, back].forEach((axis, i) => {
+        grid[i][0] = Math.min(grid[i][0], dot(p, axis));
+        grid[i][1] = Math.max(grid[i][1], dot(p, axis));
+      });
+    }
+    if (!Number.isFinite(level)) return;
+    level -= 3 * this.radius;
+    const cell = roundBelow(this.size / 5);
+    const ends = grid.map(([low, high]) => [Math.floor(low / cell) - 0.001, Math.ceil(high / cell) + 0.001]);
+    const at = (x, z) => this.camera.project(add(scaled(up, level), add(scaled(right, x * cell), scaled(back, z * cell))));
+    const draw = (p, q) => { if (p && q) painter.line([p, q], "#e6ebef", 1); };
+    for (let x = Math.ceil(ends[0][0]); x <= ends[0][1]; x++) draw(at(x, ends[1][0]), at(x, ends[1][1]));
+    for (let z = Math.ceil(ends[1][0]); z <= ends[1][1]; z++) draw(at(ends[0][0], z), at(ends[0][1], z));
+  }
+
+  traces(painter) {
+    for (const path of this.paths) {
+      let run = [];
+      const flush = () => {
+        if (run.length > 1) painter.line(run, COLOURS.trace, 1.1);
+        run = [];
+      };
+      for (const point of path) {
+        const p = isFinite3(point) ? this.camera.project(point) : null;
+        if (p) run.push(p); else flush();
+      }
+      flush();
+    }
+  }
+
+  bodies(painter, frame) {
+    const { run, radius } = this, s = run.scene;
+    const flat = s.planar && dot(this.camera.back, this.camera.base.back) > 0.98; // seen face-on: no depth to sort
+    const pieces = (a, b) => (flat ? 1 : Math.max(1, Math.min(10, Math.ceil(length(sub(a, b)) / (5 * radius)))));
+    const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, pieces(a, b));
+    const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b]);
+    // Plates first: in a flat mechanism they lie behind the rods.
+    for (const [body, colour, points] of coloured) if (body.kind === "plate") painter.plate(points, radius, colour);
+    for (const [body, colour, points, b] of coloured) {
+      if (body.kind === "rod") rod(points[0], points[1], radius, colour);
+      if (body.kind === "star") for (const tip of points.slice(1)) rod(points[0], tip, 0.8 * radius, colour);
+      if (body.kind === "hammer") {
+        rod(points[0], points[1], 0.6 * radius, colour);
+        painter.ball(points[1], 2 * radius, colour, radius);
+      }
+      if (body.kind === "ball") {
+        // A cross through the ball shows how it turns; the box of a slide shows that already.
+        if (!s.joints.some((j) => j.child === b && j.rail)) for (const axis of [[1, 0, 0], [0, 1, 0], [0, 0, 1]]) {
+          const arm = scaled(run.turned(frame, b, axis), 3.4 * radius);
+          rod(sub(points[0], arm), add(points[0], arm), 0.3 * radius, colour);
+        }
+        painter.ball(points[0], 2 * radius, colour, radius);
+      }
+    }
+  }
+
+  springs(painter, frame) {
+    const { run } = this;
+    for (const spring of run.scene.springs) {
+      const a = run.placed(frame, spring.body1, spring.point1), b = run.placed(frame, spring.body2, spring.point2);
+      if (spring.body1 < 0) painter.support(a, 2.6 * this.radius);
+      if (spring.body2 < 0) painter.support(b, 2.6 * this.radius);
+      painter.spring(a, b, 1.5 * this.radius);
+      this.hits.push({ point: a, label: spring.name, kind: "spring" }, { point: b, label: spring.name, kind: "spring" });
+    }
+  }
+
+  joints(painter, frame) {
+    const { run, radius } = this, free = new Set(run.independent(frame).map((v) => this.jointOf.get(v)));
+    run.scene.joints.forEach((joint, j) => {
+      const point = run.jointPoint(frame, j);
+      if (!isFinite3(point)) return;
+      const grounded = joint.parent < 0 || joint.child < 0;
+      if (joint.rail) this.rail(painter, joint, frame, grounded);
+      else if (grounded && joint.kind !== "free" && joint.atParent) painter.support(point, 3.4 * radius);
+      this.glyph(painter, joint, point, frame);
+      if (free.has(j)) this.ring(painter, point);
+      this.hits.push({ point, joint: j, label: joint.name, kind: joint.kind });
+    });
+  }
+
+  /** Line on the parent along which a joint slides; hatched where that is the ground. */
+  rail(painter, joint, frame, grounded) {
+    const [a, b] = joint.rail.map((p) => this.run.placed(frame, joint.parent, p));
+    const p = this.camera.project(a), q = this.camera.project(b);
+    if (!p || !q) return;
+    painter.push((p.z + q.z) / 2 - this.radius, () => {
+      painter.line([p, q], COLOURS.ground, Math.max(1.5, 0.5 * this.radius * p.s));
+      if (!grounded) return;
+      const r = 3.4 * this.radius * p.s, l = Math.hypot(q.x - p.x, q.y - p.y) || 1, side = q.x >= p.x ? 1 : -1;
+      const shift = { x: (-side * (q.y - p.y) * 1.6) / l, y: (side * (q.x - p.x) * 1.6) / l };
+      const w = this.radius * p.s;
+      const low = (e) => ({ x: e.x + shift.x * w, y: e.y + shift.y * w });
+      painter.hatch(low(p), low(q), r);
+    });
+  }
+
+  glyph(painter, joint, point, frame) {
+    const r = this.radius, lift = 2.5 * r, { run } = this;
+    const colour = COLOURS.joint;
+    const axis = joint.axis ? unit(run.turned(frame, joint.parent, joint.axis)) : null;
+    if (joint.kind === "free") return;
+    if (joint.kind === "fixed") {
+      painter.box(point, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [r, r, r], COLOURS.ground, lift);
+    } else if (joint.kind === "revolute" && axis) {
+      painter.pin(point, axis, 1.35 * r, 1.5 * r, colour, lift, true);
+    } else if (joint.kind === "universal" && axis) {
+      const other = joint.axis2 ? unit(run.turned(frame, joint.child, joint.axis2)) : perpendicular(axis);
+      painter.pin(point, axis, 0.75 * r, 2.5 * r, colour, lift, false);
+      painter.pin(point, other, 0.75 * r, 2.5 * r, colour, lift + 0.5 * r, false);
+      painter.ball(point, 1.1 * r, colour, lift + r);
+    } else if (joint.kind === "cylindrical" && axis) {
+      painter.pin(point, axis, 1.8 * r, 3.4 * r, colour, lift, false);
+    } else if (joint.kind === "prismatic" && axis) {
+      const across = this.across(axis);
+      painter.box(point, [axis, across, cross(axis, across)], [3 * r, 1.8 * r, 1.8 * r], this.colourOf(joint.child), lift);
+    } else if (joint.kind === "planar" && axis) {
+      const across = this.across(axis);
+      painter.box(point, [axis, across, cross(axis, across)], [0.4 * r, 2.6 * r, 2.6 * r], colour, lift);
+    } else if (joint.kind === "generic") {
+      painter.octahedron(point, 2 * r, colour, lift);
+    } else {
+      painter.ball(point, 1.7 * r, colour, lift);
+    }
+  }
+
+  colourOf(body) {
+    return body < 0 ? COLOURS.ground : COLOURS.bodies[body % COLOURS.bodies.length];
+  }
+
+  /** Unit vector across an axis, along the first view or the up direction where possible, so that boxes sit square. */
+  across(axis) {
+    const { back, up } = this.camera.base, wanted = Math.abs(dot(back, axis)) < 0.9 ? back : up;
+    return unit(sub(wanted, scaled(axis, dot(wanted, axis))));
+  }
+
+  /** Mark of a joint that holds an independent coordinate: a ring, not colour alone. */
+  ring(painter, point) {
+    const p = this.camera.project(point);
+    if (!p) return;
+    const r = Math.max(5, 2.7 * this.radius * p.s);
+    painter.push(p.z + 6 * this.radius, () => {
+      painter.circle(p.x, p.y, r, null, "rgba(255,255,255,0.9)", 4.5);
+      painter.circle(p.x, p.y, r, null, COLOURS.free, 2.4);
+    });
+  }
+
+  reactions(painter, frame) {
+    const { run, options } = this, span = this.arrowSpan * options.arrows;
+    run.scene.joints.forEach((joint, j) => {
+      const point = run.jointPoint(frame, j);
+      for (const [on, name, unitLength, colour, heads] of [
+        [options.moments, "moment", this.momentUnit, COLOURS.moment, 2],
+        [options.forces, "force", this.forceUnit, COLOURS.force, 1],
+      ]) {
+        const vector = run.tables[name].vector(frame, j);
+        if (on && unitLength > 0 && isFinite3(vector) && isFinite3(point)) {
+          painter.arrow(point, scaled(vector, span / unitLength), colour, heads);
+        }
+      }
+    });
+  }
+
+  /** What is drawn nearest to pixel (x, y), within reach; null otherwise. */
+  pick(x, y) {
+    let best = null, reach = 16;
+    for (const hit of this.hits) {
+      const p = this.camera.project(hit.point), d = p ? Math.hypot(p.x - x, p.y - y) : Infinity;
+      if (d < reach) { reach = d; best = hit; }
+    }
+    return best;
+  }
+}

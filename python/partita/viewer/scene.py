@@ -1,0 +1,252 @@
+"""What is to be drawn: one run as plain data for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from .geometry import outline, plane_normal, view
+from .packing import pack_tables
+
+if TYPE_CHECKING:
+    from ..results import Result
+
+FloatArray = NDArray[np.float64]
+
+SLIDING = ("prismatic", "cylindrical")
+MOST_SWITCHES = 2000
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where everything is: bodies nb, joints nj over nt outputs; the ground is body -1."""
+
+    position: FloatArray  # (nt, nb, 3) origins of the bodies
+    rotation: FloatArray  # (nt, nb, 3, 3)
+    point: FloatArray  # (nt, nj, 3) points of the joints
+    size: float  # diagonal of the box around all of it, over all time; 1 when there is no extent
+
+    def on_body(self, body: int, points: FloatArray) -> FloatArray:
+        """World points (nt, 3) in the axes of a body, (nt, 3)."""
+        if body < 0:
+            return points
+        return np.einsum("tji,tj->ti", self.rotation[:, body], points - self.position[:, body])
+
+
+def describe(result: Result, title: str | None) -> dict[str, Any]:
+    """The scene of a run: names, shapes, joints, springs, first view, log of choices, packed arrays."""
+    summary = result.summary or {}
+    spec = result.spec or {}
+    motion = _motion(result)
+    joints = _joints(summary, spec, motion, list(result.names.bodies))
+    bodies = _bodies(result, spec, motion, joints)
+    tables, frames = pack_tables(_tables(result, motion))
+    planar = bool(summary.get("planar", False))
+    switches = _switches(result)
+    return {
+        "title": title or str(summary.get("name") or "") or "mechanism",
+        "warning": "" if result.success else f"The run stopped early: {result.message}",
+        "outputs": len(result.t),
+        "frames": len(frames),
+        "planar": planar,
+        "size": motion.size,
+        "view": _view(spec, motion, joints, planar),
+        "bodies": bodies,
+        "joints": joints,
+        "springs": _springs(spec, list(result.names.bodies)),
+        "velocities": list(result.names.velocities),
+        "independent": _choices(np.asarray(result.independent)[frames]),
+        "switches": switches[:MOST_SWITCHES],
+        "switchCount": len(switches),
+        "tables": tables,
+    }
+
+
+def _motion(result: Result) -> Motion:
+    nt = len(result.t)
+    bodies = [result.body(name) for name in result.names.bodies]
+    position = np.array([b.position for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
+    rotation = np.array([b.rotation for b in bodies], dtype=float).reshape(-1, nt, 3, 3).transpose(1, 0, 2, 3)
+    joints = [result.joint(name).point for name in result.names.joints]
+    point = np.array(joints, dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
+    seen = np.concatenate([position.reshape(-1, 3), point.reshape(-1, 3)])
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    size = float(np.linalg.norm(np.ptp(seen, axis=0))) if len(seen) else 0.0
+    return Motion(position, rotation, point, size or 1.0)
+
+
+def _tables(result: Result, motion: Motion) -> dict[str, FloatArray]:
+    """Everything that changes with time, each (nt, columns)."""
+    nt = len(result.t)
+    joints = [result.joint(name) for name in result.names.joints]
+    tables = {
+        "t": np.asarray(result.t, dtype=float).reshape(nt, 1),
+        "position": motion.position.reshape(nt, -1),
+        "turn": _quaternions(motion.rotation).reshape(nt, -1),
+        "force": np.array([j.force for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
+        "moment": np.array([j.moment for j in joints], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2),
+        "measure": np.asarray(result.measure, dtype=float).reshape(nt, -1),
+    }
+    tables |= {"closure": result.closure, "sigma": result.sigma, "sqrt_mu": result.sqrt_mu}
+    if result.has_energy:
+        energy = result.energy
+        tables |= {"kinetic": energy.kinetic, "potential": energy.potential, "energy": energy.total}
+    return {name: table.reshape(nt, -1) for name, table in tables.items()}
+
+
+def _quaternions(rotation: FloatArray) -> FloatArray:
+    """Rotations (nt, nb, 3, 3) as quaternions (nt, nb, 4), scalar last; what is not finite becomes unit."""
+    nt, nb = rotation.shape[:2]
+    if nb == 0:
+        return np.empty((nt, 0, 4))
+    whole = np.isfinite(rotation).all(axis=(2, 3), keepdims=True)
+    turns: FloatArray = Rotation.from_matrix(np.where(whole, rotation, np.eye(3)).reshape(-1, 3, 3)).as_quat()
+    return turns.reshape(nt, nb, 4)
+
+
+def _joints(
+    summary: Mapping[str, Any], spec: Mapping[str, Any], motion: Motion, names: list[str]
+) -> list[dict[str, Any]]:
+    index = {name: i for i, name in enumerate(names)} | {"ground": -1}
+    drawn = {joint["name"]: joint for joint in spec.get("joints", ())}
+    attitudes = {body["name"]: np.array(body["orientation"], dtype=float) for body in spec.get("bodies", ())}
+    found = []
+    for j, joint in enumerate(summary.get("joints", ())):
+        parent, child = index[joint["parent"]], index[joint["child"]]
+        point = motion.point[:, j]
+        on_parent, on_child = motion.on_body(parent, point), motion.on_body(child, point)
+        axis, axis2 = _axes(drawn.get(joint["name"], {}))
+        if axis is not None and parent >= 0:
+            axis = attitudes[joint["parent"]].T @ axis
+        if axis2 is not None and child >= 0:
+            axis2 = attitudes[joint["child"]].T @ axis2
+        span = joint.get("state_v")
+        found.append(
+            {
+                "name": joint["name"],
+                "kind": joint["kind"],
+                "parent": parent,
+                "child": child,
+                "axis": _listed(axis),
+                "axis2": _listed(axis2),
+                "velocities": list(range(span[0], span[0] + span[1])) if span else [],
+                "at": on_child[0].tolist(),
+                # Where the point also rests on the parent, it shapes the parent; where it slides, a rail does.
+                "atParent": on_parent[0].tolist() if _rests(on_parent, motion.size) else None,
+                "rail": _rail(on_parent, axis, motion.size) if joint["kind"] in SLIDING else None,
+            }
+        )
+    return found
+
+
+def _axes(drawn: Mapping[str, Any]) -> tuple[FloatArray | None, FloatArray | None]:
+    """Axes of a joint in the world of the drawing, where the description gives them."""
+    if drawn.get("frame") is not None:
+        frame = np.array(drawn["frame"], dtype=float)
+        return frame[:, 2], None
+    first, second = drawn.get("axis"), drawn.get("axis2")
+    return (
+        None if first is None else np.array(first, dtype=float) / np.linalg.norm(first),
+        None if second is None else np.array(second, dtype=float) / np.linalg.norm(second),
+    )
+
+
+def _rests(points: FloatArray, size: float) -> bool:
+    return bool(np.nanmax(np.abs(points - points[0]), initial=0.0) < 1e-5 * size)
+
+
+def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list[float]] | None:
+    """Ends of the line on the parent along which a joint slid, a little longer than its travel."""
+    if axis is None:
+        return None
+    travel = (points - points[0]) @ axis
+    spare = max(0.08 * size, 0.15 * float(np.ptp(travel)))
+    return [(points[0] + s * axis).tolist() for s in (np.nanmin(travel) - spare, np.nanmax(travel) + spare)]
+
+
+def _bodies(
+    result: Result, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Shape of every body from the joints on it, its hint, and its centre of mass; points in body axes."""
+    drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    found = []
+    for i, name in enumerate(result.names.bodies):
+        given = drawn.get(name, {})
+        points: list[list[float]] = []
+        for joint in joints:
+            if joint["kind"] == "free":
+                continue
+            if joint["child"] == i:
+                points.append(joint["at"])
+            if joint["parent"] == i and joint["rail"] is not None:
+                points += joint["rail"]
+            elif joint["parent"] == i and joint["atParent"] is not None:
+                points.append(joint["atParent"])
+        shape = given.get("shape") or {}
+        if shape.get("kind") == "rod":
+            points += [[0.0, 0.0, 0.0], [float(shape["length"]), 0.0, 0.0]]
+        com = np.array(given.get("com", (0.0, 0.0, 0.0)), dtype=float)
+        figure = outline(np.array(points, dtype=float).reshape(-1, 3), com, motion.size)
+        found.append({"name": name, "com": com.tolist(), **figure})
+    return found
+
+
+def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
+    index = {name: i for i, name in enumerate(names)} | {"ground": -1}
+    return [
+        {
+            "name": force.get("name", ""),
+            "body1": index[force["body1"]],
+            "point1": list(force["point1"]),
+            "body2": index[force["body2"]],
+            "point2": list(force["point2"]),
+        }
+        for force in spec.get("forces", ())
+        if force.get("kind") == "spring"
+    ]
+
+
+def _view(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], planar: bool) -> dict[str, Any]:
+    points = np.concatenate([motion.position.reshape(-1, 3), motion.point.reshape(-1, 3)])
+    points = points[np.isfinite(points).all(axis=1)][:20_000]
+    if len(points) == 0:
+        points = np.zeros((1, 3))
+    gravity = np.array(spec["gravity"], dtype=float) if spec.get("gravity") is not None else None
+    if gravity is not None and not np.any(gravity):
+        gravity = None
+    normal = None
+    if planar:
+        turning = [j for j in joints if j["kind"] in ("revolute", "planar") and j["axis"] is not None]
+        ground = [j for j in turning if j["parent"] < 0]
+        normal = np.array(ground[0]["axis"]) if ground else plane_normal(points)
+        if normal is None:
+            normal = np.array([0.0, 0.0, 1.0])
+    return view(points, gravity, normal)
+
+
+def _choices(independent: NDArray[Any]) -> list[list[Any]]:
+    """Independent velocities as [first frame, indices], one entry per change."""
+    choices: list[list[Any]] = []
+    for frame, row in enumerate(independent):
+        indices = sorted(int(i) for i in row)
+        if not choices or choices[-1][1] != indices:
+            choices.append([frame, indices])
+    return choices
+
+
+def _switches(result: Result) -> list[dict[str, Any]]:
+    """The log of exchanges; the first choice of a run is not one."""
+    changes = [change for change in result.partitions if change.entering or change.leaving]
+    return [
+        {"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
+        for c in changes
+    ]
+
+
+def _listed(axis: FloatArray | None) -> list[float] | None:
+    return None if axis is None else [float(x) for x in axis]

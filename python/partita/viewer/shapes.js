@@ -1,0 +1,268 @@
+// Shapes on a 2-D canvas. Each puts primitives {z, draw} into a painter, which draws them from far to near.
+
+const COLOURS = {
+  ink: "#1d2730", edge: "#3c4854", ground: "#8a949d", free: "#d9730d", force: "#b3261e", moment: "#6b3fa0",
+  spring: "#4d5b68", joint: "#f4f6f8", trace: "#7d93a8",
+  bodies: ["#8fb0d0", "#a3c4a0", "#d3bd8c", "#b3a6d0", "#8fc2c2", "#d0a3b0", "#b7c48c", "#a5b1bf"],
+};
+
+const shades = new Map();
+
+/** A colour #rrggbb mixed with white (amount > 0) or black (amount < 0). */
+function shade(colour, amount) {
+  const key = colour + amount.toFixed(2);
+  if (!shades.has(key)) {
+    const other = amount > 0 ? 255 : 0, part = Math.abs(amount);
+    const mixed = [1, 3, 5].map((i) => Math.round(parseInt(colour.slice(i, i + 2), 16) * (1 - part) + other * part));
+    shades.set(key, `rgb(${mixed.join(",")})`);
+  }
+  return shades.get(key);
+}
+
+class Painter {
+  constructor(context, camera, grain) {
+    this.c = context;
+    this.camera = camera;
+    this.grain = grain; // depths nearer than this count as equal, so that a flat mechanism does not flicker
+    this.list = [];
+  }
+
+  push(z, draw) {
+    if (!Number.isNaN(z)) this.list.push({ z: Math.round(z / this.grain), draw });
+  }
+
+  paint() {
+    this.list.sort((a, b) => a.z - b.z); // stable: equal depths keep the order of drawing
+    for (const item of this.list) item.draw();
+    this.list = [];
+  }
+
+  polygon(points, fill, stroke, width = 1) {
+    const c = this.c;
+    c.beginPath();
+    points.forEach((p, i) => (i ? c.lineTo(p.x, p.y) : c.moveTo(p.x, p.y)));
+    c.closePath();
+    c.lineJoin = "round";
+    if (fill) { c.fillStyle = fill; c.fill(); }
+    if (stroke) { c.strokeStyle = stroke; c.lineWidth = width; c.stroke(); }
+  }
+
+  circle(x, y, radius, fill, stroke, width = 1) {
+    const c = this.c;
+    c.beginPath();
+    c.arc(x, y, radius, 0, 2 * Math.PI);
+    if (fill) { c.fillStyle = fill; c.fill(); }
+    if (stroke) { c.strokeStyle = stroke; c.lineWidth = width; c.stroke(); }
+  }
+
+  line(points, colour, width, cap = "round") {
+    const c = this.c;
+    c.beginPath();
+    points.forEach((p, i) => (i ? c.lineTo(p.x, p.y) : c.moveTo(p.x, p.y)));
+    c.lineCap = cap;
+    c.lineJoin = "round";
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.stroke();
+  }
+
+  /** Round rod between two points, cut into pieces so that rods can pass before and behind each other. */
+  rod(a, b, radius, colour, pieces) {
+    for (let i = 0; i < pieces; i++) {
+      const p = this.camera.project(along(a, b, i / pieces)), q = this.camera.project(along(a, b, (i + 1) / pieces));
+      if (p && q) this.push((p.z + q.z) / 2, () => this.rodPiece(p, q, radius, colour, i === 0, i === pieces - 1));
+    }
+  }
+
+  rodPiece(p, q, radius, colour, first, last) {
+    const w = radius * (p.s + q.s), dark = shade(colour, -0.45);
+    if (w < 3) { this.line([p, q], dark, Math.max(1.3, w)); return; }
+    const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy);
+    const ends = [[p, first], [q, last]].filter((end) => end[1]).map((end) => end[0]);
+    for (const end of ends) this.circle(end.x, end.y, w / 2 + 1, dark);
+    if (l > 0.01) {
+      this.line([p, q], dark, w + 2, "butt");
+      // Light from the upper left, across the rod.
+      let nx = -dy / l, ny = dx / l;
+      if (nx + ny > 0) { nx = -nx; ny = -ny; }
+      const g = this.c.createLinearGradient(p.x + nx * w / 2, p.y + ny * w / 2, p.x - nx * w / 2, p.y - ny * w / 2);
+      g.addColorStop(0, shade(colour, 0.12));
+      g.addColorStop(0.3, shade(colour, 0.42));
+      g.addColorStop(1, shade(colour, -0.18));
+      for (const end of ends) this.circle(end.x, end.y, w / 2, g);
+      const over = Math.min(1, 1 / l);
+      const from = first ? p : { x: p.x - dx * over, y: p.y - dy * over };
+      const to = last ? q : { x: q.x + dx * over, y: q.y + dy * over };
+      this.line([from, to], g, w, "butt");
+    } else {
+      this.circle(p.x, p.y, w / 2, shade(colour, 0.2));
+    }
+  }
+
+  /** Flat plate with rounded corners through points in order. */
+  plate(points, radius, colour) {
+    const ring = points.map((p) => this.camera.project(p));
+    if (ring.includes(null)) return;
+    const normal = unit(cross(sub(points[1], points[0]), sub(points[2], points[0])));
+    const light = Math.abs(dot(normal, this.camera.back));
+    const z = ring.reduce((sum, p) => sum + p.z, 0) / ring.length, w = 2 * radius * ring[0].s;
+    this.push(z, () => {
+      const face = shade(colour, 0.05 + 0.3 * light);
+      this.polygon(ring, null, shade(colour, -0.45), Math.max(2, w + 2));
+      this.polygon(ring, face, face, Math.max(0.5, w));
+    });
+  }
+
+  ball(centre, radius, colour, lift) {
+    const p = this.camera.project(centre);
+    if (!p) return;
+    const r = Math.max(1.6, radius * p.s);
+    this.push(p.z + lift, () => {
+      if (r < 2.5) { this.circle(p.x, p.y, r, shade(colour, -0.3)); return; }
+      const g = this.c.createRadialGradient(p.x - r / 3, p.y - r / 3, r / 8, p.x, p.y, r);
+      g.addColorStop(0, shade(colour, 0.6));
+      g.addColorStop(1, shade(colour, -0.12));
+      this.circle(p.x, p.y, r, g, COLOURS.edge, 1.2);
+    });
+  }
+
+  /** Short cylinder about an axis; its cap carries an eye, as pins are drawn. */
+  pin(centre, axis, radius, half, colour, lift, eye) {
+    const camera = this.camera, p = camera.project(centre);
+    if (!p) return;
+    if (radius * p.s < 2.5) { this.ball(centre, radius, colour, lift); return; }
+    const facing = dot(axis, camera.toEye(centre)) < 0 ? scaled(axis, -1) : axis;
+    const u = perpendicular(axis), v = cross(axis, u), near = [], far = [];
+    for (let i = 0; i < 24; i++) {
+      const angle = (i * Math.PI) / 12;
+      const rim = add(scaled(u, radius * Math.cos(angle)), scaled(v, radius * Math.sin(angle)));
+      near.push(camera.project(add(centre, add(rim, scaled(facing, half)))));
+      far.push(camera.project(add(centre, sub(rim, scaled(facing, half)))));
+    }
+    if (near.includes(null) || far.includes(null)) return;
+    const face = camera.project(add(centre, scaled(facing, half)));
+    this.push(p.z + lift, () => {
+      this.polygon(hull(near.concat(far)), shade(colour, -0.2), COLOURS.edge, 1.2);
+      this.polygon(near, colour, COLOURS.edge, 1);
+      if (eye && dot(facing, camera.toEye(centre)) > 0.4) {
+        this.circle(face.x, face.y, Math.max(1, 0.3 * radius * p.s), COLOURS.edge);
+      }
+    });
+  }
+
+  /** Convex solid from its flat faces, each a list of points in order around an outward normal. */
+  solid(centre, faces, colour, lift) {
+    const p = this.camera.project(centre);
+    if (!p) return;
+    const eye = this.camera.toEye(centre), seen = [];
+    for (const face of faces) {
+      const normal = unit(sub(face.reduce(add), scaled(centre, face.length)));
+      const ring = face.map((corner) => this.camera.project(corner));
+      if (dot(normal, eye) > 1e-3 && !ring.includes(null)) seen.push([ring, dot(normal, eye)]);
+    }
+    this.push(p.z + lift, () => {
+      for (const [ring, light] of seen) this.polygon(ring, shade(colour, -0.25 + 0.45 * light), COLOURS.edge, 1.1);
+    });
+  }
+
+  box(centre, axes, half, colour, lift) {
+    const faces = [];
+    for (let k = 0; k < 3; k++) {
+      const i = (k + 1) % 3, j = (k + 2) % 3;
+      for (const side of [-1, 1]) {
+        const middle = add(centre, scaled(axes[k], side * half[k]));
+        faces.push([[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([a, b]) =>
+          add(middle, add(scaled(axes[i], a * half[i]), scaled(axes[j], b * half[j])))));
+      }
+    }
+    this.solid(centre, faces, colour, lift);
+  }
+
+  octahedron(centre, radius, colour, lift) {
+    const faces = [];
+    for (const x of [-radius, radius]) for (const y of [-radius, radius]) for (const z of [-radius, radius]) {
+      faces.push([add(centre, [x, 0, 0]), add(centre, [0, y, 0]), add(centre, [0, 0, z])]);
+    }
+    this.solid(centre, faces, colour, lift);
+  }
+
+  /** Zigzag between two points, of constant width. */
+  spring(a, b, radius) {
+    const p = this.camera.project(a), q = this.camera.project(b);
+    if (!p || !q) return;
+    this.push((p.z + q.z) / 2, () => {
+      const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy) || 1, w = Math.max(2.5, radius * (p.s + q.s) / 2);
+      const at = (s, n) => ({ x: p.x + dx * s - (dy / l) * n * w, y: p.y + dy * s + (dx / l) * n * w });
+      const line = [at(0, 0), at(0.12, 0)];
+      for (let i = 0; i < 16; i++) line.push(at(0.12 + (0.76 * (i + 0.5)) / 16, i % 2 ? -1 : 1));
+      line.push(at(0.88, 0), at(1, 0));
+      this.line(line, "#ffffff", 4);
+      this.line(line, COLOURS.spring, 1.7);
+    });
+  }
+
+  /** Support under a point at rest: a foot on hatched ground, always upright in the picture. */
+  support(point, size) {
+    const p = this.camera.project(point);
+    if (!p) return;
+    const r = size * p.s;
+    this.push(p.z - size, () => {
+      if (r < 4) return;
+      const foot = [p, { x: p.x - 0.62 * r, y: p.y + r }, { x: p.x + 0.62 * r, y: p.y + r }];
+      this.polygon(foot, "#eef1f4", COLOURS.ground, 1.3);
+      this.hatch({ x: p.x - r, y: p.y + r }, { x: p.x + r, y: p.y + r }, r);
+    });
+  }
+
+  /** Ground line from p to q in the picture with strokes below it. */
+  hatch(p, q, r) {
+    this.line([p, q], COLOURS.ground, 1.6);
+    let dx = q.x - p.x, dy = q.y - p.y;
+    const l = Math.hypot(dx, dy), count = Math.max(2, Math.min(80, Math.round(l / (0.4 * r))));
+    if (!(l > 1)) return;
+    dx /= l; dy /= l;
+    const side = dx >= 0 ? 1 : -1, h = 0.38 * r;
+    for (let i = 0; i < count; i++) {
+      const s = ((i + 0.8) * l) / count, x = p.x + s * dx, y = p.y + s * dy;
+      this.line([{ x, y }, { x: x - side * h * (dx + dy), y: y + side * h * (dx - dy) }], COLOURS.ground, 1.1);
+    }
+  }
+
+  /** Arrow in the picture, above everything; a double head is a moment. */
+  arrow(from, vector, colour, heads) {
+    const p = this.camera.project(from), q = this.camera.project(add(from, vector));
+    if (!p || !q) return;
+    const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy);
+    if (l < 3) return;
+    this.push(Infinity, () => {
+      const h = Math.min(11, 0.5 * l), ux = dx / l, uy = dy / l;
+      const head = (back) => [
+        { x: q.x - ux * back, y: q.y - uy * back },
+        { x: q.x - ux * (back + h) - uy * h * 0.38, y: q.y - uy * (back + h) + ux * h * 0.38 },
+        { x: q.x - ux * (back + h) + uy * h * 0.38, y: q.y - uy * (back + h) - ux * h * 0.38 },
+      ];
+      const shaft = [p, { x: q.x - ux * h * heads * 0.8, y: q.y - uy * h * heads * 0.8 }];
+      this.line(shaft, "rgba(255,255,255,0.8)", 4.5);
+      this.line(shaft, colour, 2.2);
+      for (let i = 0; i < heads; i++) this.polygon(head(0.7 * h * i), colour, "#ffffff", 0.6);
+    });
+  }
+}
+
+/** Convex hull of points in the picture. */
+function hull(points) {
+  const sorted = points.slice().sort((a, b) => a.x - b.x || a.y - b.y);
+  const half = (list) => {
+    const chain = [];
+    for (const p of list) {
+      while (chain.length > 1) {
+        const a = chain[chain.length - 2], b = chain[chain.length - 1];
+        if ((b.x - a.x) * (p.y - b.y) - (b.y - a.y) * (p.x - b.x) > 0) break;
+        chain.pop();
+      }
+      chain.push(p);
+    }
+    return chain.slice(0, -1);
+  };
+  return half(sorted).concat(half(sorted.slice().reverse()));
+}

@@ -1,0 +1,297 @@
+"""Results: what is read by name agrees with mechanics, and survives files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, netcdf_file
+
+import partita as pt
+from partita import plots, results
+from partita.plots.measure import settled
+from partita.results.names import Names, coordinate_units
+from partita.results.record import plain
+
+ROD, MASS, GRAVITY = 0.8, 1.5, 9.81
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> results.Result:
+    """A slender rod that starts level, 0.8 m long, on a pin at the origin."""
+    m = pt.Mechanism("pendulum", gravity=(0, -GRAVITY, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(ROD, 0, 0), mass=MASS)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0), axis=(0, 0, 1))
+    return m.simulate(2.0, t_eval=np.linspace(0, 2, 201), rtol=1e-11, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def four_bar() -> results.Result:
+    """The four-bar of the catalogue, a planar mechanism drawn with spatial hinges."""
+    return pt.catalogue.entry("four-bar").simulate()
+
+
+@pytest.fixture(scope="module")
+def by_hand() -> results.Result:
+    """A point on a circle of radius 1, as matrices."""
+    s = pt.System(
+        n=2,
+        mass=np.eye(2),
+        forces=lambda t, q, v: np.array([0.0, -1.0]),
+        constraints=lambda t, q: np.array([(q @ q - 1.0) / 2]),
+        jacobian=lambda t, q: q[None, :],
+        bias=lambda t, q, v: np.array([v @ v]),
+    )
+    return pt.simulate(s, 1.0, [1.0, 0.0], [0.0, 0.0])
+
+
+def test_force_of_the_pin_and_newton(pendulum: results.Result) -> None:
+    """m a = F + m g: with a from the angle, the force of the pin follows in closed form."""
+    joint = pendulum.joint("A")
+    angle, speed = joint.position[:, 0], joint.velocity[:, 0]
+    assert angle == pytest.approx(pendulum.q[:, 0], abs=1e-14)
+    turn = -1.5 * GRAVITY * np.cos(angle) / ROD
+    outward = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    across = np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
+    acceleration = ROD / 2 * (turn[:, None] * across - (speed**2)[:, None] * outward)
+    expected = MASS * (acceleration + np.array([0, GRAVITY, 0]))
+    # Round-off only: force and motion stand in the same state, whatever the error of integration.
+    assert joint.force == pytest.approx(expected, abs=1e-11 * MASS * GRAVITY)
+    assert joint.moment == pytest.approx(np.zeros_like(expected), abs=1e-11)
+    assert joint.determined.all() and joint.determined.shape == (6,)
+
+
+def test_axes_turn_the_wrench_and_keep_its_size(pendulum: results.Result) -> None:
+    """Expressing a vector elsewhere keeps its length; there and back is the same."""
+    world = pendulum.joint("A")
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    own = world.in_frame(turn)
+    assert own.force == pytest.approx(world.force @ turn)
+    for other in (own, world.in_frame("joint"), world.in_frame(np.repeat(turn[None], 201, axis=0))):
+        assert np.linalg.norm(other.force, axis=1) == pytest.approx(np.linalg.norm(world.force, axis=1))
+        assert np.array_equal(other.in_frame("world").force, world.force)
+        assert other.determined.all()
+
+
+def test_axes_must_be_a_rotation(pendulum: results.Result) -> None:
+    joint = pendulum.joint("A")
+    for bad in ("word", np.ones((3, 3)), np.diag([1.0, 1.0, -1.0]), np.eye(2), None, np.full((3, 3), np.nan)):
+        with pytest.raises(pt.errors.ArgumentError):
+            joint.in_frame(bad)  # type: ignore[arg-type]
+
+
+def test_points_of_a_body_and_their_velocity(pendulum: results.Result) -> None:
+    """The tip of the rod lies at (l cos, l sin); its velocity is omega x r."""
+    rod = pendulum.body("rod")
+    angle, speed = pendulum.q[:, 0], pendulum.v[:, 0]
+    tip = ROD * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    assert rod.point((ROD, 0, 0)) == pytest.approx(tip, abs=1e-13)
+    expected = ROD * speed[:, None] * np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
+    assert rod.point_velocity((ROD, 0, 0)) == pytest.approx(expected, abs=1e-12)
+    assert pendulum.body("ground").point((1, 2, 3)) == pytest.approx(np.tile([1.0, 2.0, 3.0], (201, 1)))
+    for bad in ((1, 2), "tip", (1, 2, math.inf)):
+        with pytest.raises(pt.errors.ArgumentError):
+            rod.point(bad)
+
+
+def test_energy_balance_and_closed_form(pendulum: results.Result) -> None:
+    energy = pendulum.energy
+    fallen = 0.5 * MASS * GRAVITY * ROD * np.sin(pendulum.q[:, 0])
+    assert energy.potential - energy.potential[0] == pytest.approx(fallen, abs=1e-12)
+    assert energy.total == pytest.approx(energy.kinetic + energy.potential)
+    assert energy.balance == pytest.approx(energy.total - energy.total[0] - energy.work)
+    # rtol 1e-11 over two seconds; the error of energy is a few hundred tolerances at most.
+    assert energy.relative_balance < 1e-8
+    assert pendulum.certificate.energy_balance == energy.relative_balance
+
+
+def test_redundant_hinges_are_reported(four_bar: results.Result) -> None:
+    """Planar loop, spatial hinges: three rows are redundant, so some reactions are not unique. In-plane forces are."""
+    for name in four_bar.names.joints:
+        determined = four_bar.joint(name).determined
+        assert determined[:2].all() and not determined[2:5].all(), name
+    assert four_bar.certificate.notes
+
+
+def test_certificate_gathers_the_run(four_bar: results.Result) -> None:
+    found = four_bar.certificate
+    assert found.closure == four_bar.closure.max() <= 1e-12
+    assert found.newton_euler is not None and found.newton_euler <= 1e-9
+    assert found.sigma == four_bar.sigma.min()
+    assert found.switches == sum(bool(p.entering) for p in four_bar.partitions)
+    assert "closure" in str(found) and "note:" in str(found)
+
+
+def test_log_of_choices_agrees_with_the_outputs(four_bar: results.Result) -> None:
+    """At every output the independent columns are those of the last entry before it."""
+    names = four_bar.names.velocities
+    assert not four_bar.partitions[0].is_switch
+    for t, columns in zip(four_bar.t, four_bar.independent, strict=True):
+        last = [p for p in four_bar.partitions if p.t < t or p.t == four_bar.t[0]][-1]
+        assert {names[i] for i in columns} == set(last.independent)
+        assert set(last.independent) | set(last.dependent) == set(names)
+
+
+@pytest.mark.parametrize("ending", [".json", ".nc"])
+def test_file_and_memory_read_the_same(four_bar: results.Result, tmp_path: Path, ending: str) -> None:
+    path = four_bar.save(tmp_path / f"run{ending}")
+    loaded = results.load(path)
+    for key, values in four_bar.record.arrays.items():
+        assert np.array_equal(values, loaded.record.arrays[key], equal_nan=True), key
+    assert loaded.names == four_bar.names and loaded.partitions == four_bar.partitions
+    assert str(loaded.certificate) == str(four_bar.certificate)
+    assert loaded.counters == four_bar.counters and loaded.spec == four_bar.spec
+    for name in four_bar.names.joints:
+        one, other = four_bar.joint(name), loaded.joint(name)
+        for axes in ("world", "joint"):
+            a, b = one.in_frame(axes), other.in_frame(axes)  # type: ignore[arg-type]
+            assert np.array_equal(a.force, b.force) and np.array_equal(a.moment, b.moment)
+            assert np.array_equal(a.determined, b.determined)
+        assert np.array_equal(one.drive, other.drive) and np.array_equal(one.point, other.point)
+    for name in four_bar.names.bodies:
+        assert np.array_equal(four_bar.body(name).point((1, 2, 3)), loaded.body(name).point((1, 2, 3)))
+    assert loaded.save(tmp_path / f"again{ending}").read_bytes() == path.read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, f"again{ending}"])
+
+
+def test_netcdf_tells_units(four_bar: results.Result, tmp_path: Path) -> None:
+    with netcdf_file(four_bar.save(tmp_path / "run.nc"), "r", mmap=False) as file:
+        assert getattr(file.variables["force"], "units") == b"N"  # noqa: B009  (set when the file is read)
+        assert file.variables["force"].dimensions == ("t", "joint", "axis")
+        names = [row.tobytes().decode().strip() for row in file.variables["joint_name"].data]
+        assert names == list(four_bar.names.joints)
+
+
+def test_table_names_every_column_once(four_bar: results.Result, tmp_path: Path) -> None:
+    with four_bar.save(tmp_path / "run.csv").open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    assert len(set(header)) == len(header) and header[0] == "t [s]"
+    assert len(rows) == len(four_bar.t)
+    name = four_bar.names.joints[0]
+    column = header.index(f"joint.{name}.force.x [N]")
+    assert [float(row[column]) for row in rows] == four_bar.joint(name).force[:, 0].tolist()
+
+
+def test_matlab_reads_names_and_arrays(four_bar: results.Result, tmp_path: Path) -> None:
+    found = loadmat(four_bar.save(tmp_path / "run.mat"), simplify_cells=True)
+    assert list(found["names"]["joint"]) == list(four_bar.names.joints)
+    assert np.array_equal(found["q"], four_bar.q)
+    assert np.array_equal(np.ravel(found["independent"]), four_bar.independent.ravel() + 1)
+
+
+def test_pandas_xarray_parquet(four_bar: results.Result, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("xarray")
+    frame = four_bar.to_pandas()
+    stored = pandas.read_parquet(four_bar.save(tmp_path / "run.parquet"))
+    assert list(stored.columns) == ["t", *frame.columns]
+    name = four_bar.names.joints[0]
+    force = four_bar.to_xarray().force.sel(joint=name, axis="y").values
+    assert np.array_equal(force, four_bar.joint(name).force[:, 1])
+    assert np.array_equal(force, frame[f"joint.{name}.force.y"].to_numpy())
+    assert frame.attrs["units"][f"joint.{name}.force.y"] == "N"
+
+
+@pytest.mark.parametrize("package, call", [("pandas", "to_pandas"), ("xarray", "to_xarray"), ("pyarrow", "save")])
+def test_missing_package_is_named(
+    pendulum: results.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str, call: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(pt.errors.MissingDependencyError, match="pip install") as caught:
+        getattr(pendulum, call)(*([tmp_path / "run.parquet"] if call == "save" else []))
+    assert caught.value.package == package
+    assert not list(tmp_path.iterdir())
+
+
+def test_unknown_names_suggest(four_bar: results.Result) -> None:
+    name = four_bar.names.bodies[0]
+    with pytest.raises(pt.errors.UnknownNameError, match="did you mean") as caught:
+        four_bar.body(name + "x")
+    assert caught.value.name == name + "x"
+    with pytest.raises(pt.errors.UnknownNameError):
+        four_bar.joint("no such joint")
+    with pytest.raises(pt.errors.UnknownNameError, match="energy"):
+        four_bar.plot("enrgy")
+
+
+def test_system_has_no_joints_and_says_so(by_hand: results.Result, tmp_path: Path) -> None:
+    for ask in (by_hand.joint, by_hand.body):
+        with pytest.raises(pt.errors.ArgumentError, match="System"):
+            ask("A")
+    assert not by_hand.has_energy and by_hand.certificate.energy_balance is None
+    loaded = results.load(by_hand.save(tmp_path / "run.json"))
+    assert np.array_equal(loaded.q, by_hand.q) and not loaded.is_mechanism
+    by_hand.plot(path=tmp_path / "run.png")
+
+
+@pytest.mark.parametrize(
+    "name, content, problem",
+    [
+        ("a.json", "{", "not JSON"),
+        ("b.json", "[]", "not a stored result"),
+        ("c.json", json.dumps({"partita_result": 99}), "version"),
+        ("d.json", json.dumps({"partita_result": 1, "account": {}, "arrays": {}}), "complete"),
+        ("e.nc", "nonsense", "NetCDF"),
+        ("f.nc", "", "NetCDF"),
+        ("g.txt", "", ".json and .nc"),
+    ],
+)
+def test_bad_files_are_told(tmp_path: Path, name: str, content: str, problem: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(pt.errors.FileFormatError, match=problem) as caught:
+        results.load(tmp_path / name)
+    assert caught.value.path == str(tmp_path / name)
+
+
+def test_places_that_cannot_be_written(pendulum: results.Result, tmp_path: Path) -> None:
+    with pytest.raises(pt.errors.FileFormatError, match="ending"):
+        pendulum.save(tmp_path / "run.xyz")
+    with pytest.raises(pt.errors.MissingFileError):
+        pendulum.save(tmp_path / "nowhere" / "run.nc")
+    with pytest.raises(pt.errors.MissingFileError):
+        results.load(tmp_path / "nothing.nc")
+    with pytest.raises(pt.errors.FileFormatError):
+        pendulum.plot(path=tmp_path / "run.doc")
+
+
+def test_figures_open_no_window(four_bar: results.Result, tmp_path: Path) -> None:
+    words = ("overview", "coordinates", "closure", "energy", "measure", "reactions", four_bar.names.joints[0])
+    for word in words:
+        path = tmp_path / f"{word}.png"
+        four_bar.plot(word, path=path)
+        assert path.read_bytes().startswith(b"\x89PNG")
+    figure = plots.plot_joint(four_bar, four_bar.names.joints[0], axes="joint")
+    assert figure.canvas.manager is None
+    four_bar.plot("energy", "measure", path=tmp_path / "two.pdf")
+
+
+def test_a_coordinate_that_stays_keeps_its_strip() -> None:
+    chosen = np.array([[0, 1], [1, 2], [2, 1], [3, 1]])
+    assert settled(chosen).tolist() == [[0, 1], [2, 1], [2, 1], [3, 1]]
+
+
+def test_units_of_quaternions_and_slides() -> None:
+    summary = {
+        "coordinates": ["S", "B.qw", "B.qx", "B.qy", "B.qz"],
+        "velocities": ["S", "B.wx", "B.wy", "B.wz"],
+        "joints": [
+            {"name": "S", "q": [0, 1], "v": [0, 1], "state_q": [0, 1], "state_v": [0, 1], "axes": ["slide"]},
+            {"name": "B", "q": [1, 4], "v": [1, 3], "state_q": [1, 4], "state_v": [1, 3], "axes": ["rx", "ry", "rz"]},
+        ],
+    }
+    q, v = coordinate_units(summary, Names.from_summary(summary, 5, 4, 0))
+    assert q == ["m", "1", "1", "1", "1"] and v == ["m/s", "rad/s", "rad/s", "rad/s"]
+
+
+def test_what_is_not_finite_becomes_null() -> None:
+    assert plain({"a": np.array([1.0, np.nan]), "b": np.int64(3), "c": (float("inf"), "x")}) == {
+        "a": [1.0, None],
+        "b": 3,
+        "c": [None, "x"],
+    }

@@ -1,0 +1,344 @@
+"""The animation page: one file that asks for nothing, says what it left out, and cannot be broken by a name."""
+
+import base64
+import json
+import re
+from dataclasses import dataclass, field
+from html import unescape
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from partita import viewer
+from partita.errors import ArgumentError, MissingFileError
+from partita.viewer.geometry import outline, view
+from partita.viewer.packing import FEWEST_FRAMES, MOST_FRAMES, pack_tables
+
+Z = (0.0, 0.0, 1.0)
+
+
+@dataclass
+class Fake:
+    """What the page asks of a result, for bodies given by their poses."""
+
+    t: np.ndarray
+    poses: dict[str, tuple[np.ndarray, np.ndarray]]  # origin (nt, 3), rotation (nt, 3, 3)
+    joints: list[tuple[str, str, str, str, tuple[float, ...]]]  # name, kind, parent, child, point in the child
+    force: float = 5.0
+    planar: bool = True
+    independent: Any = None
+    partitions: list[Any] = field(default_factory=list)
+    gravity: tuple[float, ...] = (0.0, -9.81, 0.0)
+    axes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    forces: list[dict[str, Any]] = field(default_factory=list)
+    coms: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    success: bool = True
+    message: str = ""
+    has_energy: bool = True
+    with_spec: bool = True
+    title: str = "fake"
+
+    def __post_init__(self) -> None:
+        nt, nj = len(self.t), len(self.joints)
+        names = [j[0] for j in self.joints] or ["q0", "q1"]
+        self.names = SimpleNamespace(bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names)
+        wave = np.sin(3.0 * self.t[:, None] + np.arange(len(names)))
+        self.measure = 0.55 + 0.45 * wave
+        if self.independent is None:
+            self.independent = np.zeros((nt, 1), dtype=int)
+        self.closure = np.full(nt, 1e-15)
+        self.sigma = 0.5 + 0.1 * np.sin(self.t)
+        self.sqrt_mu = 0.7 + 0.1 * np.cos(self.t)
+        kinetic = 1.0 + np.sin(self.t) ** 2
+        self.energy = SimpleNamespace(kinetic=kinetic, potential=3.0 - kinetic, total=np.full(nt, 3.0))
+        self.summary = {
+            "name": self.title,
+            "planar": self.planar,
+            "joints": [
+                {"name": n, "kind": k, "parent": p, "child": c, "state_v": [i, 1]}
+                for i, (n, k, p, c, _) in enumerate(self.joints)
+            ],
+        }
+        self.spec = self._spec() if self.with_spec else None
+        self._loads = self.force * np.stack([np.cos(self.t), np.sin(2 * self.t), 0 * self.t], axis=1)
+        self._phase = 1.0 + np.arange(nj)
+
+    def _spec(self) -> dict[str, Any]:
+        return {
+            "gravity": list(self.gravity),
+            "bodies": [
+                {
+                    "name": n,
+                    "com": list(self.coms.get(n, (0, 0, 0))),
+                    "orientation": r[0].tolist(),
+                    "shape": {"kind": "auto"},
+                }
+                for n, (_, r) in self.poses.items()
+            ],
+            "joints": [{"name": j[0], "axis": list(self.axes.get(j[0], Z))} for j in self.joints],
+            "forces": self.forces,
+        }
+
+    def body(self, name: str) -> Any:
+        position, rotation = self.poses[name]
+        return SimpleNamespace(position=position, rotation=rotation)
+
+    def joint(self, name: str) -> Any:
+        i = self.names.joints.index(name)
+        position, rotation = self.poses[self.joints[i][3]]
+        point = position + rotation @ np.array(self.joints[i][4])
+        force = self._loads / self._phase[i]
+        return SimpleNamespace(point=point, force=force, moment=0.1 * force[:, ::-1])
+
+
+def turned(angle: np.ndarray) -> np.ndarray:
+    """Rotations (nt, 3, 3) about z."""
+    c, s, one, zero = np.cos(angle), np.sin(angle), np.ones_like(angle), np.zeros_like(angle)
+    return np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]).transpose(2, 0, 1)
+
+
+def at(x: Any, y: Any, nt: int) -> np.ndarray:
+    return np.stack([np.broadcast_to(x, nt), np.broadcast_to(y, nt), np.zeros(nt)], axis=1).astype(float)
+
+
+def four_bar(nt: int = 50, **options: Any) -> Fake:
+    """A crank of 1, a coupler of 3 (with a point off its line), a rocker of 2.5, on a ground of 3."""
+    t = np.linspace(0.0, 5.0, nt)
+    crank = 1.0 + 2 * np.pi * t / 5.0
+    b = at(np.cos(crank), np.sin(crank), nt)
+    to_d = np.array([3.0, 0.0, 0.0]) - b
+    d = np.linalg.norm(to_d, axis=1)
+    coupler = np.arctan2(to_d[:, 1], to_d[:, 0]) + np.arccos((9 + d**2 - 2.5**2) / (6 * d))
+    c = b + 3 * at(np.cos(coupler), np.sin(coupler), nt)
+    rocker = np.arctan2(c[:, 1], c[:, 0] - 3)
+    poses = {
+        "crank": (at(0, 0, nt), turned(crank)),
+        "coupler": (b, turned(coupler)),
+        "rocker": (at(3, 0, nt), turned(rocker)),
+    }
+    joints = [
+        ("A", "revolute", "ground", "crank", (0, 0, 0)),
+        ("B", "revolute", "crank", "coupler", (0, 0, 0)),
+        ("C", "revolute", "rocker", "coupler", (3, 0, 0)),
+        ("D", "revolute", "ground", "rocker", (0, 0, 0)),
+    ]
+    return Fake(t, poses, joints, **options)
+
+
+def pendulum(nt: int = 30, **options: Any) -> Fake:
+    t = np.linspace(0.0, 2.0, nt)
+    poses = {"bob": (at(0, 0, nt), turned(np.sin(t)))}
+    return Fake(t, poses, [("A", "revolute", "ground", "bob", (0, 0, 0))], coms={"bob": (0, -1, 0)}, **options)
+
+
+def data(page: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+    return json.loads(found[1])
+
+
+def unpacked(table: dict[str, Any], frames: int) -> np.ndarray:
+    values = np.empty((frames, table["columns"]))
+    values[:] = [np.nan if x is None else x for x in table["still"]]
+    stored = np.frombuffer(base64.b64decode(table["data"]), "<f4")
+    values[:, table["moving"]] = stored.reshape(frames, -1)
+    return values
+
+
+def placed(scene: dict[str, Any], joint: int) -> np.ndarray:
+    """World points (nt, 3) of a joint, as the page finds them: fixed to its child."""
+    body, point = scene["joints"][joint]["child"], np.array(scene["joints"][joint]["at"])
+    if body < 0:
+        return np.broadcast_to(point, (scene["frames"], 3))
+    position = unpacked(scene["tables"]["position"], scene["frames"])[:, 3 * body : 3 * body + 3]
+    turn = unpacked(scene["tables"]["turn"], scene["frames"])[:, 4 * body : 4 * body + 4]
+    return position + Rotation.from_quat(turn).apply(point)
+
+
+def test_page_loads_nothing(tmp_path: Path) -> None:
+    page = viewer.write_html(four_bar(), tmp_path / "run.html").read_text("utf-8")
+    for way_out in ("http:", "https:", "src=", "url(", "@import", "<link", "fetch(", "XMLHttpRequest", "import("):
+        assert way_out not in page, way_out
+    assert "default-src 'none'" in page
+    assert "{{" not in page
+    assert len(page) < 150_000
+
+
+def test_scripts_never_write_markup() -> None:
+    page = viewer.html(four_bar())
+    for danger in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
+        assert danger not in page
+
+
+def test_names_cannot_carry_markup() -> None:
+    evil = '</script><img src=x onerror="alert(1)">{{DATA}}'
+    fake = four_bar()
+    fake.names.velocities[0] = evil
+    fake.summary["joints"][0]["name"] = evil
+    page = viewer.html(fake, title=evil)
+    assert "<img" not in page and page.count("</script>") == 2
+    scene = data(page)
+    assert scene["velocities"][0] == scene["joints"][0]["name"] == scene["title"] == evil
+    heading = re.search(r"<h1>(.*?)</h1>", page)
+    assert heading is not None and unescape(heading[1]) == evil
+
+
+def test_tables_hold_the_run() -> None:
+    fake = four_bar()
+    scene = data(viewer.html(fake))
+    frames = scene["frames"]
+    assert frames == scene["outputs"] == len(fake.t)
+    table = {name: unpacked(packed, frames) for name, packed in scene["tables"].items()}
+    # Single precision: 6e-8 of the value, and the negligible motion that packing lets go, 1e-7 of the largest.
+    assert np.allclose(table["t"][:, 0], fake.t, rtol=1e-7, atol=5e-7)
+    assert np.allclose(table["measure"], fake.measure, rtol=1e-7, atol=1e-7)
+    assert np.allclose(placed(scene, 2), fake.joint("C").point, atol=2e-6)
+    assert np.allclose(table["force"][:, 3:6], fake.joint("B").force, rtol=1e-7, atol=1e-6)
+    x, y, z, w = table["turn"][:, 4:8].T
+    rotation = fake.body("coupler").rotation
+    assert np.allclose(1 - 2 * (y * y + z * z), rotation[:, 0, 0], atol=1e-6)
+    assert np.allclose(2 * (x * y + z * w), rotation[:, 1, 0], atol=1e-6)
+
+
+def test_still_columns_cost_nothing() -> None:
+    wave = np.sin(np.linspace(0, 9, 400))
+    table = np.stack([wave, np.full(400, 7.0), 1e-12 * wave], axis=1)
+    packed, frames = pack_tables({"x": table})
+    assert packed["x"]["moving"] == [0] and len(frames) == 400
+    assert packed["x"]["still"] == [None, 7.0, 0.0]
+
+
+@pytest.mark.parametrize(("nt", "columns", "kept"), [(50, 3, 50), (4000, 3, MOST_FRAMES), (240, 20_000, FEWEST_FRAMES)])
+def test_long_and_large_runs_are_thinned(nt: int, columns: int, kept: int) -> None:
+    time = np.linspace(0, 1, nt)[:, None]
+    _, frames = pack_tables({"x": time * np.arange(1, columns + 1)})
+    assert len(frames) == kept and frames[0] == 0 and frames[-1] == nt - 1
+    assert np.all(np.diff(frames) >= nt // kept)
+
+
+def test_page_knows_what_was_left_out() -> None:
+    scene = data(viewer.html(pendulum(nt=3200)))
+    assert (scene["outputs"], scene["frames"]) == (3200, MOST_FRAMES)
+
+
+@pytest.mark.parametrize(
+    ("points", "com", "kind", "count"),
+    [
+        ([], (0, 0, 0), "ball", 1),
+        ([(0, 0, 0)], (0, 0, 0), "ball", 1),
+        ([(0, 0, 0)], (0, -1, 0), "hammer", 2),
+        ([(0, 0, 0), (1, 0, 0), (1, 0, 1e-9)], (0, 0, 0), "rod", 2),
+        ([(0, 0, 0), (2, 0, 0), (1, 0, 0)], (0, 0, 0), "rod", 2),
+        ([(0, 0, 0), (2, 0, 0), (0, 1, 0)], (0, 0, 0), "plate", 3),
+        ([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (1, 1, 0)], (0, 0, 0), "plate", 4),
+        ([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], (0, 0, 0), "star", 5),
+    ],
+)
+def test_shape_follows_the_points(points: list[Any], com: Any, kind: str, count: int) -> None:
+    figure = outline(np.array(points, dtype=float).reshape(-1, 3), np.array(com, dtype=float), 1.0)
+    assert (figure["kind"], len(figure["points"])) == (kind, count)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "normal", "right", "up"),
+    [
+        ((0, -9.81, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+        ((0, -9.81, 0), (0, 0, -1), (1, 0, 0), (0, 1, 0)),
+        ((0, 0, -9.81), (0, 1, 0), (1, 0, 0), (0, 0, 1)),
+        ((0, 0, -9.81), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        (None, (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+        ((0, 0, -9.81), (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+    ],
+)
+def test_planar_mechanisms_are_seen_face_on(gravity: Any, normal: Any, right: Any, up: Any) -> None:
+    g = None if gravity is None else np.array(gravity, dtype=float)
+    seen = view(np.zeros((1, 3)), g, np.array(normal, dtype=float))
+    assert np.allclose(seen["right"], right) and np.allclose(seen["up"], up)
+    assert np.allclose(np.cross(seen["right"], seen["up"]), seen["back"])
+    assert seen["azimuth"] == seen["elevation"] == 0.0
+
+
+@pytest.mark.parametrize("gravity", [(0, -9.81, 0), (0, 0, -1), (-1, 2, 3)])
+def test_spatial_mechanisms_are_seen_from_aside(gravity: Any) -> None:
+    cloud = np.random.default_rng(1).normal(size=(20, 3))
+    seen = view(cloud, np.array(gravity, dtype=float), None)
+    assert np.allclose(np.array(seen["up"]) * np.linalg.norm(gravity), -np.array(gravity), atol=1e-6)
+    assert np.allclose(np.cross(seen["right"], seen["up"]), seen["back"], atol=1e-6)
+    assert seen["elevation"] > 0 and abs(seen["azimuth"]) > 0.3
+
+
+def test_choices_and_exchanges() -> None:
+    independent = np.array([[0], [0], [2], [2], [1]])
+    log = [
+        SimpleNamespace(t=0.0, entering=(), leaving=(), reason="first"),
+        SimpleNamespace(t=1.9, entering=("C",), leaving=("A",), reason="why"),
+        SimpleNamespace(t=4.8, entering=("B",), leaving=("C",), reason="why"),
+    ]
+    scene = data(viewer.html(four_bar(nt=5, independent=independent, partitions=log)))
+    assert scene["independent"] == [[0, [0]], [2, [2]], [4, [1]]]
+    assert scene["switchCount"] == 2
+    assert [s["t"] for s in scene["switches"]] == [1.9, 4.8]
+    assert scene["switches"][0]["entering"] == ["C"]
+
+
+def test_rail_spans_the_travel() -> None:
+    t = np.linspace(0, 6, 60)
+    poses = {"slider": (at(2 + np.cos(t), 0, 60), turned(0 * t))}
+    fake = Fake(t, poses, [("S", "prismatic", "ground", "slider", (0, 0, 0))], axes={"S": (1.0, 0.0, 0.0)})
+    joint = data(viewer.html(fake))["joints"][0]
+    assert joint["atParent"] is None
+    (a, b) = joint["rail"]
+    assert a[0] < 1.0 and b[0] > 3.0 and a[1:] == b[1:] == [0.0, 0.0]
+
+
+def test_one_output_zero_reactions_and_no_spec() -> None:
+    scene = data(viewer.html(four_bar(nt=1, force=0.0, with_spec=False)))
+    assert scene["frames"] == 1 and scene["joints"][0]["axis"] is None
+    assert unpacked(scene["tables"]["force"], 1).tolist() == [[0.0] * 12]
+
+
+def test_numbers_that_are_not_finite_pass() -> None:
+    fake = pendulum()
+    fake._loads[3] = np.nan
+    fake.sigma[:] = np.nan
+    scene = data(viewer.html(fake))
+    assert np.isnan(unpacked(scene["tables"]["force"], scene["frames"])[3]).all()
+
+
+def test_system_without_bodies() -> None:
+    fake = Fake(np.linspace(0, 1, 9), {}, [], has_energy=False)
+    scene = data(viewer.html(fake))
+    assert scene["bodies"] == scene["joints"] == [] and "energy" not in scene["tables"]
+    assert scene["velocities"] == ["q0", "q1"]
+
+
+def test_early_stop_is_told() -> None:
+    scene = data(viewer.html(pendulum(success=False, message="step too small at t = 1.2 s")))
+    assert "step too small" in scene["warning"]
+
+
+def test_bad_targets_are_typed_errors(tmp_path: Path) -> None:
+    with pytest.raises(MissingFileError, match="does not exist; create it first"):
+        viewer.write_html(pendulum(), tmp_path / "nowhere" / "x.html")
+    with pytest.raises(ArgumentError, match="is a folder"):
+        viewer.write_html(pendulum(), tmp_path)
+    with pytest.raises(ArgumentError, match="no outputs"):
+        viewer.html(Fake(np.empty(0), {}, []))
+
+
+def test_four_bar_of_the_catalogue(tmp_path: Path) -> None:
+    """The real result has the shape that the fakes imitate."""
+    import partita as pt
+
+    run = pt.catalogue.load("four-bar").simulate(1.0)
+    page = viewer.write_html(run, tmp_path / "four-bar.html").read_text("utf-8")
+    scene = data(page)
+    assert scene["planar"] and scene["outputs"] == len(run.t)
+    assert {body["kind"] for body in scene["bodies"]} == {"rod"}
+    assert scene["velocities"] == list(run.names.velocities)
+    for j, name in enumerate(run.names.joints):
+        assert np.allclose(placed(scene, j), run.joint(name).point, atol=2e-6)
