@@ -1,1 +1,15 @@
-//! analysis
+//! Questions asked of a model: how many ways it can move, which of its joints' rows are superfluous and why, which
+//! reactions the motion determines.
+
+pub mod determined;
+pub mod error;
+mod geometry;
+pub mod mobility;
+mod reason;
+pub mod report;
+mod stress;
+
+pub use determined::determined;
+pub use error::AnalysisError;
+pub use mobility::{mobility, Mobility, Redundant};
+pub use report::{report, Report};

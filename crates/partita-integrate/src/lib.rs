@@ -19,5 +19,6 @@ pub mod explicit_rk;
 pub mod failure;
 pub mod ode;
 pub mod options;
+pub mod simulate;
 pub mod step_size;
 pub mod tableau;

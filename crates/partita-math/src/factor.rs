@@ -1,14 +1,14 @@
 //! Factorisations of larger or rank-deficient dense matrices, for set-up and analysis.
 //!
 //! Thin layers over `faer`, in the row-major [`Matrix`] of this crate. They allocate; evaluations use
-//! [`dense`](crate::dense) and [`elimination`](crate::elimination). Input that is not finite is refused, never passed on.
+//! [`dense`] and [`elimination`](crate::elimination). Input that is not finite is refused, never passed on.
 
 use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::dense::{self, Matrix};
 
-/// Up to this size the kernels of [`dense`](crate::dense) are used.
+/// Up to this size the kernels of [`dense`] are used.
 const SMALL: usize = 40;
 
 /// Diagonal entries of R below this fraction of the largest count as zero in [`qr_null_space`].

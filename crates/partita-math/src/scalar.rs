@@ -38,9 +38,9 @@ pub trait Scalar:
     fn one() -> Self;
     /// Square root; at 0 the derivative is infinite.
     fn sqrt(self) -> Self;
-    /// Sine and cosine of an angle [rad].
+    /// Sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
-    /// Angle [rad] of the point (`x`, `self`), in (−π, π].
+    /// Angle of the point (`x`, `self`) in radians, above −π and up to π.
     fn atan2(self, x: Self) -> Self;
     /// Absolute value; at 0 it follows the sign bit.
     fn abs(self) -> Self;

@@ -78,9 +78,10 @@ impl<G: Space> Tree<G> {
         let columns = k + 1;
         let mut partial = std::mem::take(&mut s.partial);
         let wanted = self.links.len() * columns;
-        if partial.len() != wanted {
+        if partial.len() < wanted {
             partial.resize(wanted, Default::default()); // at set-up; later the room is there
         }
+        partial[..columns].fill(Default::default()); // the ground rests
         md.fill(0.0);
         hd.fill(0.0);
         for i in 1..self.links.len() {

@@ -127,6 +127,10 @@ impl Model {
     ) -> Result<Self, DescriptionError> {
         validate::validate(&spec, functions.count())?;
         let placed = Placed::new(&spec, coordinates, allow_plane)?;
+        if placed.nv == 0 {
+            let message = "nothing can move: every body is fixed to the ground; free a joint";
+            return Err(DescriptionError::new("mechanism", &spec.name, message));
+        }
         let (full, full_rows) = compile::compile::<Spatial<f64>>(&spec, &placed)?;
         let loads = Load::all(&spec, &placed)?;
         let (engine, row_names, mut columns) = if placed.planar {

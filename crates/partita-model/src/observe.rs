@@ -126,3 +126,46 @@ impl Model {
         self.placed.basis.transpose().mul(&r)
     }
 }
+
+/// Counts the turns of joints that close loops in space from one output to the next.
+///
+/// Their angles are read off the pose and so are known up to full turns; of the candidates the one nearest to what the
+/// mean of the two speeds predicts is taken. That is safe while outputs are closer than about half a turn of unforeseen
+/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted.
+#[derive(Clone, Debug)]
+pub struct TurnCounter {
+    turns: Vec<Vec<bool>>,
+    last: Vec<Option<(f64, JointState)>>,
+}
+
+impl TurnCounter {
+    /// For the joints of a model.
+    pub fn new(model: &Model) -> Self {
+        let turns = model
+            .placed
+            .joints
+            .iter()
+            .map(|p| {
+                let wrapped = p.links.is_none() && !model.is_planar();
+                let plain = p.shape.motions.iter().all(|m| *m != Motion::Ball);
+                p.shape.motions.iter().map(|m| wrapped && plain && matches!(m, Motion::Turn(_))).collect()
+            })
+            .collect();
+        Self { turns, last: vec![None; model.placed.joints.len()] }
+    }
+
+    /// Add full turns to the angles of joint `j` at `t`; calls go forward in time.
+    pub fn unwrap(&mut self, j: usize, t: f64, state: &mut JointState) {
+        if !self.turns[j].contains(&true) {
+            return;
+        }
+        if let Some((before, last)) = &self.last[j] {
+            for i in (0..state.position.len()).filter(|&i| self.turns[j][i]) {
+                let expected = last.position[i] + 0.5 * (last.velocity[i] + state.velocity[i]) * (t - before);
+                let turn = 2.0 * std::f64::consts::PI;
+                state.position[i] += ((expected - state.position[i]) / turn).round() * turn;
+            }
+        }
+        self.last[j] = Some((t, state.clone()));
+    }
+}

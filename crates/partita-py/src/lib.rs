@@ -1,1 +1,29 @@
-//! py
+//! The door to Python: plain data in, arrays out. No mechanics here.
+
+mod arrays;
+mod failure;
+mod functions;
+mod hand;
+mod model;
+mod partition;
+mod run;
+mod toml;
+
+use pyo3::prelude::*;
+
+/// Version of the core.
+#[pyfunction]
+fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}
+
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<model::Model>()?;
+    m.add_class::<hand::System>()?;
+    m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
+    m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
+    m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
+    m.add_function(wrap_pyfunction!(version, m)?)?;
+    Ok(())
+}

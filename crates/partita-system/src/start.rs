@@ -39,7 +39,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
     let here = rank_here(&probe);
-    let smallest = here.pivots.last().copied().unwrap_or(1.0);
+    let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
     let mut dropped = here.dropped.clone();
     dropped.sort_unstable();
     let start = Start { rank: here.rank, dropped, gap: here.gap, smallest };
@@ -47,11 +47,12 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
         return Ok(start);
     }
     if here.gap < RANK_GAP {
-        return Err(SystemError::Request(format!(
-            "the rank of the constraints is not clear at t = {t}: the last row kept has the squared sine {smallest:.2e}, \
-             the first one dropped {:.2e}; the position is close to a singular one, start elsewhere",
+        let message = format!(
+            "the rank of the constraints is not clear, the last row kept has the squared sine {smallest:.2e}, the first \
+             one dropped {:.2e}; start a little away from it",
             here.largest_dropped
-        )));
+        );
+        return Err(SystemError::SingularStart { t, message });
     }
     if start.rank < size.nv {
         check_neighbour(system, t, q, &start)?;
@@ -89,14 +90,15 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     // an independent row would open by the square of the move, 1e-6, a redundant one by rounding
     if there.rank > start.rank || open > 1e-9 {
         let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
-        return Err(SystemError::Request(format!(
-            "the start is a singular position: {} closing rows ({}) are dependent here but not next to it (rank {} here, \
-             {} next to it), so the motion from here is not unique; start a little away from it",
+        let message = format!(
+            "{} closing rows ({}) are dependent here but not next to it (rank {} here, {} next to it), so the motion from \
+             here is not unique; start a little away from it",
             start.dropped.len(),
             names.join(", "),
             start.rank,
             there.rank.max(start.rank + 1)
-        )));
+        );
+        return Err(SystemError::SingularStart { t, message });
     }
     Ok(())
 }
@@ -167,6 +169,17 @@ pub fn choose_partition<S: ConstrainedSystem>(
         })?;
         return r.tangent(t);
     }
+    choose_with_threshold(r, t, q, weights, 1.0 + 1e-6)
+}
+
+/// As [`choose_partition`], but exchanges that gain less than `threshold` are left undone.
+pub fn choose_with_threshold<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    weights: Option<&[f64]>,
+    threshold: f64,
+) -> Result<(), SystemError> {
     first_partition(r, t, q)?;
     if r.k() == 0 || r.rank() == 0 {
         return Ok(());
@@ -188,7 +201,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
     for _ in 0..10 * r.size().nv {
         let (d, i) = (&r.partition.dependent, &r.partition.independent);
         let Some(x) = crate::partition::exchange::best(&r.a_matrix, &scales, d, i) else { break };
-        if x.gain <= 1.0 + 1e-6 {
+        if x.gain <= threshold.max(1.0 + 1e-6) {
             break;
         }
         let mut next = r.partition.independent.clone();

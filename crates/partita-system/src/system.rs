@@ -89,6 +89,14 @@ pub enum SystemError {
         /// What to try.
         advice: String,
     },
+    /// The start is a singular position: the motion from there is not unique.
+    #[error("at t = {t} the mechanism stands in a singular position: {message}")]
+    SingularStart {
+        /// Time.
+        t: f64,
+        /// What was seen and what to try.
+        message: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),

@@ -1,0 +1,16 @@
+//! Why a question has no answer.
+
+use partita_model::DescriptionError;
+use partita_system::SystemError;
+use thiserror::Error;
+
+/// A question that could not be answered.
+#[derive(Debug, Error)]
+pub enum AnalysisError {
+    /// The mechanism could not be compiled with all its closings in space.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+    /// It could not be evaluated at this position.
+    #[error(transparent)]
+    System(#[from] SystemError),
+}

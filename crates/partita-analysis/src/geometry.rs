@@ -1,0 +1,229 @@
+//! The mechanism in space without its masses.
+//!
+//! Mobility, redundancy and self-stresses are matters of geometry. Asked of a system in which every velocity weighs the
+//! same over its reach (a radian of a turn, a mechanism's size of a slide), they can be answered for bodies without mass
+//! or axial inertia too, and the answer does not change with the masses.
+
+use crate::error::AnalysisError;
+use partita_math::elimination::Pattern;
+use partita_math::spatial::{Quaternion, Vec3};
+use partita_model::model::ModelScratch;
+use partita_model::tree::LinkMotion;
+use partita_model::Model;
+use partita_system::system::Tangent;
+use partita_system::{ConstrainedSystem, Size, SystemError};
+
+/// The mechanism with all closing rows in space, and its coordinates there.
+///
+/// Joint coordinates are the same in the plane and in space. Bodies that float in the plane (absolute coordinates) have
+/// two slides and a turn there, three slides and a quaternion in space.
+pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), AnalysisError> {
+    let twin = model.in_space()?;
+    if twin.placed.nq == model.placed.nq {
+        return Ok((twin, q.to_vec()));
+    }
+    let mut lifted = twin.initial();
+    let out = model.placed.basis;
+    for (flat, body) in model.placed.bodies.iter().zip(&twin.placed.bodies) {
+        let (turn, ball) = (model.placed.links[flat.link].q, twin.placed.links[body.link].q);
+        let shift = out.apply_transposed(Vec3([q[turn - 2], q[turn - 1], 0.0]));
+        let rotation = Quaternion::exp(out.apply_transposed(Vec3([0.0, 0.0, q[turn]])));
+        lifted[ball - 3..ball].copy_from_slice(&shift.0);
+        lifted[ball..ball + 4].copy_from_slice(&rotation.0);
+    }
+    Ok((twin, lifted))
+}
+
+/// The closing rows of a model, with or without its drives, and unit masses over squared reaches.
+pub(crate) struct Geometry<'m> {
+    /// The mechanism.
+    pub(crate) model: &'m Model,
+    pattern: Pattern,
+    /// `s_i² = [M⁻¹]_ii`: the square of the reach of velocity i.
+    scale2: Vec<f64>,
+}
+
+/// Scratch: that of the model, and room for the rows left out.
+pub(crate) struct GeometryScratch {
+    model: ModelScratch,
+    phi: Vec<f64>,
+    c: Vec<f64>,
+    a: Vec<f64>,
+}
+
+impl<'m> Geometry<'m> {
+    /// All rows if `drives`, else those of the closings alone.
+    pub(crate) fn new(model: &'m Model, drives: bool) -> Self {
+        let mut pattern = model.pattern().clone();
+        if !drives {
+            // the rows of the drives come last, with one entry each
+            pattern.rows = model.row_names.len();
+            pattern.row_ptr.truncate(pattern.rows + 1);
+            pattern.col_idx.truncate(pattern.row_ptr[pattern.rows]);
+        }
+        let mut scale2 = vec![1.0; model.placed.nv];
+        for l in model.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Slide(_)) {
+                scale2[l.v] = model.placed.size.powi(2);
+            }
+        }
+        Self { model, pattern, scale2 }
+    }
+
+    /// Reaches of all velocities.
+    pub(crate) fn scales(&self) -> Vec<f64> {
+        self.scale2.iter().map(|s2| s2.sqrt()).collect()
+    }
+}
+
+impl ConstrainedSystem for Geometry<'_> {
+    type Scratch = GeometryScratch;
+
+    fn size(&self) -> Size {
+        let rows = self.pattern.rows;
+        Size { nq: self.model.placed.nq, nv: self.model.placed.nv, rows, holonomic: rows }
+    }
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn scratch(&self) -> GeometryScratch {
+        let all = self.model.pattern();
+        GeometryScratch {
+            model: self.model.scratch(),
+            phi: vec![0.0; all.rows],
+            c: vec![0.0; all.nnz()],
+            a: vec![0.0; all.rows],
+        }
+    }
+    fn velocity_name(&self, i: usize) -> String {
+        self.model.velocity_name(i)
+    }
+    fn row_name(&self, i: usize) -> String {
+        self.model.row_name(i)
+    }
+    fn rheonomic(&self) -> bool {
+        self.pattern.rows > self.model.row_names.len() && self.model.rheonomic()
+    }
+
+    fn position(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut GeometryScratch,
+        phi: &mut [f64],
+        c: &mut [f64],
+        a: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.model.position(t, q, &mut s.model, &mut s.phi, &mut s.c, &mut s.a)?;
+        phi.copy_from_slice(&s.phi[..phi.len()]);
+        c.copy_from_slice(&s.c[..c.len()]);
+        a.copy_from_slice(&s.a[..a.len()]);
+        Ok(())
+    }
+    fn velocity(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut GeometryScratch,
+        b: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.model.velocity(t, q, v, &mut s.model, &mut s.phi)?;
+        b.copy_from_slice(&s.phi[..b.len()]);
+        Ok(())
+    }
+    fn dynamics(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        v: &[f64],
+        _s: &mut GeometryScratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        mass.fill(0.0);
+        h.fill(0.0);
+        for (i, s2) in self.scale2.iter().enumerate() {
+            mass[i * v.len() + i] = 1.0 / s2;
+        }
+        Ok(())
+    }
+    fn project(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _v: &[f64],
+        tangent: &Tangent,
+        _s: &mut GeometryScratch,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let k = tangent.k;
+        md.fill(0.0);
+        hd.fill(0.0);
+        for (i, s2) in self.scale2.iter().enumerate() {
+            let d = &tangent.dt[i * k..(i + 1) * k];
+            for (r, x) in d.iter().enumerate().filter(|x| *x.1 != 0.0) {
+                hd[r] -= x * tangent.delta[i] / s2;
+                for (m, y) in md[r * k..(r + 1) * k].iter_mut().zip(d) {
+                    *m += x * y / s2;
+                }
+            }
+        }
+        Ok(())
+    }
+    fn inverse_dynamics(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _v: &[f64],
+        vdot: &[f64],
+        _s: &mut GeometryScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        for ((x, v), s2) in out.iter_mut().zip(vdot).zip(&self.scale2) {
+            *x = v / s2;
+        }
+        Ok(())
+    }
+    fn inverse_mass_diagonal(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _s: &mut GeometryScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        out.copy_from_slice(&self.scale2);
+        Ok(())
+    }
+    fn inverse_mass_columns(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        which: &[usize],
+        _s: &mut GeometryScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        out.fill(0.0);
+        for (j, &i) in which.iter().enumerate() {
+            out[i * which.len() + j] = self.scale2[i];
+        }
+        Ok(())
+    }
+
+    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
+        self.model.rate(q, v, qdot);
+    }
+    fn step(&self, q: &mut [f64], dv: &[f64]) {
+        self.model.step(q, dv);
+    }
+    fn normalise(&self, q: &mut [f64]) -> bool {
+        self.model.normalise(q)
+    }
+    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
+        self.model.velocity_of_coordinate(i)
+    }
+    fn reach(&self, i: usize) -> f64 {
+        self.scale2[i].sqrt()
+    }
+}

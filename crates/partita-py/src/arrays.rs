@@ -1,0 +1,56 @@
+//! Arrays across the border.
+
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+
+use crate::failure::raise;
+
+/// A copy of a one-dimensional array of the given length, all finite.
+pub fn vector(x: &PyReadonlyArray1<'_, f64>, length: usize, what: &str) -> PyResult<Vec<f64>> {
+    let v = any_vector(x);
+    if v.len() != length {
+        let message = format!("{what} has {} entries, the model has {length}", v.len());
+        return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
+    }
+    if let Some(i) = v.iter().position(|x| !x.is_finite()) {
+        let message = format!("{what}[{i}] = {} is not a finite number", v[i]);
+        return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
+    }
+    Ok(v)
+}
+
+/// A copy of a one-dimensional array.
+pub fn any_vector(x: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
+    x.as_array().iter().copied().collect()
+}
+
+/// An array of the given shape from its entries, row by row.
+pub fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>) -> Bound<'py, PyArrayDyn<f64>> {
+    shaped(py, shape, data)
+}
+
+/// Same for any entries that NumPy knows.
+pub fn shaped<'py, T: numpy::Element + Clone + Default>(
+    py: Python<'py>,
+    shape: &[usize],
+    data: Vec<T>,
+) -> Bound<'py, PyArrayDyn<T>> {
+    match ArrayD::from_shape_vec(IxDyn(shape), data) {
+        Ok(a) => a.to_pyarray(py),
+        // a wrong count is a mistake of ours: an empty array shows it, a crash would not
+        Err(_) => ArrayD::<T>::default(IxDyn(&[0])).to_pyarray(py),
+    }
+}
+
+/// Contiguous copy of a matrix, with its shape.
+pub fn matrix(x: &numpy::PyReadonlyArray2<'_, f64>) -> (usize, usize, Vec<f64>) {
+    let shape = x.shape();
+    (shape[0], shape[1], x.as_array().iter().copied().collect())
+}
+
+/// Entries of an array that a callback returned, or `None` if it is no array of numbers.
+pub fn entries(x: &Bound<'_, PyAny>) -> Option<Vec<f64>> {
+    let a = x.cast::<PyArrayDyn<f64>>().ok()?;
+    Some(a.readonly().as_array().iter().copied().collect())
+}

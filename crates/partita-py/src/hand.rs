@@ -1,0 +1,339 @@
+//! Equations S1-S5 given as Python functions.
+
+use crate::arrays::{any_vector, array, entries, vector};
+use crate::failure::{self, guarded, raise};
+use crate::run::{self, read_options};
+use numpy::{PyArrayDyn, PyReadonlyArray1, ToPyArray};
+use partita_math::dense;
+use partita_system::equations::{ByHand, Equations};
+use partita_system::formulation::reduction::Reduction;
+use partita_system::kinematics::{assembly, velocity};
+use partita_system::{start, ConstrainedSystem, SystemError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The callables of a system.
+struct Callables {
+    n: usize,
+    names: Vec<String>,
+    mass: Py<PyAny>,
+    forces: Py<PyAny>,
+    constraints: Py<PyAny>,
+    jacobian: Py<PyAny>,
+    constraint_rate: Option<Py<PyAny>>,
+    bias: Py<PyAny>,
+}
+
+fn fault(what: &str, e: PyErr) -> SystemError {
+    SystemError::Function { what: what.into(), source: Box::new(e) }
+}
+
+impl Callables {
+    fn clone_ref(&self, py: Python<'_>) -> Self {
+        Self {
+            n: self.n,
+            names: self.names.clone(),
+            mass: self.mass.clone_ref(py),
+            forces: self.forces.clone_ref(py),
+            constraints: self.constraints.clone_ref(py),
+            jacobian: self.jacobian.clone_ref(py),
+            constraint_rate: self.constraint_rate.as_ref().map(|x| x.clone_ref(py)),
+            bias: self.bias.clone_ref(py),
+        }
+    }
+
+    /// Entries of f(t, q) or f(t, q, v).
+    fn call(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>) -> Result<Vec<f64>, SystemError> {
+        Python::attach(|py| {
+            let q = q.to_pyarray(py);
+            let x = match v {
+                Some(v) => f.bind(py).call1((t, q, v.to_pyarray(py))),
+                None => f.bind(py).call1((t, q)),
+            }
+            .map_err(|e| fault(what, e))?;
+            entries(&x).ok_or_else(|| SystemError::NotFinite { what: what.into(), t })
+        })
+    }
+
+    fn fill(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>, out: &mut [f64]) -> Result<(), SystemError> {
+        let x = Self::call(f, what, t, q, v)?;
+        if x.len() != out.len() {
+            return Err(SystemError::Request(format!(
+                "{what} returned {} numbers at t = {t}, {} were expected; it must keep its shape",
+                x.len(),
+                out.len()
+            )));
+        }
+        out.copy_from_slice(&x);
+        Ok(())
+    }
+}
+
+/// A system with the number of rows found at one point.
+struct Sized {
+    f: Callables,
+    rows: usize,
+    holonomic: usize,
+}
+
+impl Equations for Sized {
+    fn n(&self) -> usize {
+        self.f.n
+    }
+    fn rows(&self) -> usize {
+        self.rows
+    }
+    fn holonomic(&self) -> usize {
+        self.holonomic
+    }
+    fn name(&self, i: usize) -> String {
+        self.f.names.get(i).cloned().unwrap_or_else(|| format!("q{i}"))
+    }
+    fn rheonomic(&self) -> bool {
+        self.f.constraint_rate.is_some()
+    }
+    fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        Callables::fill(&self.f.mass, "mass", t, q, None, out)
+    }
+    fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        Callables::fill(&self.f.forces, "forces", t, q, Some(v), out)
+    }
+    fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        Callables::fill(&self.f.constraints, "constraints", t, q, None, out)
+    }
+    fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        Callables::fill(&self.f.jacobian, "jacobian", t, q, None, out)
+    }
+    fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        match &self.f.constraint_rate {
+            Some(f) => Callables::fill(f, "constraint_rate", t, q, None, out),
+            None => {
+                out.fill(0.0);
+                Ok(())
+            }
+        }
+    }
+    fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        Callables::fill(&self.f.bias, "bias", t, q, Some(v), out)
+    }
+}
+
+/// Equations (S1)-(S5) given as callables.
+#[pyclass(frozen, module = "partita._core")]
+pub struct System {
+    f: Callables,
+}
+
+impl System {
+    fn sized(&self, py: Python<'_>, t: f64, q: &[f64]) -> PyResult<ByHand<Sized>> {
+        let n = self.f.n;
+        let c = Callables::call(&self.f.jacobian, "jacobian", t, q, None).map_err(|e| failure::system(py, e))?;
+        let phi = Callables::call(&self.f.constraints, "constraints", t, q, None).map_err(|e| failure::system(py, e))?;
+        let rows = c.len() / n;
+        if rows * n != c.len() || phi.len() > rows {
+            let message = format!(
+                "jacobian returned {} numbers for {n} coordinates, constraints {}; C is (m, {n}) and Phi has m numbers or \
+                 fewer",
+                c.len(),
+                phi.len()
+            );
+            return Err(raise(py, "ArgumentError", &message, &[("argument", "jacobian".into())]));
+        }
+        Ok(ByHand::new(Sized { f: self.f.clone_ref(py), rows, holonomic: phi.len() }))
+    }
+}
+
+#[pymethods]
+impl System {
+    #[new]
+    #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names))]
+    fn new(
+        n: usize,
+        mass: Py<PyAny>,
+        forces: Py<PyAny>,
+        constraints: Py<PyAny>,
+        jacobian: Py<PyAny>,
+        constraint_rate: Option<Py<PyAny>>,
+        bias: Py<PyAny>,
+        names: Vec<String>,
+    ) -> Self {
+        Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias } }
+    }
+
+    #[getter]
+    fn nq(&self) -> usize {
+        self.f.n
+    }
+    #[getter]
+    fn nv(&self) -> usize {
+        self.f.n
+    }
+
+    #[pyo3(signature = (t, q, v, targets, rates, tolerance))]
+    fn assemble<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+        targets: Vec<(usize, f64)>,
+        rates: Vec<(usize, f64)>,
+        tolerance: f64,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>, String)> {
+        guarded(py, || {
+            let q = vector(&q, self.f.n, "q")?;
+            vector(&v, self.f.n, "v")?;
+            let system = self.sized(py, t, &q)?;
+            let (q, v, said) =
+                assemble(&system, t, q, &targets, &rates, tolerance).map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+        })
+    }
+
+    fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let m = Callables::call(&self.f.mass, "mass", t, &any_vector(&q), None).map_err(|e| failure::system(py, e))?;
+        Ok(array(py, &[self.f.n, self.f.n], m))
+    }
+    fn forces<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let h = Callables::call(&self.f.forces, "forces", t, &any_vector(&q), Some(&any_vector(&v)))
+            .map_err(|e| failure::system(py, e))?;
+        Ok(array(py, &[h.len()], h))
+    }
+    fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let x = Callables::call(&self.f.constraints, "constraints", t, &any_vector(&q), None)
+            .map_err(|e| failure::system(py, e))?;
+        Ok(array(py, &[x.len()], x))
+    }
+    fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let x = Callables::call(&self.f.jacobian, "jacobian", t, &any_vector(&q), None)
+            .map_err(|e| failure::system(py, e))?;
+        Ok(array(py, &[x.len() / self.f.n, self.f.n], x))
+    }
+    fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        guarded(py, || {
+            let q = vector(&q, self.f.n, "q")?;
+            let system = self.sized(py, t, &q)?;
+            let mut a = vec![0.0; system.equations.rows];
+            system.equations.rate(t, &q, &mut a).map_err(|e| failure::system(py, e))?;
+            Ok(array(py, &[a.len()], a))
+        })
+    }
+    fn bias<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let b = Callables::call(&self.f.bias, "bias", t, &any_vector(&q), Some(&any_vector(&v)))
+            .map_err(|e| failure::system(py, e))?;
+        Ok(array(py, &[b.len()], b))
+    }
+    fn acceleration<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+        guarded(py, || {
+            let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
+            let system = self.sized(py, t, &q)?;
+            let (vdot, lambda) = acceleration(&system, t, &q, &v).map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
+        })
+    }
+    fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        guarded(py, || {
+            let q = vector(&q, self.f.n, "q")?;
+            let system = self.sized(py, t, &q)?;
+            let rho = measure(&system, t, &q).map_err(|e| failure::system(py, e))?;
+            Ok(array(py, &[rho.len()], rho))
+        })
+    }
+
+    #[pyo3(signature = (options, t_eval, q, v, progress))]
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        options: &str,
+        t_eval: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let options = read_options(py, options)?;
+            let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
+            let system = self.sized(py, options.t0(), &q)?;
+            run::run(py, &system, &options, &t_eval, (&q, &v), progress, |_| Ok(None))
+        })
+    }
+}
+
+/// Close the loops, go to the targets, find the velocities; also the JSON report.
+pub fn assemble<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    mut q: Vec<f64>,
+    targets: &[(usize, f64)],
+    rates: &[(usize, f64)],
+    tolerance: f64,
+) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
+    let closed = assembly::close(system, t, &mut q, tolerance, &[])?;
+    let mut steps = 0;
+    let (mut iterations, mut residual) = (closed.iterations, closed.residual);
+    if !targets.is_empty() {
+        let moved = assembly::move_to(system, t, &mut q, targets, tolerance)?;
+        iterations += moved.iterations;
+        residual = moved.residual;
+        steps = moved.target_steps;
+    }
+    let v = if rates.is_empty() && !system.rheonomic() {
+        vec![0.0; system.size().nv]
+    } else {
+        let found = start::analyse(system, t, &q)?;
+        let mut r = Reduction::new(system, found.rank);
+        start::choose_partition(&mut r, t, &q, None, None)?;
+        velocity::with_rates(&mut r, t, &q, rates)?
+    };
+    let said = serde_json::json!({ "iterations": iterations, "residual": residual, "target_steps": steps });
+    Ok((q, v, said.to_string()))
+}
+
+/// v' and λ at a state, by a partition chosen there.
+pub fn acceleration<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
+    let found = start::analyse(system, t, q)?;
+    let mut r = Reduction::new(system, found.rank);
+    start::choose_partition(&mut r, t, q, None, None)?;
+    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    r.evaluate(t, q, &speeds)?;
+    let size = system.size();
+    let (mut vdot, mut lambda) = (vec![0.0; size.nv], vec![0.0; size.rows]);
+    r.full_acceleration(&mut vdot);
+    r.multipliers(t, q, &vdot, &mut lambda)?;
+    Ok((vdot, lambda))
+}
+
+/// ρ at a position.
+pub fn measure<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
+    let found = start::analyse(system, t, q)?;
+    let mut r = Reduction::new(system, found.rank);
+    start::choose_partition(&mut r, t, q, None, None)?;
+    r.evaluate(t, q, &vec![0.0; r.k()])?;
+    let mut rho = vec![0.0; system.size().nv];
+    r.measure(t, q, &mut rho)?;
+    debug_assert!(dense::dot(&rho, &rho).is_finite());
+    Ok(rho)
+}

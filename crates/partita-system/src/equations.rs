@@ -1,0 +1,223 @@
+//! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`].
+
+use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};
+use partita_math::dense;
+use partita_math::elimination::Pattern;
+
+/// Equations of a constrained system by hand. Matrices are dense, row by row.
+pub trait Equations: Sync {
+    /// Coordinates (and velocities) n.
+    fn n(&self) -> usize;
+    /// Rows of C.
+    fn rows(&self) -> usize;
+    /// Rows of Φ: the first ones; the rest of C is nonholonomic.
+    fn holonomic(&self) -> usize;
+    /// Name of coordinate i.
+    fn name(&self, i: usize) -> String;
+    /// Does a differ from zero?
+    fn rheonomic(&self) -> bool;
+    /// M(t, q) (n x n).
+    fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// h(t, q, v) (n).
+    fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// Φ(t, q) (holonomic).
+    fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// C(t, q) (rows x n).
+    fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// a(t, q) (rows).
+    fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// b(t, q, v) (rows).
+    fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+}
+
+/// [`Equations`] as a constrained system.
+pub struct ByHand<E: Equations> {
+    /// The equations.
+    pub equations: E,
+    pattern: Pattern,
+}
+
+/// What was evaluated last.
+pub struct HandScratch {
+    mass: Vec<f64>,
+    mass_known: bool,
+    factor: Vec<f64>,
+    factor_known: bool,
+    h: Vec<f64>,
+    h_known: bool,
+    work: Vec<f64>,
+}
+
+impl<E: Equations> ByHand<E> {
+    /// Wrap equations.
+    pub fn new(equations: E) -> Self {
+        let pattern = Pattern::dense(equations.rows(), equations.n());
+        Self { equations, pattern }
+    }
+
+    fn mass(&self, t: f64, q: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+        if !s.mass_known {
+            self.equations.mass(t, q, &mut s.mass)?;
+            s.mass_known = true;
+        }
+        Ok(())
+    }
+
+    fn factor(&self, t: f64, q: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+        self.mass(t, q, s)?;
+        if !s.factor_known {
+            s.factor.copy_from_slice(&s.mass);
+            dense::cholesky(&mut s.factor, self.equations.n())
+                .map_err(|e| SystemError::Mass { name: self.equations.name(e.index), pivot: e.pivot })?;
+            s.factor_known = true;
+        }
+        Ok(())
+    }
+
+    fn h(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+        if !s.h_known {
+            self.equations.forces(t, q, v, &mut s.h)?;
+            s.h_known = true;
+        }
+        Ok(())
+    }
+}
+
+impl<E: Equations> ConstrainedSystem for ByHand<E> {
+    type Scratch = HandScratch;
+
+    fn size(&self) -> Size {
+        let e = &self.equations;
+        Size { nq: e.n(), nv: e.n(), rows: e.rows(), holonomic: e.holonomic() }
+    }
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn scratch(&self) -> HandScratch {
+        let n = self.equations.n();
+        HandScratch {
+            mass: vec![0.0; n * n],
+            mass_known: false,
+            factor: vec![0.0; n * n],
+            factor_known: false,
+            h: vec![0.0; n],
+            h_known: false,
+            work: vec![0.0; n],
+        }
+    }
+    fn velocity_name(&self, i: usize) -> String {
+        self.equations.name(i)
+    }
+    fn row_name(&self, i: usize) -> String {
+        format!("constraint {i}")
+    }
+    fn rheonomic(&self) -> bool {
+        self.equations.rheonomic()
+    }
+    fn position(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut HandScratch,
+        phi: &mut [f64],
+        c: &mut [f64],
+        a: &mut [f64],
+    ) -> Result<(), SystemError> {
+        (s.mass_known, s.factor_known, s.h_known) = (false, false, false);
+        if self.equations.rows() == 0 {
+            return Ok(());
+        }
+        self.equations.constraints(t, q, phi)?;
+        self.equations.jacobian(t, q, c)?;
+        if self.equations.rheonomic() {
+            self.equations.rate(t, q, a)?;
+        }
+        Ok(())
+    }
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch, b: &mut [f64]) -> Result<(), SystemError> {
+        s.h_known = false;
+        if self.equations.rows() == 0 {
+            return Ok(());
+        }
+        self.equations.bias(t, q, v, b)
+    }
+    fn dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut HandScratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.mass(t, q, s)?;
+        self.h(t, q, v, s)?;
+        mass.copy_from_slice(&s.mass);
+        h.copy_from_slice(&s.h);
+        Ok(())
+    }
+    fn project(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &Tangent,
+        s: &mut HandScratch,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.mass(t, q, s)?;
+        self.h(t, q, v, s)?;
+        project_dense(&s.mass, &s.h, tangent, &mut s.work, md, hd);
+        Ok(())
+    }
+    fn inverse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &mut HandScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.mass(t, q, s)?;
+        self.h(t, q, v, s)?;
+        let n = vdot.len();
+        for (i, x) in out.iter_mut().enumerate() {
+            *x = dense::dot(&s.mass[i * n..(i + 1) * n], vdot) - s.h[i];
+        }
+        Ok(())
+    }
+    fn inverse_mass_diagonal(&self, t: f64, q: &[f64], s: &mut HandScratch, out: &mut [f64]) -> Result<(), SystemError> {
+        self.factor(t, q, s)?;
+        let n = out.len();
+        // |L⁻¹ e_i|²
+        for i in 0..n {
+            s.work.fill(0.0);
+            s.work[i] = 1.0;
+            dense::cholesky_forward(&s.factor, n, &mut s.work);
+            out[i] = dense::dot(&s.work, &s.work);
+        }
+        Ok(())
+    }
+    fn inverse_mass_columns(
+        &self,
+        t: f64,
+        q: &[f64],
+        which: &[usize],
+        s: &mut HandScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.factor(t, q, s)?;
+        let n = self.equations.n();
+        for (j, &c) in which.iter().enumerate() {
+            s.work.fill(0.0);
+            s.work[c] = 1.0;
+            dense::cholesky_solve(&s.factor, n, &mut s.work);
+            for i in 0..n {
+                out[i * which.len() + j] = s.work[i];
+            }
+        }
+        Ok(())
+    }
+}
