@@ -3,6 +3,10 @@
 //! Mobility, redundancy and self-stresses are matters of geometry. Asked of a system in which every velocity weighs the
 //! same over its reach (a radian of a turn, a mechanism's size of a slide), they can be answered for bodies without mass
 //! or axial inertia too, and the answer does not change with the masses.
+//!
+//! Rows are measured against the loop they close. One that no motion of the loop changes (the turn about an axis of the
+//! plane, in a loop of parallel axes) is made of rounding errors alone in a tilted drawing; taken for what it says, it
+//! would count as a condition of its own.
 
 use crate::error::AnalysisError;
 use partita_math::elimination::Pattern;
@@ -10,6 +14,7 @@ use partita_math::spatial::{Quaternion, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
+use partita_system::start::{Start, REDUNDANT};
 use partita_system::system::Tangent;
 use partita_system::{ConstrainedSystem, Size, SystemError};
 
@@ -41,6 +46,8 @@ pub(crate) struct Geometry<'m> {
     pattern: Pattern,
     /// `s_i² = [M⁻¹]_ii`: the square of the reach of velocity i.
     scale2: Vec<f64>,
+    /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
+    row_reach: Vec<f64>,
 }
 
 /// Scratch: that of the model, and room for the rows left out.
@@ -67,7 +74,42 @@ impl<'m> Geometry<'m> {
                 scale2[l.v] = model.placed.size.powi(2);
             }
         }
-        Self { model, pattern, scale2 }
+        let mut row_reach = Vec::with_capacity(model.pattern().rows);
+        for k in &model.full.closings {
+            let point = model.placed.joints[k.joint].child_point;
+            // a loop shrunk to a point still has a size to compare rounding errors with
+            let length =
+                k.path.iter().fold(1e-6 * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
+                    LinkMotion::Slide(_) => model.placed.size,
+                    _ => m.max((point - model.placed.links[p.link].point).norm()),
+                });
+            row_reach.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
+        }
+        row_reach.extend(model.drives.iter().map(|d| scale2[d.v].sqrt()));
+        row_reach.truncate(pattern.rows);
+        Self { model, pattern, scale2, row_reach }
+    }
+
+    /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
+    fn weight(&self, i: usize, c: &[f64]) -> f64 {
+        let square = |e: usize| c[e].powi(2) * self.scale2[self.pattern.col_idx[e]];
+        self.pattern.row(i).map(square).sum::<f64>() / self.row_reach[i].powi(2)
+    }
+
+    /// Squared sine or [`weight`](Self::weight) of the weakest row that counts: how far the position is from a singular
+    /// one.
+    pub(crate) fn distance(&self, start: &Start, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+        let c = self.jacobian(t, q)?;
+        let kept = (0..self.pattern.rows).filter(|i| start.dropped.binary_search(i).is_err());
+        Ok(kept.fold(start.smallest, |m, i| m.min(self.weight(i, &c))))
+    }
+
+    /// Values of C.
+    pub(crate) fn jacobian(&self, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let rows = self.pattern.rows;
+        let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.pattern.nnz()], vec![0.0; rows]);
+        self.position(t, q, &mut self.scratch(), &mut phi, &mut c, &mut a)?;
+        Ok(c)
     }
 
     /// Reaches of all velocities.
@@ -118,6 +160,11 @@ impl ConstrainedSystem for Geometry<'_> {
         phi.copy_from_slice(&s.phi[..phi.len()]);
         c.copy_from_slice(&s.c[..c.len()]);
         a.copy_from_slice(&s.a[..a.len()]);
+        for i in 0..self.pattern.rows {
+            if self.weight(i, c) < REDUNDANT {
+                c[self.pattern.row(i)].fill(0.0);
+            }
+        }
         Ok(())
     }
     fn velocity(

@@ -3,6 +3,8 @@
 
 pub mod determined;
 pub mod error;
+#[cfg(test)]
+mod examples;
 mod geometry;
 pub mod mobility;
 mod reason;

@@ -108,13 +108,14 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
         return format!("{all} move about one and the same axis, so each of them holds what the others hold already");
     }
     let plane = motions.plane();
-    let out_of_plane = |n: Vec3<f64>| {
-        wrenches().all(|(_, w)| small(n.cross(w.force).norm()) && small(n.dot(w.moment).abs() / size))
-    };
+    let out_of_plane =
+        |n: Vec3<f64>| wrenches().all(|(_, w)| small(n.cross(w.force).norm()) && small(n.dot(w.moment).abs() / size));
     if motions.turns.is_empty() && motions.balls.is_empty() && !motions.slides.is_empty() {
         let in_plane = |w: Vec3<f64>| plane.map_or(w, |n| n.cross(w));
         if wrenches().all(|(_, w)| small(in_plane(w.force).norm())) {
-            return format!("{all} only slide, so what they join cannot turn or leave their slides even without this row");
+            return format!(
+                "{all} only slide, so what they join cannot turn or leave their slides even without this row"
+            );
         }
     }
     if plane.is_some_and(out_of_plane) {
@@ -124,9 +125,7 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
             format!("all motions of {all} lie in one plane, which what they join cannot leave even without this row")
         };
     }
-    let through = |o: Vec3<f64>| {
-        wrenches().all(|(p, w)| small(((p - o).cross(w.force) + w.moment).norm() / size))
-    };
+    let through = |o: Vec3<f64>| wrenches().all(|(p, w)| small(((p - o).cross(w.force) + w.moment).norm() / size));
     if motions.centre(size).is_some_and(through) {
         return format!("all turning axes of {all} meet in one point, which stays in place even without this row");
     }

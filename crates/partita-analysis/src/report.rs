@@ -6,7 +6,7 @@ use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
 use partita_model::Model;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::start::{analyse, choose_partition};
+use partita_system::start::choose_partition;
 use serde::Serialize;
 use std::collections::HashSet;
 
@@ -92,8 +92,7 @@ pub struct Report {
 pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError> {
     let found = mobility(model, t, q)?;
     let known = determined(model, t, q, true)?;
-    let start = analyse(model, t, q)?;
-    let mut r = Reduction::new(model, start.rank);
+    let mut r = Reduction::new(model, model.placed.nv - found.mobility);
     choose_partition(&mut r, t, q, None, None)?;
     let rest = vec![0.0; r.k()];
     r.evaluate(t, q, &rest)?;
@@ -130,10 +129,8 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         independent: r.partition.independent.iter().map(|&i| placed.velocity_names[i].clone()).collect(),
         sigma: quality.sigma,
         sqrt_mu: quality.sqrt_mu,
-        reactions: reactions
-            .map(|(j, determined)| ReactionLine { joint: j.name.clone(), determined })
-            .collect(),
-        notes: notes(model, &found, start.smallest),
+        reactions: reactions.map(|(j, determined)| ReactionLine { joint: j.name.clone(), determined }).collect(),
+        notes: notes(model, &found),
         mobility: found.mobility,
         joint_rows: found.joint_rows,
         joint_rank: found.joint_rank,
@@ -158,7 +155,7 @@ fn count(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }
 
-fn notes(model: &Model, found: &Mobility, smallest: f64) -> Vec<String> {
+fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     let mut notes = Vec::new();
     let k = found.mobility;
     let drives: Vec<&str> = model.spec.drives.iter().map(|d| d.joint.as_str()).collect();
@@ -182,11 +179,11 @@ fn notes(model: &Model, found: &Mobility, smallest: f64) -> Vec<String> {
         ));
     }
     notes.extend(floating(model));
-    if smallest < CLOSE {
+    if found.smallest < CLOSE {
         notes.push(format!(
             "close to a singular position: a closing row is within {:.1e} rad of following from the others, and errors grow \
              as the inverse of that; start farther away if you can",
-            smallest.sqrt()
+            found.smallest.sqrt()
         ));
     }
     notes
@@ -209,8 +206,8 @@ fn over_constrained(found: &Mobility, notes: &mut Vec<String>) {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     let mut others = 0;
     for r in rows {
-        match reasons.iter_mut().find(|x| x.0 == r.why) {
-            Some((_, of)) => of.push(&r.row),
+        match reasons.iter().position(|x| x.0 == r.why) {
+            Some(i) => reasons[i].1.push(&r.row),
             None if reasons.len() < REASONS => reasons.push((&r.why, vec![&r.row])),
             None => others += 1,
         }
@@ -254,4 +251,127 @@ fn floating(model: &Model) -> Vec<String> {
         }
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::examples::*;
+    use partita_model::place::Coordinates;
+    use partita_model::spec::JointKind::Revolute;
+    use partita_model::spec::Spec;
+
+    fn of(spec: Spec) -> Report {
+        let m = model(spec);
+        report(&m, 0.0, &m.initial()).unwrap()
+    }
+    fn says(r: &Report, words: &str) -> bool {
+        r.notes.iter().any(|n| n.contains(words))
+    }
+
+    #[test]
+    fn four_bar_in_a_tilted_plane() {
+        let r = of(tilted(four_bar([Revolute; 4])));
+        assert!(r.planar);
+        assert_eq!(r.independent.len(), 1);
+        assert_eq!(r.coordinates.iter().filter(|c| c.independent).count(), 1);
+        let best = r.coordinates.iter().max_by(|a, b| a.rho.total_cmp(&b.rho)).unwrap();
+        assert!(best.independent && best.name == r.independent[0]);
+        assert!((best.rho - r.sigma).abs() < 1e-12, "one coordinate: σ is its ρ");
+        assert!((r.sqrt_mu - r.sigma).abs() < 1e-12);
+        assert!(r.coordinates.iter().all(|c| c.scale > 0.0));
+        assert_eq!(r.cuts.len(), 1);
+        assert_eq!(
+            (r.cuts[0].joint.as_str(), r.cuts[0].parent.as_str(), r.cuts[0].child.as_str()),
+            ("C", "coupler", "rocker")
+        );
+        assert_eq!(r.tree.iter().map(|t| t.joint.as_str()).collect::<Vec<_>>(), ["A", "D", "B"]);
+        assert!(r.tree.iter().all(|t| t.kind == "revolute"));
+        assert!(says(&r, "1 degree of freedom to integrate"), "{:?}", r.notes);
+        assert!(says(&r, "over-constrained: 3 of the 20 joint rows"));
+        assert!(says(&r, "3 closing rows that hold the bodies in it"));
+        assert!(!says(&r, "singular"));
+    }
+
+    #[test]
+    fn it_is_plain_data() {
+        let text = serde_json::to_string(&of(four_bar([Revolute; 4]))).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+        for key in [
+            "mobility",
+            "joint_rows",
+            "joint_rank",
+            "closing_rows",
+            "closing_rank",
+            "planar",
+            "redundant",
+            "tree",
+            "cuts",
+            "coordinates",
+            "independent",
+            "sigma",
+            "sqrt_mu",
+            "reactions",
+            "notes",
+        ] {
+            assert!(!value[key].is_null(), "{key}");
+        }
+        assert_eq!(value["redundant"][0]["joint"], "C");
+        assert_eq!(value["reactions"][0]["determined"], serde_json::json!([true, true, false, false, false, true]));
+    }
+
+    #[test]
+    fn driven() {
+        let mut spec = four_bar([Revolute; 4]);
+        spec.drives.push(drive("motor", "A"));
+        let r = of(spec.clone());
+        assert_eq!(r.mobility, 0);
+        assert!(r.independent.is_empty() && r.coordinates.iter().all(|c| c.rho == 0.0));
+        assert!(says(&r, "the drives of A prescribe all of it"), "{:?}", r.notes);
+        let c = spec.joints[2].point;
+        spec.bodies.push(body("bob", c, [c[0], c[1] - 1.0, 0.0]));
+        spec.joints.push(joint("pin", Revolute, "coupler", "bob", c, Z));
+        spec.drives.push(drive("second", "D"));
+        let r = of(spec);
+        assert_eq!((r.mobility, r.independent), (1, vec!["pin".to_string()]));
+        assert!(r.notes.iter().any(|n| n.starts_with("drive second of D is superfluous")), "{:?}", r.notes);
+        assert!(r.notes.iter().any(|n| n == "the motion of A and D is prescribed, not integrated"));
+    }
+
+    #[test]
+    fn structure() {
+        let mut spec = four_bar([Revolute; 4]);
+        spec.joints[1].kind = partita_model::spec::JointKind::Fixed;
+        let r = of(spec);
+        assert_eq!((r.mobility, r.sigma, r.sqrt_mu), (0, 1.0, 1.0));
+        assert!(says(&r, "no motion left: the joints make a structure"), "{:?}", r.notes);
+    }
+
+    #[test]
+    fn floating_bodies() {
+        let mut spec = four_bar([Revolute; 4]);
+        spec.joints.retain(|j| j.name != "A" && j.name != "D");
+        spec.bodies.push(body("stone", [5.0; 3], [6.0; 3]));
+        for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
+            let m = compiled(spec.clone(), coordinates);
+            let r = report(&m, 0.0, &m.initial()).unwrap();
+            assert_eq!((r.mobility, r.joint_rows), (14, 10), "{coordinates:?}");
+            assert!(says(&r, "crank, coupler and rocker are linked with each other"), "{:?}", r.notes);
+            assert!(says(&r, "stone is held by no joint"));
+            assert!(r.tree.iter().any(|t| t.joint == "stone" && t.kind == "floating"));
+        }
+    }
+
+    #[test]
+    fn near_a_singular_position() {
+        let r = of(chain(2, std::f64::consts::FRAC_PI_2 - 1e-3));
+        assert!(says(&r, "close to a singular position"), "{:?}", r.notes);
+    }
+
+    #[test]
+    fn many_loops_make_few_notes() {
+        let r = of(chain(40, 0.3));
+        assert_eq!((r.mobility, r.redundant.len()), (1, 120));
+        assert!(r.notes.len() < 12 && says(&r, "further rows"), "{:#?}", r.notes);
+    }
 }

@@ -54,7 +54,7 @@ impl<'m> Pose<'m> {
             .iter()
             .map(|p| {
                 let link = placed.link_of(p.child);
-                tree.links[link].centre + tree.links[link].rot.apply(p.child_point - reference[link])
+                model.full.place(link, &tree) + tree.links[link].rot.apply(p.child_point - reference[link])
             })
             .collect();
         let mut held = vec![(usize::MAX, 0); placed.bodies.len() + 1];
@@ -130,8 +130,7 @@ pub(crate) fn stresses(
     }
     let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
     let length = system.model.placed.size;
-    let (mut phi, mut c, mut a) = (vec![0.0; size.rows], vec![0.0; pattern.nnz()], vec![0.0; size.rows]);
-    system.position(t, q, &mut system.scratch(), &mut phi, &mut c, &mut a)?;
+    let c = system.jacobian(t, q)?;
     let row_norm = |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
     let row_scale: Vec<f64> =
         (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
@@ -177,4 +176,37 @@ pub(crate) fn stresses(
         found.push(Stress { joints, zero });
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::examples::{bricard, four_bar, joint, model, spherical_four_bar, tilted, Z};
+    use partita_model::spec::{Cut, JointKind};
+
+    /// Walked edge by edge around the loops, or by the sweep of the model over all bodies: the same wrenches.
+    #[test]
+    fn wrenches_agree_with_the_sweep_over_all_bodies() {
+        let mut welded = four_bar([JointKind::Revolute; 4]);
+        welded.bodies.push(crate::examples::body("plate", [3.0, 0.0, 0.0], [3.0, 1.0, 1.0]));
+        welded.joints.push(joint("weld", JointKind::Fixed, "plate", "rocker", [3.0, 0.5, 0.0], Z));
+        welded.joints[2].child = "plate".into();
+        welded.joints[3].cut = Cut::Never;
+        let mut rng = fastrand::Rng::with_seed(3);
+        for spec in [tilted(welded), bricard(), spherical_four_bar()] {
+            let m = model(spec).in_space().unwrap();
+            let q = m.initial();
+            let lambda: Vec<(usize, f64)> = (0..m.row_names.len()).map(|i| (i, rng.f64() - 0.5)).collect();
+            let full: Vec<f64> = lambda.iter().map(|x| x.1).collect();
+            let swept = m.wrenches_of(&q, &full, &mut m.scratch());
+            let mut closing_of = Vec::new();
+            m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
+            let walked = Pose::new(&m, &q).wrenches(&lambda, &closing_of, &mut vec![0.0; full.len()]);
+            assert_eq!(walked.len(), m.spec.joints.len());
+            for (j, w) in walked {
+                assert!((w.force - swept[j].force).norm() < 1e-14, "{}", m.spec.joints[j].name);
+                assert!((w.moment - swept[j].moment).norm() < 1e-14, "{}", m.spec.joints[j].name);
+            }
+        }
+    }
 }

@@ -25,8 +25,7 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 
 /// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
 ///
-/// A step is accepted when the root mean square of `error / (atol + rtol max(|y_old|, |y_new|))` over the controlled
-/// components is at most one.
+/// A step is accepted when `error / (atol + rtol max(|y_old|, |y_new|))` is at most one in every controlled component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Relative tolerance.

@@ -63,7 +63,10 @@ impl StepController {
     }
 }
 
-/// Root mean square over the controlled components, each measured in its own tolerance.
+/// The largest of the controlled components, each measured in its own tolerance.
+///
+/// Not their root mean square: the dependent coordinates of a mechanism repeat what the independent ones know, so in a
+/// mean the error of the few that matter would be divided by the number of those that do not.
 #[derive(Debug)]
 pub(crate) struct ErrorNorm {
     rtol: f64,
@@ -83,8 +86,8 @@ impl ErrorNorm {
         Self { rtol: options.rtol, atol, controlled }
     }
 
-    /// For each of the rows, the mean over the controlled components of `(Σ w_j k_j / tolerance)²`.
-    pub(crate) fn mean_squares<const R: usize>(
+    /// For each of the rows, the largest `(Σ w_j k_j / tolerance)²` over the controlled components.
+    pub(crate) fn largest_squares<const R: usize>(
         &self,
         rows: &[Row; R],
         stages: &[f64],
@@ -100,11 +103,13 @@ impl ErrorNorm {
                 error[lanes..].fill(0.0);
                 for lane in 0..TILE {
                     let e = error[lane] / tolerance[lane];
-                    squares[lane] += e * e;
+                    // a NaN must not hide behind a comparison
+                    let e2 = e * e;
+                    squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };
                 }
             }
         }
-        squares.map(|lanes| lanes.iter().sum::<f64>() / self.count())
+        squares.map(|lanes| lanes.iter().fold(0.0, |m: f64, &x| if x <= m { m } else { x }))
     }
 
     #[inline(always)]
@@ -118,18 +123,12 @@ impl ErrorNorm {
         tolerance
     }
 
-    /// Root mean square of `x`, measured with the tolerance at `y`.
+    /// Largest |x|, measured with the tolerance at `y`.
     fn of(&self, y: &[f64], x: impl Fn(usize) -> f64) -> f64 {
-        let mut sum = 0.0;
-        for i in 0..self.controlled {
-            let e = x(i) / (self.atol[i] + self.rtol * y[i].abs()).max(f64::MIN_POSITIVE);
-            sum += e * e;
-        }
-        (sum / self.count()).sqrt()
-    }
-
-    fn count(&self) -> f64 {
-        self.controlled.max(1) as f64
+        (0..self.controlled).fold(0.0, |m: f64, i| {
+            let e = (x(i) / (self.atol[i] + self.rtol * y[i].abs()).max(f64::MIN_POSITIVE)).abs();
+            if e <= m { m } else { e }
+        })
     }
 
     /// First guess for the step: an explicit Euler step of this length moves the state by a hundredth of its size.

@@ -16,7 +16,7 @@ impl<G: Space> Tree<G> {
         let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
         let pa = xa.centre + self.arm(&k.a, s);
         let pb = xb.centre + self.arm(&k.b, s);
-        let gap = pb - pa;
+        let gap = pb - pa + k.offset;
         let width = k.slide_columns;
         match &k.slides {
             Locked::World => {
@@ -37,9 +37,10 @@ impl<G: Space> Tree<G> {
                     let d = G::rotate(&xa.rot, axis);
                     phi[k.row + i] = G::dot(d, gap);
                     let row = &mut c[k.entry + i * width..k.entry + (i + 1) * width];
-                    // the axis turns with A: on both sides the rate is that of the point of B
+                    // the axis turns with A: on both sides the rate is that of the point of B, seen from its own branch
                     for p in &k.path {
-                        self.point_columns(p.link, pb, p.on_b, s, |j, column| {
+                        let point = if p.on_b { pb } else { pb + k.offset };
+                        self.point_columns(p.link, point, p.on_b, s, |j, column| {
                             row[p.slide_column + j] = G::dot(d, column);
                         });
                     }
@@ -100,7 +101,7 @@ impl<G: Space> Tree<G> {
                     }
                 }
                 Locked::Along(axes) => {
-                    let gap = xb.centre + rb - xa.centre - ra;
+                    let gap = xb.centre + rb - xa.centre - ra + k.offset;
                     let rate = xb.u + ub - xa.u - ua;
                     for (i, &axis) in axes.iter().enumerate() {
                         let d = G::rotate(&xa.rot, axis);
@@ -127,7 +128,7 @@ impl<G: Space> Tree<G> {
             let xb = &s.links[k.b.link];
             put(k.b.link, moment + G::moment(rb, force), force);
             // action equals reaction at the same point of space
-            let back = xb.centre + rb - xa.centre;
+            let back = xb.centre + rb - xa.centre + k.offset;
             put(k.a.link, -(moment + G::moment(back, force)), -force);
         }
     }

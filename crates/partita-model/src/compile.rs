@@ -62,13 +62,16 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
             },
             q: l.q,
             v: l.v,
-            to_joint: vec(l.point - reference[l.parent]),
+            // a branch has its origin where it is held to the ground
+            to_joint: if l.parent == 0 { G::Vec::default() } else { vec(l.point - reference[l.parent]) },
             to_centre: vec(reference[i] - l.point),
             mass,
             inertia: G::inertia_from(inertia.0),
         });
     }
+    let origins = origins(placed);
     let mut tree = Tree {
+        origins: origins.iter().map(|x| vec(*x)).collect(),
         links,
         closings: Vec::new(),
         springs: Vec::new(),
@@ -80,7 +83,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
     };
     let mut names = Vec::new();
     for &j in &placed.topology.cuts {
-        let closing = closing::<G>(j, &placed.joints[j], placed, &reference, &tree);
+        let closing = closing::<G>(j, &placed.joints[j], placed, &reference, &origins, &tree);
         for i in 0..closing.rows() {
             let slides = closing.slide_rows();
             let what = match (&closing.slides, i < slides) {
@@ -100,13 +103,14 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
             let end = |body: &str, p: [f64; 3]| {
                 let node = nodes[body];
                 let (link, at) = point_on(placed, node, p);
-                let offset = at - reference[link];
-                (Anchor::<G> { link, at: vec(offset) }, at)
+                let (anchor, origin) = anchor::<G>(link, at, &reference, &origins);
+                (anchor, origin, at)
             };
-            let ((a, pa), (b, pb)) = (end(body1, *point1), end(body2, *point2));
+            let ((a, oa, pa), (b, ob, pb)) = (end(body1, *point1), end(body2, *point2));
             tree.springs.push(Spring {
                 a,
                 b,
+                offset: vec(ob - oa),
                 out_of_plane2: G::out_of_space((pb - pa).0).powi(2),
                 stiffness: *stiffness,
                 damping: *damping,
@@ -126,7 +130,36 @@ pub fn point_on(placed: &Placed, node: usize, p: [f64; 3]) -> (usize, Vec3<f64>)
     (b.link, b.origin + b.rot.apply(Vec3(p)))
 }
 
-fn closing<G: Space>(j: usize, p: &PlacedJoint, placed: &Placed, reference: &[Vec3<f64>], tree: &Tree<G>) -> Closing<G> {
+/// Origin of the branch of each link.
+fn origins(placed: &Placed) -> Vec<Vec3<f64>> {
+    let mut origins = vec![Vec3::zero(); placed.links.len()];
+    for (i, l) in placed.links.iter().enumerate().skip(1) {
+        origins[i] = if l.parent == 0 { l.point } else { origins[l.parent] };
+    }
+    origins
+}
+
+/// A point as an anchor of its link, and the origin it counts from. On the ground the point is the origin itself.
+fn anchor<G: Space>(
+    link: usize,
+    at: Vec3<f64>,
+    reference: &[Vec3<f64>],
+    origins: &[Vec3<f64>],
+) -> (Anchor<G>, Vec3<f64>) {
+    if link == 0 {
+        return (Anchor { link, at: G::Vec::default() }, at);
+    }
+    (Anchor { link, at: G::vec_from((at - reference[link]).0) }, origins[link])
+}
+
+fn closing<G: Space>(
+    j: usize,
+    p: &PlacedJoint,
+    placed: &Placed,
+    reference: &[Vec3<f64>],
+    origins: &[Vec3<f64>],
+    tree: &Tree<G>,
+) -> Closing<G> {
     let (la, lb) = (placed.link_of(p.parent), placed.link_of(p.child));
     let (slides, locks) = if G::LENGTHS == 2 { planar_locks::<G>(p) } else { spatial_locks::<G>(p) };
     let mut path: Vec<(usize, bool)> = Vec::new();
@@ -157,10 +190,13 @@ fn closing<G: Space>(j: usize, p: &PlacedJoint, placed: &Placed, reference: &[Ve
             here
         })
         .collect();
+    let (a, origin_a) = anchor(la, p.parent_point, reference, origins);
+    let (b, origin_b) = anchor(lb, p.child_point, reference, origins);
     Closing {
         joint: j,
-        a: Anchor { link: la, at: G::vec_from((p.parent_point - reference[la]).0) },
-        b: Anchor { link: lb, at: G::vec_from((p.child_point - reference[lb]).0) },
+        a,
+        b,
+        offset: G::vec_from((origin_b - origin_a).0),
         slides,
         locks,
         row: tree.rows,

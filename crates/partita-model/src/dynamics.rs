@@ -27,7 +27,7 @@ impl<G: Space> Tree<G> {
         for k in &self.springs {
             let (ra, rb) = (self.arm(&k.a, s), self.arm(&k.b, s));
             let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
-            let gap = xb.centre + rb - xa.centre - ra;
+            let gap = xb.centre + rb - xa.centre - ra + k.offset;
             let rate = xb.u + G::cross(xb.w, rb) - xa.u - G::cross(xa.w, ra);
             let length = (G::dot(gap, gap) + G::S::from_f64(k.out_of_plane2)).sqrt();
             if length.value() == 0.0 {
@@ -47,7 +47,7 @@ impl<G: Space> Tree<G> {
         for k in &self.springs {
             let (ra, rb) = (self.arm(&k.a, s), self.arm(&k.b, s));
             let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
-            let gap = xb.centre + rb - xa.centre - ra;
+            let gap = xb.centre + rb - xa.centre - ra + k.offset;
             let rate = xb.u + G::cross(xb.w, rb) - xa.u - G::cross(xa.w, ra);
             let length = (G::dot(gap, gap).value() + k.out_of_plane2).sqrt();
             potential += 0.5 * k.stiffness * (length - k.length).powi(2);
@@ -61,10 +61,10 @@ impl<G: Space> Tree<G> {
     /// Kinetic energy and potential of gravity at the last twists.
     pub fn energy(&self, s: &TreeScratch<G>) -> (f64, f64) {
         let (mut kinetic, mut potential) = (0.0, 0.0);
-        for (link, x) in self.links.iter().zip(&s.links).skip(1) {
+        for ((i, link), x) in self.links.iter().enumerate().zip(&s.links).skip(1) {
             let turning = G::dot_ang(x.w, G::spin(&x.inertia, x.w)).value();
             kinetic += 0.5 * (link.mass * G::dot(x.u, x.u).value() + turning);
-            potential -= link.mass * G::dot(self.gravity, x.centre).value();
+            potential -= link.mass * G::dot(self.gravity, self.place(i, s)).value();
         }
         (kinetic, potential)
     }

@@ -233,7 +233,7 @@ impl<G: Space> Tree<G> {
                 Load::CutEffort { name, parent, child, motion, at, value } => {
                     let x = G::S::from_f64(value::scalar_at(value, f, t, q, v, name)?);
                     let arm = G::rotate(&s.links[child.1].rot, G::vec_from(at.0));
-                    let back = s.links[child.1].centre + arm - s.links[parent.1].centre;
+                    let back = self.place(child.1, s) + arm - self.place(parent.1, s);
                     match motion {
                         Motion::Turn(a) => {
                             let m = G::scale_ang(G::rotate_ang(&s.links[parent.1].rot, G::ang_from(a.0)), x);
@@ -292,7 +292,7 @@ impl<G: Space> Tree<G> {
                         Motion::Slide(a) => {
                             let d = G::rotate(&xp.rot, G::vec_from(a.0));
                             let arm = G::rotate(&xc.rot, G::vec_from(at.0));
-                            let back = xc.centre + arm - xp.centre;
+                            let back = self.place(child.1, s) + arm - self.place(parent.1, s);
                             G::dot(d, xc.u + G::cross(xc.w, arm) - xp.u - G::cross(xp.w, back)).value()
                         }
                         Motion::Ball => 0.0,
@@ -307,7 +307,7 @@ impl<G: Space> Tree<G> {
                         let rate = G::vec_to(x.u + G::cross(x.w, arm));
                         power += force.dot(Vec3(rate));
                     } else {
-                        potential -= force.dot(Vec3(G::vec_to(x.centre + arm)));
+                        potential -= force.dot(Vec3(G::vec_to(self.place(*link, s) + arm)));
                     }
                 }
             }

@@ -29,9 +29,12 @@ pub struct JointState {
     pub point: [f64; 3],
 }
 
-/// Rotation and origin of a node (0 is the ground) in mechanism axes: its link's state and an offset in link axes.
+/// State of a node's link (0 is the ground) in mechanism axes, its reference point in the world.
 pub(crate) fn node_state(model: &Model, s: &ModelScratch, node: usize) -> LinkState<Spatial<f64>> {
-    s.full.links[model.placed.link_of(node)]
+    let link = model.placed.link_of(node);
+    let mut state = s.full.links[link];
+    state.centre = model.full.place(link, &s.full);
+    state
 }
 
 impl Model {
@@ -59,7 +62,7 @@ impl Model {
         let arm = self.arm_now(s, b.link, b.origin);
         let out = self.placed.basis.transpose();
         BodyState {
-            position: out.apply(x.centre + arm),
+            position: out.apply(self.full.place(b.link, &s.full) + arm),
             rotation: out.mul(&x.rot).mul(&b.rot),
             velocity: out.apply(x.u + x.w.cross(arm)),
             angular_velocity: out.apply(x.w),

@@ -212,13 +212,13 @@ impl Placed {
 
         // motions in world axes, to see whether they share a plane
         let mut motions = Vec::new();
-        let mut floats = false;
         for e in &topology.tree {
-            match e.joint {
-                Some(j) => motions.extend(shapes[j].motions.iter().map(|m| turned(m, &moved[edges[j].parent].rot))),
-                None => floats = true,
+            if let Some(j) = e.joint {
+                motions.extend(shapes[j].motions.iter().map(|m| turned(m, &moved[edges[j].parent].rot)));
             }
         }
+        // a body that no chain of joints links to the ground can leave any plane, whatever the coordinates
+        let floats = Topology::new(count, &edges).tree.iter().any(|e| e.joint.is_none());
         let closers: Vec<(&Shape, Mat3<f64>)> =
             topology.cuts.iter().map(|&j| (&shapes[j], moved[edges[j].parent].rot)).collect();
         let absolute = coordinates == Coordinates::Absolute;
@@ -226,7 +226,7 @@ impl Placed {
             motions.extend(closers.iter().flat_map(|(s, r)| s.motions.iter().map(|m| turned(m, r))));
         }
         let size = typical_length(spec);
-        let mut plane = if !allow_plane || (floats && !absolute) { None } else { plane(&motions, &closers) };
+        let mut plane = if !allow_plane || floats { None } else { plane(&motions, &closers) };
         if let Some(basis) = plane {
             // closings must fit out of the plane too; if they do not, the spatial rows say so
             let fits = topology.cuts.iter().all(|&j| {

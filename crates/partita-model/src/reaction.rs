@@ -133,13 +133,13 @@ impl Model {
 
     fn com_now(&self, s: &ModelScratch, body: usize) -> Vec3<f64> {
         let b = &self.placed.bodies[body];
-        s.full.links[b.link].centre + self.arm_now(s, b.link, b.com)
+        self.full.place(b.link, &s.full) + self.arm_now(s, b.link, b.com)
     }
 
     fn joint_point_now(&self, s: &ModelScratch, j: usize) -> Vec3<f64> {
         let p = &self.placed.joints[j];
         let link = self.placed.link_of(p.child);
-        s.full.links[link].centre + self.arm_now(s, link, p.child_point)
+        self.full.place(link, &s.full) + self.arm_now(s, link, p.child_point)
     }
 
     /// Put a wrench about a point of space on a node.
@@ -159,7 +159,7 @@ impl Model {
         for (k, &(na, nb)) in self.full.springs.iter().zip(&self.spring_nodes) {
             let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
             let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
-            let (pa, pb) = (xa.centre + ra, xb.centre + rb);
+            let (pa, pb) = (self.full.place(k.a.link, &s.full) + ra, self.full.place(k.b.link, &s.full) + rb);
             let gap = pb - pa;
             let length = gap.norm();
             if length == 0.0 {
@@ -176,12 +176,12 @@ impl Model {
                 Load::Force { node, link, at, .. } => {
                     let x = &s.full.links[*link];
                     let force = load::force_at(l, &x.rot.0, &self.placed.basis, &*self.functions, t, q, v)?;
-                    self.put(s, &mut on, *node, &Wrench { moment: zero, force }, x.centre + x.rot.apply(*at));
+                    self.put(s, &mut on, *node, &Wrench { moment: zero, force }, self.full.place(*link, &s.full) + x.rot.apply(*at));
                 }
                 Load::CutEffort { name, parent, child, motion, at, value } => {
                     let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
                     let x = &s.full.links[child.1];
-                    let point = x.centre + x.rot.apply(*at);
+                    let point = self.full.place(child.1, &s.full) + x.rot.apply(*at);
                     let rp = s.full.links[parent.1].rot;
                     let w = match motion {
                         Motion::Turn(a) => Wrench { moment: rp.apply(*a).times(e), force: zero },

@@ -3,6 +3,9 @@
 //! Every link's axes are the world's when all coordinates are zero, and its reference point is its centre of mass (or
 //! its joint's point if it has no mass). Then a joint is a motion about an axis that parent and child share, and
 //! composing poses needs no constant rotations.
+//!
+//! Positions are kept relative to the joint that holds a branch to the ground: in a chain a kilometre long the loops still
+//! close to the round-off of their own size.
 
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -79,6 +82,8 @@ pub struct Closing<G: Space> {
     pub a: Anchor<G>,
     /// Side of the child.
     pub b: Anchor<G>,
+    /// From the origin of A's branch to that of B's.
+    pub offset: G::Vec,
     /// Locked displacements.
     pub slides: Locked<G>,
     /// Locked turns.
@@ -120,6 +125,8 @@ pub struct Spring<G: Space> {
     pub a: Anchor<G>,
     /// Other end.
     pub b: Anchor<G>,
+    /// From the origin of a's branch to that of b's.
+    pub offset: G::Vec,
     /// Constant distance out of the plane, squared.
     pub out_of_plane2: f64,
     /// [N/m].
@@ -141,6 +148,8 @@ pub struct Tree<G: Space> {
     pub springs: Vec<Spring<G>>,
     /// Gravity.
     pub gravity: G::Vec,
+    /// Origin of the branch of each link: the point where it is held to the ground.
+    pub origins: Vec<G::Vec>,
     /// Coordinates.
     pub nq: usize,
     /// Velocities.
@@ -156,9 +165,9 @@ pub struct Tree<G: Space> {
 pub struct LinkState<G: Space> {
     /// Orientation.
     pub rot: G::Rot,
-    /// Reference point.
+    /// Reference point, from the origin of its branch.
     pub centre: G::Vec,
-    /// Joint's point.
+    /// Joint's point, from the origin of its branch.
     pub joint: G::Vec,
     /// From the parent's reference point to the joint's point (turns) or to the own one (slides).
     pub arm_in: G::Vec,
@@ -263,6 +272,12 @@ impl<G: Space> Tree<G> {
                 }
             }
         }
+    }
+
+    /// Reference point of a link in the world.
+    #[inline]
+    pub fn place(&self, i: usize, s: &TreeScratch<G>) -> G::Vec {
+        self.origins[i] + s.links[i].centre
     }
 
     /// Inertias in world axes at the last poses.

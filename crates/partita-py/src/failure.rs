@@ -91,6 +91,14 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
     }
 }
 
+/// An analysis error.
+pub fn analysis(py: Python<'_>, e: partita_analysis::AnalysisError) -> PyErr {
+    match e {
+        partita_analysis::AnalysisError::Description(e) => description(py, &e),
+        partita_analysis::AnalysisError::System(e) => system(py, e),
+    }
+}
+
 /// Run `f`; a panic in it becomes a `PartitaError` that asks for a report.
 pub fn guarded<T>(py: Python<'_>, f: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
     match catch_unwind(AssertUnwindSafe(f)) {

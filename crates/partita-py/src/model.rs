@@ -439,7 +439,7 @@ impl Model {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
             let flags = analysis::determined::determined(&self.inner, t, &q, in_joint_frame)
-                .map_err(|e| failure::system(py, e))?;
+                .map_err(|e| failure::analysis(py, e))?;
             Ok(shaped(py, &[flags.len(), 6], flags.concat()))
         })
     }
@@ -447,7 +447,7 @@ impl Model {
     fn report(&self, py: Python<'_>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            let report = analysis::report::report(&self.inner, t, &q).map_err(|e| failure::system(py, e))?;
+            let report = analysis::report::report(&self.inner, t, &q).map_err(|e| failure::analysis(py, e))?;
             serde_json::to_string(&report).map_err(|e| failure::unexpected(e.to_string()))
         })
     }

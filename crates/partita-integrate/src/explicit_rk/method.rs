@@ -38,11 +38,11 @@ impl Method {
         match &self.estimate {
             Estimate::None => 0.0,
             Estimate::One(rows) => {
-                let [square] = norm.mean_squares(rows, stages, y_old, y_new);
+                let [square] = norm.largest_squares(rows, stages, y_old, y_new);
                 h.abs() * square.sqrt()
             }
             Estimate::FifthAndThird(rows) => {
-                let [fifth, third] = norm.mean_squares(rows, stages, y_old, y_new);
+                let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
                 let sum = fifth + 0.01 * third;
                 if sum == 0.0 {
                     0.0

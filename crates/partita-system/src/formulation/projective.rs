@@ -167,15 +167,14 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         s.rows == s.holonomic
     }
 
-    /// One correction of q by the chosen rule at the position level of q.
-    fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<(), SystemError> {
+    /// One correction of q by the chosen rule at the position level of q; true if q moved.
+    fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
         if rule == Correction::MassOrthogonal || !self.all_holonomic() {
-            self.orthogonal_correction(t, q)
-        } else {
-            self.r.factor(t)?;
-            self.r.correct_dependent(q);
-            Ok(())
+            self.orthogonal_correction(t, q)?;
+            return Ok(true);
         }
+        self.r.factor(t)?;
+        Ok(self.r.correct_dependent(q))
     }
 }
 
@@ -233,13 +232,15 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
             return Ok(moved);
         }
         self.r.position(t, q)?;
-        if self.r.closure() == 0.0 {
+        if self.r.is_closed() {
             return Ok(moved);
         }
         let rule = self.options.correction;
-        self.correct_once(t, q, rule)?;
-        self.counters.corrections += 1;
-        Ok(true)
+        if self.correct_once(t, q, rule)? {
+            self.counters.corrections += 1;
+            return Ok(true);
+        }
+        Ok(moved)
     }
 
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
@@ -332,7 +333,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
             let mut last = q.clone();
             // Newton from the interpolation error to round-off: two iterations, one more to see that nothing is gained
             for _ in 0..8 {
-                if left == 0.0 || self.correct_once(t, &mut q, rule).is_err() {
+                if self.r.is_closed() || !matches!(self.correct_once(t, &mut q, rule), Ok(true)) {
                     break;
                 }
                 self.r.position(t, &q)?;

@@ -11,6 +11,11 @@ use partita_math::elimination::{Plan, PlanOptions};
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
 pub const SINGULAR_PIVOT: f64 = 1e-7;
 
+/// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
+pub const LARGEST_AMPLIFICATION: f64 = 1e3;
+/// ... unless it is larger than this (in reaches): then the loops are really open.
+const POSTPONED: f64 = 1e-6;
+
 /// The reduced equations of a system at one point `(t, q, v)`.
 ///
 /// Levels follow each other: [`position`](Self::position), [`tangent`](Self::tangent),
@@ -29,7 +34,10 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
     s: Vec<f64>,
+    reach: Vec<f64>,
     row_scale: Vec<f64>,
+    /// Round-off of each row of Φ: what is left below it means nothing.
+    noise: Vec<f64>,
     /// Φ (holonomic rows).
     pub phi: Vec<f64>,
     /// Values of C in pattern order.
@@ -82,7 +90,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             plan: None,
             s2: vec![1.0; n],
             s: vec![1.0; n],
+            reach: (0..n).map(|i| system.reach(i)).collect(),
             row_scale: vec![1.0; size.rows],
+            noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
             a: vec![0.0; size.rows],
@@ -119,6 +129,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn size(&self) -> Size {
         self.size
     }
+    /// Smallest scaled pivot of the current plan: how far C_D was from losing rank when it was made.
+    pub fn smallest(&self) -> f64 {
+        self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
+    }
     /// s, the square roots of `s2`.
     pub fn scales(&self) -> &[f64] {
         &self.s
@@ -133,6 +147,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Largest |Φ|; NaN counts as infinite.
     pub fn closure(&self) -> f64 {
         self.phi.iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
+    }
+
+    /// Is Φ zero up to its own round-off?
+    pub fn is_closed(&self) -> bool {
+        self.phi.iter().zip(&self.noise).all(|(x, n)| x.abs() <= *n)
     }
 
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
@@ -153,6 +172,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
             self.row_scale[i] = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+            // entries of C are lever arms: the lengths that are added up in Φ
+            let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
+            self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
         }
     }
 
@@ -382,8 +404,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// One Newton step of the dependent coordinates with the current factors, `q_D ← q_D − C_D⁻¹ Φ`.  (34)
     ///
-    /// Needs `position` and `factor` at q, and all rows holonomic.
-    pub fn correct_dependent(&mut self, q: &mut [f64]) {
+    /// Needs `position` and `factor` at q, and all rows holonomic. Next to a singular position the step amplifies the
+    /// round-off of Φ without bounds; one that does so more than [`LARGEST_AMPLIFICATION`] times is left for a later
+    /// step, when the mechanism has passed. True if q moved.
+    pub fn correct_dependent(&mut self, q: &mut [f64]) -> bool {
         let x = &mut self.work[..self.rank];
         for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
             *x = -self.phi[row];
@@ -391,11 +415,17 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         if let Some(plan) = &self.plan {
             plan.solve(&self.factors, x, 1);
         }
+        let residual = self.phi.iter().zip(&self.noise).fold(0.0, |m: f64, (x, n)| if *n > 0.0 { m.max(x.abs() / n) } else { m });
+        let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / self.reach[i]));
+        if moved > LARGEST_AMPLIFICATION * 4.0 * f64::EPSILON * residual && moved < POSTPONED {
+            return false;
+        }
         self.residual.fill(0.0);
         for (x, &i) in x.iter().zip(&self.partition.dependent) {
             self.residual[i] = *x;
         }
         self.system.step(q, &self.residual);
+        true
     }
 
     /// The best exchange at the last tangent.                                              (P6)
