@@ -25,7 +25,8 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 
 /// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
 ///
-/// A step is accepted when `error / (atol + rtol max(|y_old|, |y_new|))` is at most one in every controlled component.
+/// A step is accepted when `error / (atol + rtol max(|y_old|, |y_new|))` is at most one in every controlled component, where
+/// `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Relative tolerance.

@@ -82,6 +82,12 @@ pub struct Model {
     coordinates: Coordinates,
     /// Reference points of the links in the zero position.
     pub(crate) reference: Vec<Vec3<f64>>,
+    /// Velocity whose integral each coordinate is, if there is one.
+    velocity_of: Vec<Option<usize>>,
+    /// Large move of each velocity.
+    reach: Vec<f64>,
+    /// What a large move can open each row by.
+    row_reach: Vec<f64>,
     /// Nodes at the ends of each spring.
     pub(crate) spring_nodes: Vec<(usize, usize)>,
 }
@@ -177,9 +183,29 @@ impl Model {
             })
             .collect();
         let reference = compile::reference_points(&placed);
+        let mut velocity_of = vec![None; placed.nq];
+        let mut reach = vec![1.0; placed.nv];
+        for l in full.links.iter().skip(1) {
+            match l.motion {
+                LinkMotion::Ball => {}
+                LinkMotion::Turn(_) => velocity_of[l.q] = Some(l.v),
+                LinkMotion::Slide(_) => {
+                    velocity_of[l.q] = Some(l.v);
+                    reach[l.v] = placed.size;
+                }
+            }
+        }
+        let mut row_reach = match &engine {
+            Engine::Flat(tree) => closing_reaches(tree, &placed),
+            Engine::Full => closing_reaches(&full, &placed),
+        };
+        row_reach.extend(drives.iter().map(|d| reach[d.v]));
         let mut model = Self {
             reference,
             spring_nodes,
+            velocity_of,
+            reach,
+            row_reach,
             coordinates,
             dense_projection: false,
             spec,
@@ -507,14 +533,36 @@ impl ConstrainedSystem for Model {
     }
 
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        let l = self.full.links.iter().skip(1).find(|l| !matches!(l.motion, LinkMotion::Ball) && l.q == i)?;
-        Some(l.v)
+        self.velocity_of[i]
     }
 
     fn reach(&self, i: usize) -> f64 {
-        let slides = self.full.links.iter().skip(1).any(|l| matches!(l.motion, LinkMotion::Slide(_)) && l.v == i);
-        if slides { self.placed.size } else { 1.0 }
+        self.reach[i]
     }
+
+    fn row_reach(&self, i: usize) -> Option<f64> {
+        Some(self.row_reach[i])
+    }
+}
+
+/// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
+/// closing point and the joints of its loop, or the size of the mechanism where something slides.
+fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
+    let mut reaches = Vec::with_capacity(tree.rows);
+    for k in &tree.closings {
+        let p = &placed.joints[k.joint];
+        let mut length = 1e-6 * placed.size;
+        for path in &k.path {
+            let point = if path.on_b { p.child_point } else { p.parent_point };
+            length = match tree.links[path.link].motion {
+                LinkMotion::Slide(_) => placed.size,
+                _ => length.max((point - placed.links[path.link].point).norm()),
+            }
+            .max(length);
+        }
+        reaches.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
+    }
+    reaches
 }
 
 /// Axis helper for outputs: a length of the engine's space as three numbers.

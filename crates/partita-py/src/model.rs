@@ -26,7 +26,6 @@ pub struct Model {
 
 /// What the closed drawing tells of the mechanism.
 struct Structure {
-    q: Vec<f64>,
     mobility: Option<analysis::mobility::Mobility>,
     note: Option<String>,
 }
@@ -46,8 +45,8 @@ impl Model {
             }
             let note = closed.as_ref().err().map(ToString::to_string);
             match analysis::mobility::mobility(&self.inner, 0.0, &q) {
-                Ok(m) => Structure { q, mobility: Some(m), note },
-                Err(e) => Structure { q, mobility: None, note: Some(note.unwrap_or_else(|| e.to_string())) },
+                Ok(m) => Structure { mobility: Some(m), note },
+                Err(e) => Structure { mobility: None, note: Some(note.unwrap_or_else(|| e.to_string())) },
             }
         })
     }

@@ -25,8 +25,21 @@ pub struct Start {
     pub smallest: f64,
 }
 
+/// Rank at the last position; rows that are nearly nothing as a whole do not count.
 fn rank_here<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
-    independent_rows(r.system.pattern(), &r.c, r.scales(), REDUNDANT)
+    let pattern = r.system.pattern();
+    let mut c = r.c.clone();
+    let mut weakest: f64 = 1.0;
+    for i in 0..pattern.rows {
+        match r.strength(i) {
+            Some(s) if s < REDUNDANT => pattern.row(i).for_each(|e| c[e] = 0.0),
+            Some(s) => weakest = weakest.min(s),
+            None => {}
+        }
+    }
+    let mut rank = independent_rows(pattern, &c, r.scales(), REDUNDANT);
+    rank.pivots.push(weakest);
+    rank
 }
 
 /// Rank of the constraints at an assembled position, by pivots with a gap (scaled Delassus matrix).
@@ -110,18 +123,12 @@ fn first_partition<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]
     r.refresh_scales(t, q)?;
     let size = r.size();
     let pattern = r.system.pattern();
-    let row_scale: Vec<f64> = (0..size.rows)
-        .map(|i| {
-            let norm = pattern.row(i).map(|e| (r.c[e] * r.scales()[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            if norm > 0.0 { 1.0 / norm } else { 0.0 }
-        })
-        .collect();
     let plan = Plan::new(
         pattern,
         &r.c,
         &vec![true; size.rows],
         &vec![true; size.nv],
-        &row_scale,
+        r.row_scales(),
         r.scales(),
         r.rank(),
         PlanOptions::default(),

@@ -236,6 +236,11 @@ pub trait ConstrainedSystem: Sync {
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         Some(i)
     }
+    /// What a large move can open row `i` by (1 for an angle, a length for a displacement), if the system knows: a row
+    /// whose entries are all small against it is closed by nothing, which no comparison with other rows can tell.
+    fn row_reach(&self, _i: usize) -> Option<f64> {
+        None
+    }
     /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
     fn reach(&self, _i: usize) -> f64 {
         1.0

@@ -1,7 +1,7 @@
 //! A table made ready for work: zeros left out, slots turned into places in memory.
 
 use crate::combination::Row;
-use crate::step_size::ErrorNorm;
+use crate::step_size::{ErrorNorm, MARGIN};
 use crate::tableau::{ErrorWeights, Tableau};
 
 #[derive(Debug)]
@@ -33,13 +33,13 @@ impl Method {
         Self { stages, end: row(tableau.b), estimate }
     }
 
-    /// Error of a step of length `h` in units of the tolerance; 0 without an estimate.
+    /// Error of a step of length `h`, with its margin, in units of the tolerance; 0 without an estimate.
     pub(super) fn error(&self, norm: &ErrorNorm, h: f64, stages: &[f64], y_old: &[f64], y_new: &[f64]) -> f64 {
         match &self.estimate {
             Estimate::None => 0.0,
             Estimate::One(rows) => {
                 let [square] = norm.largest_squares(rows, stages, y_old, y_new);
-                h.abs() * square.sqrt()
+                MARGIN * h.abs() * square.sqrt()
             }
             Estimate::FifthAndThird(rows) => {
                 let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
@@ -47,7 +47,7 @@ impl Method {
                 if sum == 0.0 {
                     0.0
                 } else {
-                    h.abs() * fifth / sum.sqrt()
+                    MARGIN * h.abs() * fifth / sum.sqrt()
                 }
             }
         }

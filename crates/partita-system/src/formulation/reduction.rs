@@ -11,6 +11,9 @@ use partita_math::elimination::{Plan, PlanOptions};
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
 pub const SINGULAR_PIVOT: f64 = 1e-7;
 
+/// Rows of C weaker than this (squared, against their reach) hold round-off only.
+const EMPTY_ROW: f64 = 1e-26;
+
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
 /// ... unless it is larger than this (in reaches): then the loops are really open.
@@ -36,6 +39,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     s: Vec<f64>,
     reach: Vec<f64>,
     row_scale: Vec<f64>,
+    row_reach: Vec<Option<f64>>,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -92,6 +96,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             s: vec![1.0; n],
             reach: (0..n).map(|i| system.reach(i)).collect(),
             row_scale: vec![1.0; size.rows],
+            row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -167,11 +172,26 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
+    /// Squared size of row i of C for unit reaches, over what a large move can open it by: 1 for a healthy row.
+    pub fn strength(&self, i: usize) -> Option<f64> {
+        let pattern = self.system.pattern();
+        let reach = self.row_reach[i]?;
+        let sum: f64 = pattern.row(i).map(|e| (self.c[e] * self.reach[pattern.col_idx[e]]).powi(2)).sum();
+        Some(sum / (reach * reach))
+    }
+
+    /// Scales that bring the rows of C to 1; 0 for rows without a direction.
+    pub fn row_scales(&self) -> &[f64] {
+        &self.row_scale
+    }
+
     fn refresh_row_scales(&mut self) {
         let pattern = self.system.pattern();
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            self.row_scale[i] = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+            // a row of round-off alone has no direction to pivot on
+            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < EMPTY_ROW);
+            self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
             self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
