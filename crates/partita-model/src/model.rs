@@ -336,6 +336,13 @@ impl ConstrainedSystem for Model {
             None => format!("drive {}", self.drives[i - self.row_names.len()].name),
         }
     }
+    fn row_words(&self, i: usize) -> String {
+        let name = self.row_name(i);
+        match (self.row_names.get(i), name.rsplit_once('.')) {
+            (Some(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
+            _ => name,
+        }
+    }
     fn rheonomic(&self) -> bool {
         self.drives.iter().any(|d| !matches!(d.motion, Value::Constant(_)))
     }

@@ -159,8 +159,15 @@ impl Model {
         for (k, &(na, nb)) in self.full.springs.iter().zip(&self.spring_nodes) {
             let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
             let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
-            let (pa, pb) = (self.full.place(k.a.link, &s.full) + ra, self.full.place(k.b.link, &s.full) + rb);
-            let gap = pb - pa;
+            let gap = xb.centre + rb - xa.centre - ra + k.offset;
+            // a point on the ground is part of the offset: it is found from the other end
+            let (pa, pb) = if k.b.link == 0 {
+                let pa = self.full.place(k.a.link, &s.full) + ra;
+                (pa, pa + gap)
+            } else {
+                let pb = self.full.place(k.b.link, &s.full) + rb;
+                (pb - gap, pb)
+            };
             let length = gap.norm();
             if length == 0.0 {
                 continue;

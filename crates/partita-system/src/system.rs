@@ -138,6 +138,10 @@ pub trait ConstrainedSystem: Sync {
     fn velocity_name(&self, i: usize) -> String;
     /// Name of constraint row `i`.
     fn row_name(&self, i: usize) -> String;
+    /// Where constraint row `i` comes from, in words.
+    fn row_words(&self, i: usize) -> String {
+        self.row_name(i)
+    }
     /// Does any row depend on time (a ≠ 0)?
     fn rheonomic(&self) -> bool;
     /// Is work of non-conservative forces to be accounted?

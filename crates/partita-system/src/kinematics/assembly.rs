@@ -47,8 +47,8 @@ impl<'s, S: ConstrainedSystem> Closer<'s, S> {
         self.probe.phi.iter().map(|x| x * x).sum()
     }
 
-    /// Least-norm move (in reaches) with `C Δ = −Φ` and `Δ_i = δ_i` for the targets; locked coordinates rest.
-    fn least_move(&mut self, targets: &[(usize, f64)]) -> Result<Vec<f64>, SystemError> {
+    /// Least-norm move (in reaches) with `C Δ = −Φ` and `Δ_i = δ_i` for the targets; locked velocities rest.
+    fn least_move(&mut self, targets: &[(usize, f64)], locked: &[usize]) -> Result<Vec<f64>, SystemError> {
         let h = self.probe.phi.len();
         let rows: Vec<usize> = (0..h).collect();
         let c = dense_rows(self.system, &self.probe.c, &rows);
@@ -58,11 +58,10 @@ impl<'s, S: ConstrainedSystem> Closer<'s, S> {
         for i in 0..h {
             x[i] = -self.probe.phi[i];
             for (k, r) in self.reach.iter().enumerate() {
-                j[(i, k)] = c[(i, k)] * r;
+                j[(i, k)] = if locked.contains(&k) { 0.0 } else { c[(i, k)] * r };
             }
         }
         for (i, &(k, d)) in targets.iter().enumerate() {
-            // a target is meant exactly: its row outweighs the others in the least-squares sense
             j[(h + i, k)] = self.reach[k];
             x[h + i] = d;
         }
@@ -74,12 +73,11 @@ impl<'s, S: ConstrainedSystem> Closer<'s, S> {
     /// Newton with least-norm steps, damped so that no coordinate runs away; `locked` targets keep their value.
     fn close(&mut self, t: f64, q: &mut [f64], tolerance: f64, locked: &[usize]) -> Result<Assembly, SystemError> {
         let mut report = Assembly { residual: self.residual(t, q)?, ..Assembly::default() };
-        let hold: Vec<(usize, f64)> = locked.iter().map(|&i| (i, 0.0)).collect();
         let mut trial = q.to_vec();
         let mut stalled = 0;
         while report.residual > tolerance * 1e-3 && report.iterations < 100 {
             let before = self.square();
-            let y = self.least_move(&hold)?;
+            let y = self.least_move(&[], locked)?;
             let largest = y.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             let mut scale = (LARGEST_MOVE / largest.max(1e-300)).min(1.0);
             report.iterations += 1;
@@ -114,7 +112,7 @@ impl<'s, S: ConstrainedSystem> Closer<'s, S> {
             self.probe.phi.iter().enumerate().map(|(i, x)| (i, x.abs())).filter(|x| x.1 > tolerance).collect();
         open.sort_by(|a, b| b.1.total_cmp(&a.1));
         let loops: Vec<String> =
-            open.iter().take(6).map(|&(i, x)| format!("{} by {x:.3e}", self.system.row_name(i))).collect();
+            open.iter().take(6).map(|&(i, x)| format!("{} by {x:.3e}", self.system.row_words(i))).collect();
         SystemError::Assembly {
             iterations: report.iterations,
             residual: report.residual,
@@ -245,7 +243,12 @@ pub fn move_to<S: ConstrainedSystem>(
                         .iter()
                         .map(|&(i, v, value)| format!("{} reached {:.6} of {value:.6}", system.velocity_name(v), q[i]))
                         .collect();
-                    closer.residual(t, &here)?;
+                    // how far the loops are from closing at the target itself: the shortfall
+                    for &(i, _, value) in &pairs {
+                        here[i] = value;
+                    }
+                    let there = closer.close(t, &mut here, tolerance, &locked)?;
+                    report.residual = there.residual;
                     let advice = format!("{}: the loops do not let it go further; ask for less", reached.join(", "));
                     return Err(closer.failure(report, tolerance, &advice));
                 }
@@ -304,7 +307,7 @@ fn step_towards<S: ConstrainedSystem>(
         closer.residual(t, q)?;
     } else {
         closer.residual(t, q)?;
-        let y = closer.least_move(wanted)?;
+        let y = closer.least_move(wanted, &[])?;
         let step: Vec<f64> = y.iter().zip(&closer.reach).map(|(y, r)| y * r).collect();
         // the linear system answers in the least-squares sense: what it cannot do is a limit of the mechanism
         for &(v, d) in wanted {
