@@ -11,6 +11,8 @@ pub struct Counters {
     pub retries: u64,
     /// Those of `rejected` that produced a number that is not finite.
     pub not_finite: u64,
+    /// Steps taken with an error above the tolerance, where the caller allowed it.
+    pub lenient: u64,
     /// Calls of the right-hand side for the steps themselves, the start included.
     pub evaluations: u64,
     /// Calls of the right-hand side made only for dense output; not contained in `evaluations`.

@@ -84,6 +84,8 @@ pub struct Stepper {
     grid: Option<FixedGrid>,
     attempted_h: f64,
     error: f64,
+    /// Errors up to this many tolerances are accepted; 1 but for passages.
+    lenience: f64,
     norm: ErrorNorm,
     controller: StepController,
     dense: DenseOutput,
@@ -118,6 +120,7 @@ impl Stepper {
             grid: None,
             attempted_h: 0.0,
             error: 0.0,
+            lenience: 1.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
             dense: DenseOutput::new(tableau, stride),
@@ -235,7 +238,8 @@ impl Stepper {
                 self.check_finite(h, component)?;
                 continue;
             }
-            if error <= 1.0 {
+            if error <= self.lenience {
+                self.counters.lenient += u64::from(error > 1.0);
                 self.t_new = t_new;
                 self.attempted_h = h;
                 self.error = error;
@@ -411,7 +415,8 @@ impl Stepper {
             }
             None => {
                 let h = self.attempted_h.abs();
-                let next = h * self.controller.accepted(self.error);
+                // an error that was tolerated is no reason to take shorter steps
+                let next = h * self.controller.accepted(self.error.min(1.0));
                 // a step cut short by t_end says nothing against the length planned before
                 let planned = if h < self.step { self.step } else { 0.0 };
                 self.step = next.max(planned).min(self.options.max_step);

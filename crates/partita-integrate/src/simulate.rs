@@ -107,7 +107,8 @@ pub fn simulate<F: Formulation>(
         sample: Sample::default(),
         next: 0,
         t_eval,
-        passage: Passage::new(settings.tableau, dim),
+        passage: Passage::new(settings.tableau),
+        distance: None,
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
     let mut stepper =
@@ -168,39 +169,100 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
     }
 }
 
-/// Stepping over a singular position of the mechanism.
+/// Stepping over singular positions of the mechanism.
 ///
-/// Next to one the tangent is a quotient of small numbers, so rounding grows with the inverse of the distance: steps that
-/// creep up to it shrink without end, while one step across it, with no stage near it, is as exact as any other. When the
-/// step size collapses, the march goes back to where it was healthy and crosses in one step whose stages keep away.
+/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps that
+/// end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact as any
+/// other. The distance falls linearly in time, so the passage is foreseen: the march takes care to arrive with room to
+/// spare and crosses in one step whose stages keep away from it.
 struct Passage {
     /// Length of the crossing step in units of the distance to the singular position.
     stretch: f64,
-    /// Last healthy state: time and y.
-    t: f64,
-    y: Vec<f64>,
-    /// Step size there, decaying slowly: what is usual for this motion.
+    /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
+    before: [Option<(f64, f64, u64)>; 2],
+    /// When the next singular position is expected.
+    expected: Option<f64>,
+    /// The usual step size away from singular positions.
     usual: f64,
+    /// Times stepped over.
     times: Vec<f64>,
 }
 
 impl Passage {
-    fn new(tableau: &Tableau, dim: usize) -> Self {
+    /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
+    const PART: f64 = 0.6;
+    /// Around a passage the estimate is round-off divided by the distance, which shorter steps make worse: so many
+    /// tolerances are accepted there. Whole runs have shown a few tens.
+    const LENIENCE: f64 = 1e3;
+
+    fn new(tableau: &Tableau) -> Self {
         // the stretch that keeps all nodes as far as can be from the position passed
         let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
-        let stretch = (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b });
-        Self { stretch, t: f64::NAN, y: vec![0.0; dim], usual: 0.0, times: Vec::new() }
+        let stretch =
+            (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b });
+        Self { stretch, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
     }
 
-    /// Remember the start of the next step if its size is usual, or in any case after a change of coordinates.
-    fn remember(&mut self, stepper: &Stepper, changed: bool) {
-        let h = stepper.step_size();
-        self.usual = h.max(0.9 * self.usual);
-        if changed || self.t.is_nan() || h >= 0.2 * self.usual {
-            self.t = stepper.t_old();
-            self.y.copy_from_slice(stepper.y_old());
+    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
+    /// while one is being passed.
+    fn foresee(&mut self, stepper: &mut Stepper, now: Option<(f64, u64)>) -> bool {
+        let Some((distance, plan)) = now else { return false };
+        let t = stepper.t_old();
+        let [one, two] = self.before;
+        self.before = [Some((t, distance, plan)), one];
+        let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
+        if let Some(one) = same(one) {
+            self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < 10.0 * self.usual);
         }
+        let Some(zero) = self.expected else {
+            // leaving: as long as it is as close behind as a usual step, the estimate is not to be trusted yet
+            let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
+            stepper.set_lenience(if leaving { Self::LENIENCE } else { 1.0 });
+            if leaving {
+                stepper.set_step_size(stepper.step_size().min(self.usual));
+            } else {
+                let h = stepper.step_size();
+                self.usual = h.max(0.9 * self.usual).min(2.0 * h);
+            }
+            return leaving;
+        };
+        let ahead = zero - t;
+        if ahead <= 0.0 || ahead > 3.0 * self.usual {
+            stepper.set_lenience(1.0);
+            self.expected = self.expected.filter(|_| ahead > 0.0);
+            return false;
+        }
+        stepper.set_lenience(Self::LENIENCE);
+        let crossing = self.stretch * ahead;
+        if crossing <= Self::PART * self.usual {
+            stepper.set_step_size(crossing);
+            self.times.push(zero);
+            self.expected = None;
+        } else {
+            // leave the distance that one comfortable crossing needs
+            let approach = ahead - 0.9 * Self::PART * self.usual / self.stretch;
+            stepper.set_step_size(approach.min(self.usual));
+        }
+        true
     }
+}
+
+/// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
+fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {
+    let slope = (now.1 - one.1) / (now.0 - one.0);
+    if slope >= 0.0 {
+        return None;
+    }
+    let line = -now.1 / slope;
+    let Some(two) = two.filter(|x| x.0 < one.0 && x.1 > one.1) else { return Some(now.0 + line) };
+    let bend = (slope - (one.1 - two.1) / (one.0 - two.0)) / (now.0 - two.0);
+    // now.1 + s x + bend x² = 0 with the slope s of the parabola at the end
+    let s = slope + bend * (now.0 - one.0);
+    let under_root = s * s - 4.0 * bend * now.1;
+    if s >= 0.0 || under_root < 0.0 {
+        return Some(now.0 + line);
+    }
+    Some(now.0 + 2.0 * now.1 / (under_root.sqrt() - s))
 }
 
 struct March<'t> {
@@ -210,6 +272,7 @@ struct March<'t> {
     next: usize,
     t_eval: &'t [f64],
     passage: Passage,
+    distance: Option<(f64, u64)>,
 }
 
 type Sink<'s> = &'s mut dyn FnMut(&Sample) -> Result<(), SystemError>;
@@ -230,18 +293,14 @@ impl March<'_> {
         sink: Sink,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
-        self.passage.remember(stepper, true);
         while !stepper.finished() {
             if stepper.counters().steps >= settings.max_steps {
                 return Ok(Status::MaxSteps);
             }
-            match self.step(formulation, stepper, sink) {
-                Ok(changed) => self.passage.remember(stepper, changed),
-                Err(StepFailure::TooSmall { t, h, last }) if settings.options.fixed_step.is_none() => {
-                    self.cross(formulation, stepper, settings.t_end, t, sink)
-                        .and_then(|crossed| if crossed { Ok(()) } else { Err(StepFailure::TooSmall { t, h, last }) })?;
-                }
-                Err(failure) => return Err(failure),
+            self.step(formulation, stepper, sink)?;
+            if settings.options.fixed_step.is_none() {
+                let passing = self.passage.foresee(stepper, self.distance);
+                formulation.close_stages(passing);
             }
             if watch(stepper.t_old()).is_break() {
                 return Ok(Status::Interrupted);
@@ -250,15 +309,14 @@ impl March<'_> {
         Ok(Status::Finished)
     }
 
-    /// One accepted step with its outputs; true if the independent coordinates changed.
+    /// One accepted step with its outputs.
     fn step<F: Formulation>(
         &mut self,
         formulation: &mut F,
         stepper: &mut Stepper,
         sink: Sink,
-    ) -> Result<bool, StepFailure<SystemError>> {
+    ) -> Result<(), StepFailure<SystemError>> {
         let at = |t: f64| move |error: SystemError| StepFailure::Rhs { t, error };
-        let mut changed = false;
         loop {
             stepper.attempt(&mut Adapter(formulation))?;
             let t = stepper.t_new();
@@ -275,13 +333,13 @@ impl March<'_> {
                 continue;
             }
             let review = formulation.review(t, stepper.y_new());
+            self.distance = formulation.distance();
             if review == Review::Reject {
                 stepper.reject(0.5);
                 let t = stepper.t_old();
                 self.buffer.copy_from_slice(stepper.y_old());
                 formulation.recover(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
                 stepper.replace_start(&self.buffer, &self.slope);
-                changed = true;
                 continue;
             }
             match self.outputs(formulation, stepper, sink) {
@@ -297,65 +355,10 @@ impl March<'_> {
                 self.slope.copy_from_slice(stepper.dy_new());
                 formulation.change(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
                 stepper.replace(&self.buffer, &self.slope);
-                changed = true;
             }
             stepper.commit();
-            return Ok(changed);
+            return Ok(());
         }
-    }
-
-    /// Go back to the last healthy state and cross the position at `singular` in one step; true if that worked.
-    fn cross<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        stepper: &mut Stepper,
-        t_end: f64,
-        singular: f64,
-        sink: Sink,
-    ) -> Result<bool, StepFailure<SystemError>> {
-        let (from, start) = (self.passage.t, self.passage.y.clone());
-        if !(singular > from) {
-            return Ok(false);
-        }
-        // a shorter crossing has a smaller error of its own, a longer one less rounding
-        for part in [0.4, 0.2, 0.1, 0.05, 0.025] {
-            let distance = (part * self.passage.usual).min(singular - from);
-            let begin = singular - distance;
-            stepper.start(&mut Adapter(formulation), from, &start, if begin > from { begin } else { t_end })?;
-            let mut arrived = true;
-            while begin > from && arrived && !stepper.finished() {
-                arrived = match self.step(formulation, stepper, sink) {
-                    Ok(false) => true,
-                    // other coordinates: the state to go back to is a new one
-                    Ok(true) => {
-                        self.passage.remember(stepper, true);
-                        return Ok(true);
-                    }
-                    Err(StepFailure::TooSmall { .. }) => false,
-                    Err(failure) => return Err(failure),
-                };
-            }
-            if !arrived {
-                continue;
-            }
-            stepper.set_t_end(t_end);
-            stepper.set_step_size(self.passage.stretch * distance);
-            let before = stepper.t_old();
-            match self.step(formulation, stepper, sink) {
-                Ok(changed) if stepper.t_old() > before + 1.2 * distance => {
-                    self.passage.times.push(singular);
-                    self.passage.remember(stepper, changed);
-                    return Ok(true);
-                }
-                Ok(true) => {
-                    self.passage.remember(stepper, true);
-                    return Ok(true);
-                }
-                Ok(false) | Err(StepFailure::TooSmall { .. }) => {}
-                Err(failure) => return Err(failure),
-            }
-        }
-        Ok(false)
     }
 
     fn outputs<F: Formulation>(

@@ -112,7 +112,7 @@ impl<G: Space> Tree<G> {
             }
             // what the free motion feels, against what it would feel with everything it carries locked
             let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j]));
-            if !(largest > 0.0) || dense::cholesky(&mut pivot[..f * f], f).is_err() {
+            if largest <= 0.0 || largest.is_nan() || dense::cholesky(&mut pivot[..f * f], f).is_err() {
                 failed = Some((self.links[i].v, largest));
                 break;
             }

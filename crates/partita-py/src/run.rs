@@ -195,6 +195,18 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
         }
     };
     let mut report = report.map_err(|e| failure::system(py, e))?;
+    let passed = &report.outcome.passages;
+    if !passed.is_empty() {
+        let times: Vec<String> = passed.iter().take(6).map(|t| format!("{t:.4}")).collect();
+        let more = if passed.len() > 6 { ", ..." } else { "" };
+        notes.push(format!(
+            "{} singular positions of the mechanism were stepped over (t = {}{more}); around them the loops were closed inside \
+             every evaluation, and {} steps were taken with an error estimate above the tolerance because it was round-off",
+            passed.len(),
+            times.join(", "),
+            report.outcome.counters.lenient
+        ));
+    }
     // an exception from the user's own function ends the run; Ctrl-C inside it counts as Ctrl-C
     if let Some(SystemError::Function { source, .. }) = report.outcome.error.take() {
         if let Ok(own) = source.downcast::<PyErr>() {

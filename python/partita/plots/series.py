@@ -37,11 +37,17 @@ def draw_closure(result: Result, ax: Axes) -> None:
         empty(ax, "no constraints: nothing to close")
         return
     ax.set_yscale("log")
-    ax.plot(result.t, positive(result.closure), color=COLOURS[0], lw=1.0, label="|Φ| [m, rad]")
-    ax.plot(result.t, positive(result.velocity_closure), color=COLOURS[1], lw=1.0, label="|C v + a| [per s]")
+    # Round-off jumps from output to output: dots, since lines between them would say nothing.
+    for values, colour, label in (
+        (result.closure, COLOURS[0], "|Φ| [m, rad]"),
+        (result.velocity_closure, COLOURS[1], "|C v + a| [per s]"),
+    ):
+        ax.plot(result.t, positive(values), ".", color=colour, ms=2.5, label=label, rasterized=True)
     worst = float(np.max(np.concatenate([positive(result.closure), positive(result.velocity_closure)]), initial=1e-17))
     ax.set_ylim(1e-17, max(10 * worst, 1e-13))
-    legend(ax, 2, 2, "errors")
+    ax.legend(
+        loc="upper right", ncols=2, fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1
+    )
 
 
 def draw_balance(result: Result, ax: Axes) -> None:

@@ -43,7 +43,8 @@ function findPaths(run) {
       if (held.every((h) => length(sub(h, p)) > 1e-3 * s.size)) sources.push((f) => run.placed(f, b, p));
     }
   });
-  const step = Math.max(1, Math.ceil(run.frames / 600)), paths = [], seen = new Set();
+  const most = Math.max(200, Math.min(1500, 60000 / Math.max(1, sources.length))); // per path: smooth, yet quick to draw
+  const step = Math.max(1, Math.ceil(run.frames / most)), paths = [], seen = new Set();
   for (const source of sources) {
     const path = [];
     for (let f = 0; f < run.frames; f += step) path.push(source(f));

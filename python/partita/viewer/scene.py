@@ -172,8 +172,9 @@ def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list
 def _bodies(
     result: Result, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Shape of every body from the joints on it, its hint, and its centre of mass; points in body axes."""
+    """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    held = _springs(spec, list(result.names.bodies))
     found = []
     for i, name in enumerate(result.names.bodies):
         given = drawn.get(name, {})
@@ -187,6 +188,8 @@ def _bodies(
                 points += joint["rail"]
             elif joint["parent"] == i and joint["atParent"] is not None:
                 points.append(joint["atParent"])
+        for spring in held:
+            points += [spring[f"point{end}"] for end in (1, 2) if spring[f"body{end}"] == i]
         shape = given.get("shape") or {}
         if shape.get("kind") == "rod":
             points += [[0.0, 0.0, 0.0], [float(shape["length"]), 0.0, 0.0]]

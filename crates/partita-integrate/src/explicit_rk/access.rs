@@ -78,6 +78,12 @@ impl Stepper {
         self.step = h.abs();
     }
 
+    /// Accept errors up to `limit` tolerances (1 is the rule) until told otherwise: where the estimate is known to be
+    /// round-off, so that shorter steps would not lower it. Such steps are counted.
+    pub fn set_lenience(&mut self, limit: f64) {
+        self.lenience = limit.max(1.0);
+    }
+
     /// The work done since [`new`](Stepper::new).
     pub fn counters(&self) -> &Counters {
         &self.counters

@@ -145,6 +145,11 @@ impl Plan {
         self.smallest_pivot
     }
 
+    /// Magnitude of the pivot of step `k` in the factors of the last [`factor`](Self::factor).
+    pub fn pivot(&self, work: &[f64], k: usize) -> f64 {
+        1.0 / work[self.program.pivot_place(k)].abs()
+    }
+
     /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).
     ///
     /// # Errors

@@ -110,6 +110,15 @@ pub trait Formulation {
     fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError>;
     /// Judge the step just concluded at (t, y); the last `derivative` was there.
     fn review(&mut self, t: f64, y: &[f64]) -> Review;
+    /// How far the mechanism is from a singular position after the last `derivative`, as a number that falls to zero
+    /// there, and the number of the plan it was measured with. `None`: the rule does not suffer there.
+    fn distance(&self) -> Option<(f64, u64)> {
+        None
+    }
+    /// Close the loops inside every evaluation while a singular position is passed.
+    ///
+    /// There the tangent is a quotient of small numbers, and what one stage leaves open the next one divides again.
+    fn close_stages(&mut self, _on: bool) {}
     /// Carry out the change announced by `review`: rewrites y and y'; (q, v) stay the same.
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
     /// After `Review::Reject`: look for a better start at the beginning of the step.

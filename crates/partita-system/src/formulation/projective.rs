@@ -46,6 +46,8 @@ pub struct Projective<'s, S: ConstrainedSystem> {
     pending: Option<crate::partition::exchange::Exchange>,
     rejects_in_a_row: u32,
     steps_since_scales: u32,
+    close_stages: bool,
+    stage: Vec<f64>,
     q: Vec<f64>,
     vdot: Vec<f64>,
     lambda: Vec<f64>,
@@ -65,6 +67,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
             pending: None,
             rejects_in_a_row: 0,
             steps_since_scales: 0,
+            close_stages: false,
+            stage: vec![0.0; size.nq],
             q: vec![0.0; size.nq],
             vdot: vec![0.0; size.nv],
             lambda: vec![0.0; size.rows],
@@ -162,6 +166,37 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         Ok(())
     }
 
+    /// The derivative at the closed position next to y, reached by moving the dependent coordinates.
+    fn closed_derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let (nq, k) = (self.nq(), self.r.k());
+        let mut q = std::mem::take(&mut self.stage);
+        q.copy_from_slice(&y[..nq]);
+        let done = self.evaluate_closed(t, &mut q, &y[nq..nq + k]);
+        if done.is_ok() {
+            self.r.system.rate(&q, &self.r.v, &mut dy[..nq]);
+            dy[nq..nq + k].copy_from_slice(&self.r.vdot_independent);
+            if self.observes_work {
+                dy[nq + k] = self.power(t, &q)?;
+            }
+        }
+        self.stage = q;
+        done
+    }
+
+    fn evaluate_closed(&mut self, t: f64, q: &mut [f64], speeds: &[f64]) -> Result<(), SystemError> {
+        for _ in 0..3 {
+            self.r.position(t, q)?;
+            if self.r.is_closed() {
+                break;
+            }
+            self.r.factor(t)?;
+            if !self.r.correct_dependent(q) {
+                break;
+            }
+        }
+        self.r.evaluate(t, q, speeds)
+    }
+
     fn all_holonomic(&self) -> bool {
         let s = self.r.size();
         s.rows == s.holonomic
@@ -215,6 +250,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
         let (q, rest) = y.split_at(nq);
+        if self.close_stages && self.all_holonomic() && self.r.rank() > 0 {
+            return self.closed_derivative(t, y, dy);
+        }
         self.r.evaluate(t, q, &rest[..k])?;
         self.r.system.rate(q, &self.r.v, &mut dy[..nq]);
         dy[nq..nq + k].copy_from_slice(&self.r.vdot_independent);
@@ -270,6 +308,14 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.r.full_acceleration(&mut self.vdot);
         self.pending = Some(best);
         Review::Change
+    }
+
+    fn close_stages(&mut self, on: bool) {
+        self.close_stages = on;
+    }
+
+    fn distance(&self) -> Option<(f64, u64)> {
+        (self.r.rank() > 0).then(|| self.r.distance())
     }
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {

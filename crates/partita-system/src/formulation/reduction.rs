@@ -138,6 +138,18 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn smallest(&self) -> f64 {
         self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
     }
+    /// Smallest pivot of C_D at the last factorisation, entries measured in reaches: falls linearly to zero towards a
+    /// singular position of the mechanism. With the number of the plan it belongs to: values of different plans do not
+    /// compare.
+    pub fn distance(&self) -> (f64, u64) {
+        let Some(plan) = &self.plan else { return (1.0, self.plans) };
+        let smallest = (0..self.rank).fold(f64::INFINITY, |m: f64, k| {
+            let (row, column) = (self.partition.rows[k], self.partition.dependent[k]);
+            let open = self.row_reach[row].unwrap_or(1.0);
+            m.min(plan.pivot(&self.factors, k) * self.reach[column] / open)
+        });
+        (smallest.min(1.0), self.plans)
+    }
     /// s, the square roots of `s2`.
     pub fn scales(&self) -> &[f64] {
         &self.s

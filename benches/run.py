@@ -1,0 +1,261 @@
+"""Accuracy and cost of whole runs, and how the cost grows with the mechanism.
+
+Run it with `make bench`, best on a machine that does nothing else. A table is printed, and the same numbers are written
+to out/bench.json. Times are those of one call of the core, which reads no Python and gives one output, at the end: rank
+of the constraints, choice of coordinates, every step with its closing. The exit code is 1 if an answer is missed; a
+time above its aim is marked but is no failure, since machines differ.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import partita as pt
+from partita import options as run_options
+from partita.catalogue import Entry
+
+RTOL, ATOL = 1e-10, 1e-12
+PATIENCE = 3.0
+"""Seconds spent on the repetitions of one problem, of which there are at least three."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A run, and the limits set by hand-specialised, hand-vectorised planar C on the same problem."""
+
+    title: str
+    name: str
+    duration: float
+    parameters: dict[str, int] = field(default_factory=dict)
+    limit_ms: float | None = None
+    limit_ns: float | None = None
+    aim: float | None = None
+    """Largest wanted ratio of the run to its limit."""
+
+    def entry(self) -> Entry:
+        """Its entry in the catalogue."""
+        return pt.catalogue.entry(self.name, **self.parameters)
+
+
+PROBLEMS = (
+    Problem("four-bar", "four-bar", 10.0, {}, 0.24, 45.0, 10.0),
+    Problem("double four-bar", "double-four-bar", 10.0),
+    Problem("chain, N = 40", "n-four-bar", 10.0, {"loops": 40}, 0.55, 270.0, 40.0),
+    Problem("chain, N = 1000", "n-four-bar", 10.0, {"loops": 1000}, 17.0, 9700.0, 40.0),
+    Problem("Andrews' squeezer", "andrews-squeezer", 0.03, {}, 0.12, 77.0, 15.0),
+)
+GROWTH = (250, 500, 1000, 2000)
+STRETCH, STEP = (0.1, 0.6), 0.005
+"""Growth is measured by steps of this length between these times [s]: free of what is done once at the start, with the
+same steps for all, and before the links come in line for the first time."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One problem, measured; what its run did, and how far it is from the known answer."""
+
+    title: str
+    best_ms: float
+    median_ms: float
+    runs: int
+    steps: int
+    evaluations: int
+    ns_per_evaluation: float
+    limit_ms: float | None
+    limit_ns: float | None
+    aim: float | None
+    error_of: str
+    error: float | None
+    tolerance: float
+    message: str
+
+    @property
+    def right(self) -> bool:
+        """Whether the known answer was met."""
+        return self.error is not None and self.error <= self.tolerance
+
+    @property
+    def run_ratio(self) -> float | None:
+        """Fastest run over its limit."""
+        return None if self.limit_ms is None else self.best_ms / self.limit_ms
+
+    @property
+    def evaluation_ratio(self) -> float | None:
+        """Cost of an evaluation over its limit."""
+        return None if self.limit_ns is None else self.ns_per_evaluation / self.limit_ns
+
+
+def main(folder: Path) -> int:
+    """Measure, print, write; 1 if an answer was missed."""
+    print(f"Partita {pt.__version__} on {machine()}; Python {platform.python_version()}")
+    print(f"DOP853, rtol {RTOL:g}, atol {ATOL:g}, one output at the end; one core\n")
+    print("Whole runs")
+    print(ROW.format("", "duration", "fastest", "median", "runs", "steps", "evaluations", "per eval.", "error", ""))
+    costs = []
+    for problem in PROBLEMS:
+        costs.append(measured(problem))
+        print(cost_line(problem, costs[-1]), flush=True)
+    print("\nAgainst hand-specialised, hand-vectorised planar C on the same problems (its times are fixed numbers)")
+    print("\n".join(ratio_lines(costs)))
+    print(
+        f"\nGrowth of the cost of an evaluation, chains of N four-bars, between {STRETCH[0]:g} s and {STRETCH[1]:g} s"
+    )
+    grown = {loops: growing(loops) for loops in GROWTH}
+    for loops, ns in grown.items():
+        print(f"  N = {loops:<5} {ns / 1e3:9.1f} us   {ns / loops:6.1f} ns per loop")
+    exponent = float(np.polyfit(np.log(list(grown)), np.log(list(grown.values())), 1)[0])
+    print(f"  fitted exponent {exponent:.3f} (aim: at most 1.15)")
+
+    folder.mkdir(parents=True, exist_ok=True)
+    record = {
+        "version": pt.__version__,
+        "machine": machine(),
+        "rtol": RTOL,
+        "atol": ATOL,
+        "runs": [
+            {**asdict(c), "run_ratio": c.run_ratio, "evaluation_ratio": c.evaluation_ratio, "right": c.right}
+            for c in costs
+        ],
+        "growth": {"ns_per_evaluation": {str(n): ns for n, ns in grown.items()}, "exponent": exponent},
+    }
+    (folder / "bench.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    print(f"\nwrote {folder / 'bench.json'}")
+    return 0 if all(c.right for c in costs) else 1
+
+
+def measured(problem: Problem) -> Cost:
+    """Time the run, then compute the error with the outputs that the check asks for (they change no step)."""
+    run = prepared(problem.entry(), problem.duration)
+    seconds, raw = timed(run)
+    counters = raw["counters"]
+    check = problem.entry().checks[0]
+    error, message = None, raw["message"]
+    if raw["success"]:
+        entry = problem.entry()
+        m = entry.mechanism()
+        outputs = [t for t in entry.times if t <= problem.duration]
+        start = entry.initial(m)
+        result = m.simulate(problem.duration, t_eval=outputs, initial=start, rtol=RTOL, atol=ATOL)
+        error, message = (check.run(result).error if result.success else None), result.message
+    return Cost(
+        title=problem.title,
+        best_ms=1e3 * min(seconds),
+        median_ms=1e3 * statistics.median(seconds),
+        runs=len(seconds),
+        steps=counters["steps"],
+        evaluations=counters["evaluations"],
+        ns_per_evaluation=1e9 * min(seconds) / counters["evaluations"],
+        limit_ms=problem.limit_ms,
+        limit_ns=problem.limit_ns,
+        aim=problem.aim,
+        error_of=check.name,
+        error=error,
+        tolerance=check.tolerance,
+        message=message,
+    )
+
+
+def growing(loops: int) -> float:
+    """Cost [ns] of an evaluation within a chain's run: what the longer of two runs adds to the shorter one."""
+    entry = pt.catalogue.entry("n-four-bar", loops=loops)
+    (short, less), (long, more) = (timed(prepared(entry, end, step=STEP)) for end in STRETCH)
+    if not (less["success"] and more["success"]):
+        return float("nan")
+    return 1e9 * (min(long) - min(short)) / (more["counters"]["evaluations"] - less["counters"]["evaluations"])
+
+
+def prepared(entry: Entry, duration: float, step: float | None = None) -> Callable[[], dict[str, Any]]:
+    """The call of the core that carries out a run, with everything around it done beforehand."""
+    mechanism = entry.mechanism()
+    start, model = entry.initial(mechanism), mechanism.compile()
+    chosen = run_options.options(
+        start.t, duration, model.velocity_names, rtol=RTOL, atol=ATOL, max_steps=200_000, step=step
+    )
+    text, end = json.dumps(chosen), np.array([chosen["t_end"]])
+    core, q, v = model.core, start.q.copy(), start.v.copy()
+    return lambda: core.simulate(text, end, q, v, None)
+
+
+def timed(run: Callable[[], dict[str, Any]]) -> tuple[list[float], dict[str, Any]]:
+    """Seconds of each of several runs after a first one that is not counted, and what the last one returned.
+
+    A run that stops early is repeated once only: its time means little.
+    """
+    began = perf_counter()
+    raw = run()
+    seconds: list[float] = []
+    while len(seconds) < (3 if raw["success"] else 1) or (perf_counter() - began < PATIENCE and len(seconds) < 1000):
+        start = perf_counter()
+        raw = run()
+        seconds.append(perf_counter() - start)
+    return seconds, raw
+
+
+ROW = "  {:<17} {:>8} {:>11} {:>11} {:>5} {:>6} {:>11} {:>10} {:>9}  {}"
+
+
+def cost_line(problem: Problem, cost: Cost) -> str:
+    """One row of the first table."""
+    if cost.error is None:
+        verdict = f"STOPPED: {cost.message.split(';')[0]}"
+    else:
+        verdict = f"{cost.error_of}: {'ok' if cost.right else 'MISSED'}, at most {cost.tolerance:.0e}"
+    return ROW.format(
+        cost.title,
+        f"{problem.duration:g} s",
+        f"{cost.best_ms:.3f} ms",
+        f"{cost.median_ms:.3f} ms",
+        cost.runs,
+        cost.steps,
+        cost.evaluations,
+        f"{cost.ns_per_evaluation:.0f} ns",
+        "none" if cost.error is None else f"{cost.error:.1e}",
+        verdict,
+    )
+
+
+def ratio_lines(costs: list[Cost]) -> list[str]:
+    """The second table: runs and evaluations against their limits."""
+    row = "  {:<18}{:>11}{:>11}{:>9}{:>10}   {:>11}{:>11}{:>9}"
+    lines = [row.format("", "run", "limit", "ratio", "aim", "evaluation", "limit", "ratio")]
+    for c in costs:
+        if c.limit_ms is None or c.limit_ns is None or c.aim is None or c.run_ratio is None:
+            continue
+        lines.append(
+            row.format(
+                c.title,
+                f"{c.best_ms:.3f} ms",
+                f"{c.limit_ms:g} ms",
+                "stopped" if c.error is None else f"{c.run_ratio:.1f}",
+                f"<= {c.aim:g}" + (" " if c.error is not None and c.run_ratio <= c.aim else "!"),
+                f"{c.ns_per_evaluation:.0f} ns",
+                f"{c.limit_ns:g} ns",
+                f"{c.evaluation_ratio:.1f}",
+            )
+        )
+    return lines
+
+
+def machine() -> str:
+    """Processor and system, as far as they tell."""
+    name = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        models = [line.partition(":")[2].strip() for line in cpuinfo.read_text().splitlines() if "model name" in line]
+        name = models[0] if models else name
+    return f"{name} ({os.cpu_count()} cores), {platform.system()}"
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "out")))
