@@ -1,17 +1,80 @@
-"""Every Python block of the front page runs, in order, in an empty folder."""
+"""The front page and the pages of docs/: code runs and prints what stands there, generated parts are current."""
 
+import importlib.util
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-README = Path(__file__).parents[2] / "README.md"
+import partita as pt
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+PYTHON = re.compile(r"^```python\n(.*?)^```\n(?:```output\n(.*?)^```\n)?", flags=re.DOTALL | re.MULTILINE)
+TOML = re.compile(r"^```toml\n(.*?)^```\n", flags=re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
 
-def test_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def text_of(page: Path) -> str:
+    return page.read_text("utf-8")
+
+
+def tool() -> ModuleType:
+    """tools/docs.py, which is no part of the package."""
+    pytest.importorskip("markdown2")
+    found = importlib.util.spec_from_file_location("docs_tool", ROOT / "tools" / "docs.py")
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if PYTHON.search(text_of(page))], ids=lambda p: p.name)
+def test_blocks_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All Python blocks of a page, in order, in an empty folder; an `output` block behind one is what it prints."""
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", README.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
-    assert blocks, "README.md shows no Python"
-    names: dict[str, object] = {"__name__": "readme"}
-    for block in blocks:
-        exec(compile(block, str(README), "exec"), names)
+    names: dict[str, object] = {"__name__": page.stem}
+    for code, printed in PYTHON.findall(text_of(page)):
+        capsys.readouterr()
+        exec(compile(code, str(page), "exec"), names)
+        if printed:
+            assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == printed.splitlines()
+
+
+def test_front_page_shows_python() -> None:
+    assert PYTHON.search(text_of(ROOT / "README.md"))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if TOML.search(text_of(page))], ids=lambda p: p.name)
+def test_model_files_run(page: Path, tmp_path: Path) -> None:
+    for number, content in enumerate(TOML.findall(text_of(page))):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(content, encoding="utf-8")
+        assert pt.load(path).simulate(0.5).success
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_lead_somewhere(page: Path) -> None:
+    missing = [link for link in LINK.findall(text_of(page)) if not (page.parent / link).exists()]
+    assert not missing
+
+
+def test_generated_parts_are_current() -> None:
+    """Where this fails: `.venv/bin/python tools/docs.py --write`."""
+    module = tool()
+    stale = [page.name for page in module.pages() if module.current(page) != text_of(page)]
+    assert not stale
+
+
+def test_pages_render(tmp_path: Path) -> None:
+    module = tool()
+    module.render(tmp_path)
+    written = {path.relative_to(tmp_path).with_suffix(".md") for path in tmp_path.rglob("*.html")}
+    assert written == {page.relative_to(ROOT / "docs") for page in module.pages()}
+    for path in tmp_path.rglob("*.html"):
+        for link in re.findall(r'href="([^"#:]+)', text_of(path)):
+            assert link.split("/")[-2:-1] in (["python"], ["partita_system"]) or (path.parent / link).exists(), link

@@ -133,7 +133,11 @@ impl ErrorNorm {
     fn of(&self, y: &[f64], x: impl Fn(usize) -> f64) -> f64 {
         (0..self.controlled).fold(0.0, |m: f64, i| {
             let e = (x(i) / (self.atol[i] + self.rtol * y[i].abs()).max(f64::MIN_POSITIVE)).abs();
-            if e <= m { m } else { e }
+            if e <= m {
+                m
+            } else {
+                e
+            }
         })
     }
 

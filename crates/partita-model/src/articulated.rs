@@ -60,7 +60,11 @@ fn congruence(x: &[f64], m: &[f64], d: usize, by_rows: bool, out: &mut [f64]) {
 
 impl<G: Space> Tree<G> {
     fn freedoms(&self, i: usize) -> usize {
-        if matches!(self.links[i].motion, LinkMotion::Ball) { 3 } else { 1 }
+        if matches!(self.links[i].motion, LinkMotion::Ball) {
+            3
+        } else {
+            1
+        }
     }
 
     fn arm_from_parent(&self, i: usize, s: &TreeScratch<G>) -> [f64; 3] {
@@ -242,6 +246,10 @@ trait FromBool {
 }
 impl<S: partita_math::scalar::Scalar> FromBool for S {
     fn from_f64_bool(b: bool) -> Self {
-        if b { S::one() } else { S::zero() }
+        if b {
+            S::one()
+        } else {
+            S::zero()
+        }
     }
 }

@@ -70,7 +70,14 @@ impl<G: Space> Tree<G> {
 
     /// Velocity of a world point for unit rates of link i, negative on the side of A.
     #[inline(always)]
-    fn point_columns(&self, i: usize, point: G::Vec, on_b: bool, s: &TreeScratch<G>, mut put: impl FnMut(usize, G::Vec)) {
+    fn point_columns(
+        &self,
+        i: usize,
+        point: G::Vec,
+        on_b: bool,
+        s: &TreeScratch<G>,
+        mut put: impl FnMut(usize, G::Vec),
+    ) {
         let x = &s.links[i];
         let arm = point - x.joint;
         let arm = if on_b { arm } else { -arm };

@@ -74,7 +74,15 @@ impl<G: Space> Tree<G> {
     ///
     /// `tangent` is Dᵀ (nv x k) row by row, `delta` is `[0; ξ]`. Needs twists, inertias and applied forces.
     /// Cost: links times k².
-    pub fn project(&self, k: usize, tangent: &[f64], delta: &[f64], s: &mut TreeScratch<G>, md: &mut [f64], hd: &mut [f64]) {
+    pub fn project(
+        &self,
+        k: usize,
+        tangent: &[f64],
+        delta: &[f64],
+        s: &mut TreeScratch<G>,
+        md: &mut [f64],
+        hd: &mut [f64],
+    ) {
         let columns = k + 1;
         let mut partial = std::mem::take(&mut s.partial);
         let wanted = self.links.len() * columns;

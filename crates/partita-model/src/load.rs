@@ -103,13 +103,19 @@ impl Load {
                         continue;
                     }
                     let motion = p.shape.motions.get(*coordinate).copied().ok_or_else(|| {
-                        DescriptionError::new("force", name, format!("joint \"{joint}\" has no coordinate {coordinate}"))
+                        DescriptionError::new(
+                            "force",
+                            name,
+                            format!("joint \"{joint}\" has no coordinate {coordinate}"),
+                        )
                     })?;
                     let motion = match motion {
                         Motion::Turn(a) => Motion::Turn(p.on_parent.apply(a)),
                         Motion::Slide(a) => Motion::Slide(p.on_parent.apply(a)),
                         Motion::Ball => {
-                            let m = format!("joint \"{joint}\" closes a loop and turns in space; use a force on its bodies");
+                            let m = format!(
+                                "joint \"{joint}\" closes a loop and turns in space; use a force on its bodies"
+                            );
                             return Err(DescriptionError::new("force", name, m));
                         }
                     };
@@ -126,7 +132,11 @@ impl Load {
                 Force::Force { name, body, point, value, axes } => {
                     let node = nodes[body.as_str()];
                     if node == 0 {
-                        return Err(DescriptionError::new("force", name, "the ground does not feel a force; name a body"));
+                        return Err(DescriptionError::new(
+                            "force",
+                            name,
+                            "the ground does not feel a force; name a body",
+                        ));
                     }
                     let (link, at) = point_on(placed, node, *point);
                     loads.push(Self::Force {

@@ -455,7 +455,13 @@ impl ConstrainedSystem for Model {
         Ok(())
     }
 
-    fn inverse_mass_diagonal(&self, _t: f64, _q: &[f64], s: &mut ModelScratch, out: &mut [f64]) -> Result<(), SystemError> {
+    fn inverse_mass_diagonal(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
         with_engine!(self, s, |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             tree.inverse_mass_diagonal(x, out);

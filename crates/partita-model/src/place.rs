@@ -233,7 +233,8 @@ impl Placed {
                 let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
                 (basis.apply(c - p).0[2]).abs() < 1e-9 * size && spec.joints[j].child_axis.is_none()
             });
-            let flat = (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
+            let flat =
+                (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
             if !fits || !flat {
                 plane = None;
             }
@@ -284,7 +285,12 @@ impl Placed {
     }
 
     /// Where each node goes so that the tree joints fit.
-    fn zero_position(spec: &Spec, edges: &[Edge], topology: &Topology, count: usize) -> Result<Vec<Moved>, DescriptionError> {
+    fn zero_position(
+        spec: &Spec,
+        edges: &[Edge],
+        topology: &Topology,
+        count: usize,
+    ) -> Result<Vec<Moved>, DescriptionError> {
         let rest = Moved { rot: Mat3::identity(), shift: Vec3::zero() };
         let mut moved = vec![rest; count];
         for e in &topology.tree {
@@ -293,8 +299,11 @@ impl Placed {
             debug_assert!(edges[j].parent == e.from || edges[j].child == e.from);
             let align = alignment(joint)?;
             let child_point = joint.child_point.unwrap_or(joint.point);
-            let (align, near, far) =
-                if e.reversed { (align.transpose(), child_point, joint.point) } else { (align, joint.point, child_point) };
+            let (align, near, far) = if e.reversed {
+                (align.transpose(), child_point, joint.point)
+            } else {
+                (align, joint.point, child_point)
+            };
             if joint.child_point.is_none() && joint.child_axis.is_none() {
                 moved[e.to] = moved[e.from];
                 continue;
@@ -364,7 +373,11 @@ impl Placed {
 
     /// Link of a node.
     pub fn link_of(&self, node: usize) -> usize {
-        if node == 0 { 0 } else { self.bodies[node - 1].link }
+        if node == 0 {
+            0
+        } else {
+            self.bodies[node - 1].link
+        }
     }
 }
 
@@ -424,5 +437,9 @@ fn typical_length(spec: &Spec) -> f64 {
         see((Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))).0);
     }
     let d = (0..3).map(|i| (high[i] - low[i]).powi(2)).sum::<f64>().sqrt();
-    if d > 0.0 && d.is_finite() { d } else { 1.0 }
+    if d > 0.0 && d.is_finite() {
+        d
+    } else {
+        1.0
+    }
 }

@@ -183,7 +183,13 @@ impl Model {
                 Load::Force { node, link, at, .. } => {
                     let x = &s.full.links[*link];
                     let force = load::force_at(l, &x.rot.0, &self.placed.basis, &*self.functions, t, q, v)?;
-                    self.put(s, &mut on, *node, &Wrench { moment: zero, force }, self.full.place(*link, &s.full) + x.rot.apply(*at));
+                    self.put(
+                        s,
+                        &mut on,
+                        *node,
+                        &Wrench { moment: zero, force },
+                        self.full.place(*link, &s.full) + x.rot.apply(*at),
+                    );
                 }
                 Load::CutEffort { name, parent, child, motion, at, value } => {
                     let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
@@ -303,7 +309,8 @@ impl Model {
             let drives = &result.drives[j];
             // along a free direction only a drive can be a reaction; what is applied there is not one
             let reaction = with(&|i| drives[i]);
-            let acting = with(&|i| drives[i] + if p.reversed && axes.len() == 3 { 0.0 } else { efforts[velocities[i]] });
+            let acting =
+                with(&|i| drives[i] + if p.reversed && axes.len() == 3 { 0.0 } else { efforts[velocities[i]] });
             result.joints[j] = reaction;
             let (parent, child) = (p.parent, p.child);
             self.put(s, &mut left, child, &acting.times(-1.0), point);
@@ -355,7 +362,10 @@ impl Model {
             }
         }
         let out = self.placed.basis;
-        joints.iter().map(|w| Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) }).collect()
+        joints
+            .iter()
+            .map(|w| Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) })
+            .collect()
     }
 
     /// Leave the scratch as `position` and `velocity` at (t, q, v) would, for the callers that mix both worlds.

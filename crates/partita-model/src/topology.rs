@@ -67,7 +67,8 @@ impl Topology {
             let mut grown = None;
             while let Some((_, _, _, i)) = open.pop_first() {
                 let e = &edges[i];
-                let (inner, outer) = if depth[e.parent] != usize::MAX { (e.parent, e.child) } else { (e.child, e.parent) };
+                let (inner, outer) =
+                    if depth[e.parent] != usize::MAX { (e.parent, e.child) } else { (e.child, e.parent) };
                 if depth[outer] != usize::MAX {
                     continue; // both ends are held by now: this joint closes a loop
                 }

@@ -335,7 +335,14 @@ impl<G: Space> Tree<G> {
 
     /// Twist of link i for the rates `rate(j)` of its own velocities on top of its parent's twist `(w, u)`.
     #[inline(always)]
-    pub fn carry(&self, i: usize, s: &TreeScratch<G>, w: G::Ang, u: G::Vec, rate: impl Fn(usize) -> G::S) -> (G::Ang, G::Vec) {
+    pub fn carry(
+        &self,
+        i: usize,
+        s: &TreeScratch<G>,
+        w: G::Ang,
+        u: G::Vec,
+        rate: impl Fn(usize) -> G::S,
+    ) -> (G::Ang, G::Vec) {
         let (link, x) = (&self.links[i], &s.links[i]);
         match link.motion {
             LinkMotion::Turn(_) => {

@@ -3,8 +3,8 @@
 use crate::error::DescriptionError;
 use crate::spec::{Body, Force, Spec, VectorValue, VERSION};
 use crate::value;
-use partita_math::factor;
 use partita_math::dense::Matrix;
+use partita_math::factor;
 use std::collections::HashMap;
 
 /// Name of the ground.
@@ -114,7 +114,9 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             return fail(format!("it joins \"{}\" to itself", j.parent));
         }
         finite(&j.point, "joint", &j.name, "point")?;
-        for (x, what) in [(j.axis, "axis"), (j.axis2, "axis2"), (j.child_point, "child_point"), (j.child_axis, "child_axis")] {
+        for (x, what) in
+            [(j.axis, "axis"), (j.axis2, "axis2"), (j.child_point, "child_point"), (j.child_axis, "child_axis")]
+        {
             if let Some(x) = x {
                 finite(&x, "joint", &j.name, what)?;
             }

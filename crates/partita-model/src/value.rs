@@ -11,8 +11,13 @@ pub trait Functions: Send + Sync {
     /// Effort number `i` at (t, q, v).
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Box<dyn std::error::Error + Send + Sync>>;
     /// Force number `i` at (t, q, v).
-    fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64])
-        -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
+    fn vector(
+        &self,
+        i: usize,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+    ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
 }
@@ -85,11 +90,9 @@ pub fn vector_at(
     what: &str,
 ) -> Result<[f64; 3], SystemError> {
     match v {
-        VectorValue::Components([a, b, c]) => Ok([
-            scalar_at(a, f, t, q, u, what)?,
-            scalar_at(b, f, t, q, u, what)?,
-            scalar_at(c, f, t, q, u, what)?,
-        ]),
+        VectorValue::Components([a, b, c]) => {
+            Ok([scalar_at(a, f, t, q, u, what)?, scalar_at(b, f, t, q, u, what)?, scalar_at(c, f, t, q, u, what)?])
+        }
         VectorValue::Whole(Value::Function(i)) => {
             let x = f.vector(*i, t, q, u).map_err(|source| SystemError::Function { what: what.into(), source })?;
             for x in x {

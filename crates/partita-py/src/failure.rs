@@ -109,7 +109,8 @@ pub fn guarded<T>(py: Python<'_>, f: impl FnOnce() -> PyResult<T>) -> PyResult<T
                 .cloned()
                 .or_else(|| payload.downcast_ref::<&str>().map(|s| (*s).to_string()))
                 .unwrap_or_default();
-            let message = format!("internal error: {said}; this is a mistake in Partita, please report it with the model");
+            let message =
+                format!("internal error: {said}; this is a mistake in Partita, please report it with the model");
             Err(raise(py, "PartitaError", &message, &[]))
         }
     }

@@ -12,6 +12,8 @@ use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
 /// The callables of a system.
 struct Callables {
     n: usize,
@@ -55,7 +57,14 @@ impl Callables {
         })
     }
 
-    fn fill(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>, out: &mut [f64]) -> Result<(), SystemError> {
+    fn fill(
+        f: &Py<PyAny>,
+        what: &str,
+        t: f64,
+        q: &[f64],
+        v: Option<&[f64]>,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
         let x = Self::call(f, what, t, q, v)?;
         if x.len() != out.len() {
             return Err(SystemError::Request(format!(
@@ -128,7 +137,8 @@ impl System {
     fn sized(&self, py: Python<'_>, t: f64, q: &[f64]) -> PyResult<ByHand<Sized>> {
         let n = self.f.n;
         let c = Callables::call(&self.f.jacobian, "jacobian", t, q, None).map_err(|e| failure::system(py, e))?;
-        let phi = Callables::call(&self.f.constraints, "constraints", t, q, None).map_err(|e| failure::system(py, e))?;
+        let phi =
+            Callables::call(&self.f.constraints, "constraints", t, q, None).map_err(|e| failure::system(py, e))?;
         let rows = c.len() / n;
         if rows * n != c.len() || phi.len() > rows {
             let message = format!(
@@ -179,7 +189,7 @@ impl System {
         targets: Vec<(usize, f64)>,
         rates: Vec<(usize, f64)>,
         tolerance: f64,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>, String)> {
+    ) -> PyResult<(Array<'py>, Array<'py>, String)> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
             vector(&v, self.f.n, "v")?;
@@ -190,7 +200,7 @@ impl System {
         })
     }
 
-    fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         let m = Callables::call(&self.f.mass, "mass", t, &any_vector(&q), None).map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[self.f.n, self.f.n], m))
     }
@@ -200,22 +210,22 @@ impl System {
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    ) -> PyResult<Array<'py>> {
         let h = Callables::call(&self.f.forces, "forces", t, &any_vector(&q), Some(&any_vector(&v)))
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[h.len()], h))
     }
-    fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         let x = Callables::call(&self.f.constraints, "constraints", t, &any_vector(&q), None)
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[x.len()], x))
     }
-    fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         let x = Callables::call(&self.f.jacobian, "jacobian", t, &any_vector(&q), None)
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[x.len() / self.f.n, self.f.n], x))
     }
-    fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
             let system = self.sized(py, t, &q)?;
@@ -230,7 +240,7 @@ impl System {
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    ) -> PyResult<Array<'py>> {
         let b = Callables::call(&self.f.bias, "bias", t, &any_vector(&q), Some(&any_vector(&v)))
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[b.len()], b))
@@ -241,7 +251,7 @@ impl System {
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = self.sized(py, t, &q)?;
@@ -249,7 +259,7 @@ impl System {
             Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
         })
     }
-    fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
             let system = self.sized(py, t, &q)?;

@@ -30,6 +30,8 @@ struct Structure {
     note: Option<String>,
 }
 
+/// Φ, C, a or M, h, b.
+type Three = (Vec<f64>, Vec<f64>, Vec<f64>);
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Closing conditions are lengths and angles: round-off of the size of the mechanism.
@@ -61,7 +63,7 @@ impl Model {
     }
 
     /// Φ, C in pattern order, a.
-    fn position(&self, t: f64, q: &[f64]) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), SystemError> {
+    fn position(&self, t: f64, q: &[f64]) -> Result<Three, SystemError> {
         let size = self.inner.size();
         let mut s = self.inner.scratch();
         let (mut phi, mut a) = (vec![0.0; size.rows], vec![0.0; size.rows]);
@@ -70,7 +72,7 @@ impl Model {
         Ok((phi, c, a))
     }
 
-    fn mass_and_forces(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(Vec<f64>, Vec<f64>, Vec<f64>), SystemError> {
+    fn mass_and_forces(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Three, SystemError> {
         let size = self.inner.size();
         let mut s = self.inner.scratch();
         let (mut phi, mut a) = (vec![0.0; size.rows], vec![0.0; size.rows]);
@@ -166,7 +168,7 @@ impl Model {
                     oq += nq;
                     ov += nv;
                     // coordinates of a joint lie side by side in the state unless it was walked backwards
-                    let first = p.links.as_ref().filter(|l| !l.is_empty() && !(p.reversed && nv > 1)).map(|l| l[0]);
+                    let first = p.links.as_ref().filter(|l| !(l.is_empty() || p.reversed && nv > 1)).map(|l| l[0]);
                     let state_q = first.map(|l| [m.placed.links[l].q, nq]);
                     let state_v = first.map(|l| [m.placed.links[l].v, nv]);
                     let mut axes: Vec<&str> = Vec::new();
@@ -370,7 +372,7 @@ impl Model {
                     point.extend(x.point);
                 }
             }
-            let width = |x: &Vec<f64>| if nt > 0 { x.len() / nt } else { 0 };
+            let width = |x: &Vec<f64>| x.len().checked_div(nt).unwrap_or(0);
             let d = PyDict::new(py);
             d.set_item("body_position", array(py, &[nt, nb, 3], position))?;
             d.set_item("body_rotation", array(py, &[nt, nb, 3, 3], rotation))?;
@@ -417,7 +419,7 @@ impl Model {
                 drive.extend(r.drives.concat());
                 residual.push(r.residual);
             }
-            let width = if nt > 0 { drive.len() / nt } else { 0 };
+            let width = drive.len().checked_div(nt).unwrap_or(0);
             let d = PyDict::new(py);
             d.set_item("force", array(py, &[nt, nj, 3], force))?;
             d.set_item("moment", array(py, &[nt, nj, 3], moment))?;

@@ -4,8 +4,8 @@ use crate::arrays::{array, matrix, shaped};
 use crate::failure::{self, guarded, raise};
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_math::dense::{self, Matrix};
-use partita_math::rank::independent_rows;
 use partita_math::elimination::Pattern;
+use partita_math::rank::independent_rows;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::reduction::Reduction;
 use partita_system::start;
@@ -63,7 +63,11 @@ impl Equations for Frozen {
     }
 }
 
-fn frozen(py: Python<'_>, mass: &PyReadonlyArray2<'_, f64>, jacobian: &PyReadonlyArray2<'_, f64>) -> PyResult<ByHand<Frozen>> {
+fn frozen(
+    py: Python<'_>,
+    mass: &PyReadonlyArray2<'_, f64>,
+    jacobian: &PyReadonlyArray2<'_, f64>,
+) -> PyResult<ByHand<Frozen>> {
     let ((n, columns, mass), (m, width, c)) = (matrix(mass), matrix(jacobian));
     let fail = |argument: &str, message: String| raise(py, "ArgumentError", &message, &[("argument", argument.into())]);
     if n == 0 || n != columns {
@@ -143,7 +147,7 @@ pub fn choose<'py>(
         let system = frozen(py, &mass, &jacobian)?;
         let n = system.equations.n;
         let weights = weights.map(|w| crate::arrays::vector(&w, n, "weights")).transpose()?;
-        if !(threshold >= 1.0) {
+        if threshold < 1.0 || threshold.is_nan() {
             let message = format!("threshold = {threshold}; an exchange must gain something, give 1 or more");
             return Err(raise(py, "ArgumentError", &message, &[("argument", "threshold".into())]));
         }

@@ -173,12 +173,8 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             collected.samples.push(s.clone());
             Ok(())
         };
-        let projective = |exchange: f64, fixed: Option<Vec<usize>>| ProjectiveOptions {
-            exchange,
-            correction,
-            fixed,
-            weights: None,
-        };
+        let projective =
+            |exchange: f64, fixed: Option<Vec<usize>>| ProjectiveOptions { exchange, correction, fixed, weights: None };
         match options.formulation.as_str() {
             "projective" => {
                 let f = Projective::new(system, found.rank, projective(options.exchange, fixed));
@@ -212,7 +208,8 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
         if let Ok(own) = source.downcast::<PyErr>() {
             if own.is_instance_of::<pyo3::exceptions::PyKeyboardInterrupt>(py) {
                 report.outcome.status = Status::Interrupted;
-                report.outcome.message = format!("interrupted at t = {}; the outputs up to there are kept", report.outcome.t);
+                report.outcome.message =
+                    format!("interrupted at t = {}; the outputs up to there are kept", report.outcome.t);
             } else {
                 return Err(*own);
             }

@@ -188,7 +188,13 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         }
         Ok(())
     }
-    fn inverse_mass_diagonal(&self, t: f64, q: &[f64], s: &mut HandScratch, out: &mut [f64]) -> Result<(), SystemError> {
+    fn inverse_mass_diagonal(
+        &self,
+        t: f64,
+        q: &[f64],
+        s: &mut HandScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
         self.factor(t, q, s)?;
         let n = out.len();
         // |L⁻¹ e_i|²

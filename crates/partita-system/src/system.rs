@@ -160,14 +160,7 @@ pub trait ConstrainedSystem: Sync {
         a: &mut [f64],
     ) -> Result<(), SystemError>;
     /// Velocity level, at the `(t, q)` of the last `position`: b.                          (S5)
-    fn velocity(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        s: &mut Self::Scratch,
-        b: &mut [f64],
-    ) -> Result<(), SystemError>;
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut Self::Scratch, b: &mut [f64]) -> Result<(), SystemError>;
     /// Dense M (nv x nv) and h (nv), after `velocity`.                                     (S1)
     fn dynamics(
         &self,

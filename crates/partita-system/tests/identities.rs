@@ -178,7 +178,8 @@ fn reduced_equations_by_blocks() {
             terms.extend((0..d.len()).flat_map(|y| [a[(y, x)] * h[d[y]], -a[(y, x)] * g[y]]));
             let size = terms.iter().map(|t| t.abs()).sum::<f64>();
             near(case.r.reduced_force()[x], terms.iter().sum(), size, ROUND_OFF);
-            let products: Vec<f64> = (0..i.len()).map(|y| case.r.md[x * i.len() + y] * case.r.vdot_independent[y]).collect();
+            let products: Vec<f64> =
+                (0..i.len()).map(|y| case.r.md[x * i.len() + y] * case.r.vdot_independent[y]).collect();
             let size = size + products.iter().map(|t| t.abs()).sum::<f64>();
             near(products.iter().sum(), case.r.reduced_force()[x], size, ROUND_OFF);
         }
@@ -292,12 +293,13 @@ fn an_exchange_multiplies_the_volume_by_its_gain() {
         // (31): B_I Âᵀ = B_D
         let s = case.r.scales();
         let hat = |p: usize, j: usize| case.r.a_matrix[p * i.len() + j] * s[i[j]] / s[d[p]];
-        let hat_t = Matrix::from_vec(i.len(), d.len(), (0..i.len() * d.len()).map(|e| hat(e % d.len(), e / d.len())).collect());
+        let hat_t =
+            Matrix::from_vec(i.len(), d.len(), (0..i.len() * d.len()).map(|e| hat(e % d.len(), e / d.len())).collect());
         product_near(&block(&b, &rows, &d), &block(&b, &rows, &i), &hat_t, TOLERANCE);
         let best = exchange::best(&case.r.a_matrix, s, &d, &i).unwrap();
         let largest = hat_t.data().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         near(best.gain, largest, largest, 2e-9); // ties within 1e-9 go to the first
-        // a random exchange, not only the best; gains below 1e-3 lead to partitions that sixteen digits do not carry
+                                                 // a random exchange, not only the best; gains below 1e-3 lead to partitions that sixteen digits do not carry
         let (p, j) = (rng.usize(0..d.len()), rng.usize(0..i.len()));
         let gain = hat(p, j).abs();
         if gain < 1e-3 {
@@ -339,10 +341,15 @@ fn three_formulas_for_the_multipliers() {
         let range: Vec<f64> = solve(free.iter().zip(&e.b).map(|(f, b)| -(f + b)).collect()); // (40)
         let residual: Vec<f64> = e.mass.matvec(&vdot).iter().zip(&e.h).map(|(m, h)| m - h).collect();
         let fitted = solve(cm.matvec(&residual)); // (42)
-        // in natural units: a unit multiplier has the mass norm 1
+                                                  // in natural units: a unit multiplier has the mass norm 1
         let w: Vec<f64> = (0..m).map(|i| case.mc[(i, i)].sqrt()).collect();
         let size = (0..m).fold(0.0, |s: f64, i| s.max((range[i] * w[i]).abs()));
-        let (scaled, _) = factor::symmetric_eigen(&Matrix::from_vec(m, m, (0..m * m).map(|x| case.mc[(x / m, x % m)] / (w[x / m] * w[x % m])).collect())).unwrap();
+        let (scaled, _) = factor::symmetric_eigen(&Matrix::from_vec(
+            m,
+            m,
+            (0..m * m).map(|x| case.mc[(x / m, x % m)] / (w[x / m] * w[x % m])).collect(),
+        ))
+        .unwrap();
         // what nearly dependent rows share is lost in proportion to their condition
         let tolerance = 1e-13 * CONDITION * (scaled[m - 1] / scaled[0]).sqrt() / case.sqrt_mu;
         for i in 0..m {

@@ -12,9 +12,10 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let given = joint.free.as_deref().unwrap_or(&[]);
     let mut free = [false; 6];
     for name in given {
-        let i = NAMES.iter().position(|n| n == name).ok_or_else(|| {
-            fail(format!("\"{name}\" is no direction; choose among {}", NAMES.join(", ")))
-        })?;
+        let i = NAMES
+            .iter()
+            .position(|n| n == name)
+            .ok_or_else(|| fail(format!("\"{name}\" is no direction; choose among {}", NAMES.join(", "))))?;
         if std::mem::replace(&mut free[i], true) {
             return Err(fail(format!("direction \"{name}\" is named twice")));
         }
@@ -25,7 +26,9 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
     let turned = frame.column(0).cross(frame.column(1)).dot(frame.column(2));
     // written by hand with ten digits a frame is orthogonal to 1e-9
     if !(off < 1e-9 && turned > 0.0) {
-        return Err(fail(format!("frame is no rotation (off by {off:.1e}, determinant {turned:.3}); orthogonalise it")));
+        return Err(fail(format!(
+            "frame is no rotation (off by {off:.1e}, determinant {turned:.3}); orthogonalise it"
+        )));
     }
     let e = [frame.column(0), frame.column(1), frame.column(2)];
     let mut motions = Vec::new();

@@ -33,11 +33,19 @@ pub enum Motion {
 impl Motion {
     /// Velocities it brings.
     pub fn velocities(&self) -> usize {
-        if matches!(self, Self::Ball) { 3 } else { 1 }
+        if matches!(self, Self::Ball) {
+            3
+        } else {
+            1
+        }
     }
     /// Coordinates it brings.
     pub fn coordinates(&self) -> usize {
-        if matches!(self, Self::Ball) { 4 } else { 1 }
+        if matches!(self, Self::Ball) {
+            4
+        } else {
+            1
+        }
     }
 }
 

@@ -219,17 +219,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
         self.refresh_row_scales();
         let rows = vec![true; self.size.rows];
-        let plan = Plan::new(
-            pattern,
-            &self.c,
-            &rows,
-            &eligible,
-            &self.row_scale,
-            &self.s,
-            self.rank,
-            PlanOptions::default(),
-        )
-        .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        let plan =
+            Plan::new(pattern, &self.c, &rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
         self.plans += 1;
         if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
             return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
@@ -430,7 +422,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         let pattern = self.system.pattern();
         (0..self.size.rows).fold(0.0, |m: f64, i| {
             let r = pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
-            if r.is_nan() { f64::INFINITY } else { m.max(r.abs()) }
+            if r.is_nan() {
+                f64::INFINITY
+            } else {
+                m.max(r.abs())
+            }
         })
     }
 
@@ -447,7 +443,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         if let Some(plan) = &self.plan {
             plan.solve(&self.factors, x, 1);
         }
-        let residual = self.phi.iter().zip(&self.noise).fold(0.0, |m: f64, (x, n)| if *n > 0.0 { m.max(x.abs() / n) } else { m });
+        let residual =
+            self.phi.iter().zip(&self.noise).fold(0.0, |m: f64, (x, n)| if *n > 0.0 { m.max(x.abs() / n) } else { m });
         let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / self.reach[i]));
         if moved > LARGEST_AMPLIFICATION * 4.0 * f64::EPSILON * residual && moved < POSTPONED {
             return false;

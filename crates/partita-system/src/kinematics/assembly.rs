@@ -147,7 +147,8 @@ pub fn close<S: ConstrainedSystem>(
     }
     let report = closer.close(t, q, tolerance, locked)?;
     if report.residual > tolerance {
-        let advice = if report.iterations >= 100 { "start closer" } else { "check the lengths: this is the closest they come" };
+        let advice =
+            if report.iterations >= 100 { "start closer" } else { "check the lengths: this is the closest they come" };
         return Err(closer.failure(report, tolerance, advice));
     }
     Ok(report)
@@ -198,7 +199,9 @@ pub fn move_to<S: ConstrainedSystem>(
     let mut pairs = Vec::with_capacity(targets.len());
     for &(i, value) in targets {
         let Some(v) = system.velocity_of_coordinate(i) else {
-            return Err(SystemError::Request(format!("coordinate {i} of a turn in space cannot be a target by itself")));
+            return Err(SystemError::Request(format!(
+                "coordinate {i} of a turn in space cannot be a target by itself"
+            )));
         };
         if !value.is_finite() {
             return Err(SystemError::Request(format!("the target of {} is {value}", system.velocity_name(v))));
@@ -221,7 +224,9 @@ pub fn move_to<S: ConstrainedSystem>(
         let stepped = step_towards(system, &mut closer, t, q, &wanted, &locked, tolerance, &mut report);
         let moved_far = |closer: &Closer<S>, q: &[f64], here: &[f64]| {
             (0..here.len()).any(|i| {
-                system.velocity_of_coordinate(i).is_some_and(|v| (q[i] - here[i]).abs() > 5.0 * closer.reach[v] * TARGET_STEP)
+                system
+                    .velocity_of_coordinate(i)
+                    .is_some_and(|v| (q[i] - here[i]).abs() > 5.0 * closer.reach[v] * TARGET_STEP)
             })
         };
         match stepped {

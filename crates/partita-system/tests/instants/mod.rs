@@ -87,7 +87,8 @@ impl Instant {
         let one = vec![1.0; n];
         let mass = scaled(&u, &one, &d).matmul(&u.transpose());
         // symmetric to the last bit
-        let mass = Matrix::from_vec(n, n, (0..n * n).map(|e| 0.5 * (mass[(e / n, e % n)] + mass[(e % n, e / n)])).collect());
+        let mass =
+            Matrix::from_vec(n, n, (0..n * n).map(|e| 0.5 * (mass[(e / n, e % n)] + mass[(e % n, e / n)])).collect());
         let c = Matrix::from_vec(m, n, vector(rng, m * n));
         let plain = Self { mass, c, h: vector(rng, n), a: vector(rng, m), b: vector(rng, m) };
         let (s, x) = (units(rng, n), units(rng, m));

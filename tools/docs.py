@@ -1,0 +1,179 @@
+"""The pages of docs/: what is generated in them, and how they are rendered.
+
+python tools/docs.py --write          rewrite the generated parts of docs/*.md
+python tools/docs.py --render FOLDER  pages as HTML
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import markdown2
+
+from partita import catalogue
+from partita.io import schema
+
+DOCS = Path(__file__).parents[1] / "docs"
+PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
+EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists"]
+
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+body {{ max-width: 52rem; margin: 0 auto; padding: 1rem; color: #1d2730;
+  font: 16px/1.5 system-ui, "Segoe UI", Roboto, Arial, sans-serif; }}
+nav {{ border-bottom: 1px solid #d3dae0; padding-bottom: .5rem; }}
+nav a {{ margin-right: 1rem; }}
+pre, code {{ font: 13.5px/1.45 ui-monospace, Consolas, monospace; background: #f5f7f9; }}
+pre {{ padding: .6rem .8rem; overflow-x: auto; border-radius: 5px; }}
+table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
+th, td {{ border: 1px solid #d3dae0; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
+h2, h3 {{ margin-top: 2rem; }}
+{code_style}
+</style>
+</head>
+<body>
+<nav><a href="{up}index.html">Partita</a><a href="{up}python/partita.html">Python reference</a>
+<a href="{up}rust/partita_system/index.html">Rust reference</a></nav>
+{body}
+</body>
+</html>
+"""
+
+
+def main() -> None:
+    """Do what the arguments say."""
+    parser = argparse.ArgumentParser(description="Pages of docs/: generated parts, HTML.")
+    parser.add_argument("--write", action="store_true", help="rewrite the generated parts")
+    parser.add_argument("--render", metavar="FOLDER", type=Path, help="write the pages as HTML")
+    arguments = parser.parse_args()
+    if arguments.write:
+        for page in pages():
+            page.write_text(current(page), encoding="utf-8")
+    if arguments.render:
+        render(arguments.render)
+
+
+def pages() -> list[Path]:
+    """All pages, those of the decisions included."""
+    return sorted(DOCS.rglob("*.md"))
+
+
+def current(page: Path) -> str:
+    """The text of a page with its generated parts as they should be."""
+    text = page.read_text(encoding="utf-8")
+    return PART.sub(lambda part: f"{part[1]}\n{GENERATED[part[2]]()}\n{part[3]}", text)
+
+
+def catalogue_page() -> str:
+    """A table of all entries, then each of them."""
+    entries = [catalogue.entry(name) for name in catalogue.names()]
+    lines = ["| name | what |", "|---|---|"]
+    lines += [f"| [{e.name}](#{anchor(e.name)}) | {e.title} |" for e in entries]
+    for name in catalogue.names():
+        e = catalogue.entry(name)
+        options = "".join(f", {key} {value:g}" for key, value in e.options.items())
+        lines += ["", f"## {name}", "", f"{capital(e.title)}.", "", f"Source: {e.source}.", ""]
+        lines += [f"Run: {e.duration:g} s{options}.", "", "| check | within | why so much |", "|---|---|---|"]
+        lines += [f"| {check.name} | {check.tolerance:.0e} | {check.reason} |" for check in e.checks]
+        if e.notes:
+            lines += ["", e.notes]
+    return "\n".join([*lines, ""])
+
+
+def schema_page() -> str:
+    """Every table of a model file with its keys, as the published schema has them."""
+    root = schema.load()
+    lines: list[str] = []
+    for key, rule in root["properties"].items():
+        many = rule.get("type") == "array"
+        lines += [f"## `{'[[' if many else '['}{key}{']]' if many else ']'}`", "", rule["description"], ""]
+        table = rule["items"] if many else rule
+        if "oneOf" not in table:
+            lines += keys(table)
+            continue
+        kinds = [resolved(form) for form in table["oneOf"]]
+        lines += ["| type | what |", "|---|---|"]
+        lines += [*(f"| `{kind_of(kind)}` | {kind['description']} |" for kind in kinds), ""]
+        for kind in kinds:
+            lines += [f'### `type = "{kind_of(kind)}"`', "", *keys(kind, without=("type",))]
+    value = resolved({"$ref": "#/$defs/table"})
+    lines += ["## Tables of values", "", value["description"], "", *keys(value)]
+    return "\n".join(lines)
+
+
+def keys(table: Mapping[str, Any], without: tuple[str, ...] = ()) -> list[str]:
+    """Rows of a table of keys; needed ones first come as the schema lists them."""
+    needed = table.get("required", ())
+    lines = ["| key | value | needed | meaning |", "|---|---|---|---|"]
+    for name, rule in table["properties"].items():
+        if name not in without:
+            mark = "yes" if name in needed else ""
+            lines.append(f"| `{name}` | {escape(form(rule), quote=False)} | {mark} | {rule['description']} |")
+    return [*lines, ""]
+
+
+def form(rule: Mapping[str, Any]) -> str:
+    """The kind of value in words."""
+    rule = {**resolved(rule), **{key: value for key, value in rule.items() if key != "$ref"}}
+    if "enum" in rule:
+        return ", ".join(f'`"{value}"`' for value in rule["enum"])
+    words = {"number": "a number", "integer": "an integer", "string": "text", "object": "a table"}
+    return str(rule.get("title") or words[rule["type"]])
+
+
+def resolved(rule: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The schema that a $ref stands for."""
+    found: Mapping[str, Any] = schema.load()["$defs"][rule["$ref"].rpartition("/")[2]] if "$ref" in rule else rule
+    return found
+
+
+def kind_of(joint: Mapping[str, Any]) -> str:
+    """The word for a kind of joint."""
+    return str(joint["properties"]["type"]["const"])
+
+
+def capital(text: str) -> str:
+    """`text` as the beginning of a sentence."""
+    return text[0].upper() + text[1:]
+
+
+def anchor(heading: str) -> str:
+    """The id that a heading gets."""
+    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
+
+
+GENERATED: dict[str, Callable[[], str]] = {"catalogue": catalogue_page, "model-files": schema_page}
+
+
+def render(folder: Path) -> None:
+    """Every page as HTML under `folder`."""
+    for page in pages():
+        target = folder / page.relative_to(DOCS).with_suffix(".html")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(as_html(page), encoding="utf-8")
+
+
+def as_html(page: Path) -> str:
+    """One page; links to other pages lead to their HTML."""
+    from pygments.formatters import HtmlFormatter
+
+    text = page.read_text(encoding="utf-8").replace("```output", "```text")
+    body = re.sub(r'href="([^":#]+)\.md(#[^"]*)?"', r'href="\1.html\2"', str(markdown2.markdown(text, extras=EXTRAS)))
+    title = next((line.removeprefix("# ") for line in text.splitlines() if line.startswith("# ")), page.stem)
+    up = "../" * (len(page.relative_to(DOCS).parts) - 1)
+    style = HtmlFormatter(style="default").get_style_defs(".codehilite")
+    return PAGE.format(title=escape(title), up=up, body=body, code_style=style)
+
+
+if __name__ == "__main__":
+    main()
