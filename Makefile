@@ -63,13 +63,14 @@ test-python: $(BUILT)
 bench: $(BUILT)
 	$(BIN)/python benches/run.py
 
-## docs: the reference of both languages, in out/docs
+## docs: pages and the reference of both languages, in out/docs
 docs: $(BUILT)
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
+	RUSTDOCFLAGS="-D warnings -A rustdoc::private-intra-doc-links" cargo doc --workspace --no-deps --locked --document-private-items
 	rm -rf out/docs
 	mkdir -p out/docs
 	cp -r target/doc out/docs/rust
 	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
+	$(BIN)/python tools/docs.py --render out/docs
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/
 demo: $(BUILT)

@@ -107,7 +107,7 @@ pub fn simulate<F: Formulation>(
         sample: Sample::default(),
         next: 0,
         t_eval,
-        passage: Passage::new(settings.tableau),
+        passage: Passage::new(settings.tableau, settings.options.rtol),
         distance: None,
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
@@ -178,6 +178,8 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
 struct Passage {
     /// Length of the crossing step in units of the distance to the singular position.
     stretch: f64,
+    /// So many tolerances are accepted around a passage.
+    lenience: f64,
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
@@ -191,16 +193,20 @@ struct Passage {
 impl Passage {
     /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
     const PART: f64 = 0.6;
-    /// Around a passage the estimate is round-off divided by the distance, which shorter steps make worse: so many
-    /// tolerances are accepted there. Whole runs have shown a few tens.
-    const LENIENCE: f64 = 1e3;
+    /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, about 1e-12 for
+    /// a comfortable crossing, and shorter steps make it worse: errors up to this are accepted there.
+    const ROUND_OFF: f64 = 2e-11;
+    /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close to
+    /// it. So many tolerances are accepted; its own error is small by its length.
+    const CROSSING: f64 = 1e3;
 
-    fn new(tableau: &Tableau) -> Self {
+    fn new(tableau: &Tableau, rtol: f64) -> Self {
         // the stretch that keeps all nodes as far as can be from the position passed
         let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
         let stretch =
             (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b });
-        Self { stretch, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
+        let lenience = (Self::ROUND_OFF / rtol).max(1.0);
+        Self { stretch, lenience, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
@@ -217,12 +223,12 @@ impl Passage {
         let Some(zero) = self.expected else {
             // leaving: as long as it is as close behind as a usual step, the estimate is not to be trusted yet
             let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
-            stepper.set_lenience(if leaving { Self::LENIENCE } else { 1.0 });
+            stepper.set_lenience(if leaving { self.lenience } else { 1.0 });
             if leaving {
                 stepper.set_step_size(stepper.step_size().min(self.usual));
             } else {
                 let h = stepper.step_size();
-                self.usual = h.max(0.9 * self.usual).min(2.0 * h);
+                self.usual = h.max(0.9 * self.usual).min(1.3 * h);
             }
             return leaving;
         };
@@ -232,16 +238,17 @@ impl Passage {
             self.expected = self.expected.filter(|_| ahead > 0.0);
             return false;
         }
-        stepper.set_lenience(Self::LENIENCE);
+        stepper.set_lenience(self.lenience);
         let crossing = self.stretch * ahead;
         if crossing <= Self::PART * self.usual {
+            stepper.set_lenience(self.lenience.max(Self::CROSSING));
             stepper.set_step_size(crossing);
             self.times.push(zero);
             self.expected = None;
         } else {
             // leave the distance that one comfortable crossing needs
             let approach = ahead - 0.9 * Self::PART * self.usual / self.stretch;
-            stepper.set_step_size(approach.min(self.usual));
+            stepper.set_step_size(approach.min(stepper.step_size()));
         }
         true
     }

@@ -443,10 +443,17 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         if let Some(plan) = &self.plan {
             plan.solve(&self.factors, x, 1);
         }
-        let residual =
-            self.phi.iter().zip(&self.noise).fold(0.0, |m: f64, (x, n)| if *n > 0.0 { m.max(x.abs() / n) } else { m });
-        let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / self.reach[i]));
-        if moved > LARGEST_AMPLIFICATION * 4.0 * f64::EPSILON * residual && moved < POSTPONED {
+        // both in reaches where the system knows them; elsewhere both in natural scales, so that units cancel
+        let known = self.row_reach.iter().all(Option::is_some);
+        let part = |i: usize| match known {
+            true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
+            true => 0.0,
+            false => self.row_scale[i],
+        };
+        let residual = self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
+        let scale = if known { &self.reach } else { &self.s };
+        let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
+        if moved > LARGEST_AMPLIFICATION * residual && moved < POSTPONED {
             return false;
         }
         self.residual.fill(0.0);
