@@ -49,6 +49,7 @@ lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy examples benches tools
 
 ## test: the core, then the package with its docstrings' examples
 test: test-rust test-python
