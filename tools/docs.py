@@ -38,6 +38,8 @@ pre {{ padding: .6rem .8rem; overflow-x: auto; border-radius: 5px; }}
 table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
 th, td {{ border: 1px solid #d3dae0; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
 h2, h3 {{ margin-top: 2rem; }}
+h1 code, h2 code, h3 code {{ font-size: inherit; background: none; }}
+td:first-child, td:nth-child(2) {{ min-width: 4.5rem; }}
 {code_style}
 </style>
 </head>

@@ -63,7 +63,7 @@ fn a_small_problem_costs_what_it_always_cost() {
         let done = stepper.counters();
         seen.push((method.name, done.steps, done.rejected, done.evaluations));
     }
-    assert_eq!(seen, [("dop853", 3, 0, 38), ("dopri5", 12, 0, 74), ("tsit5", 11, 0, 68)]);
+    assert_eq!(seen, [("dop853", 4, 0, 50), ("dopri5", 15, 0, 92), ("tsit5", 14, 0, 86)]);
 }
 
 #[test]

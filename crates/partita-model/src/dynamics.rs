@@ -191,7 +191,7 @@ impl<G: Space> Tree<G> {
         if room.len() < 2 * n {
             room.resize(2 * n, Default::default());
         }
-        let mut moves = vec![false; n];
+        let mut moves = std::mem::take(&mut s.moves);
         for root in 1..n {
             let own = match self.links[root].motion {
                 crate::tree::LinkMotion::Ball => 3,
@@ -225,5 +225,6 @@ impl<G: Space> Tree<G> {
             }
         }
         s.partial = room;
+        s.moves = moves;
     }
 }

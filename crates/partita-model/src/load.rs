@@ -3,7 +3,7 @@
 use crate::compile::{point_on, reference_points};
 use crate::error::DescriptionError;
 use crate::joint::Motion;
-use crate::place::Placed;
+use crate::place::{Placed, PlacedJoint};
 use crate::spec::{Axes, Force, Spec, Value, VectorValue};
 use crate::tree::{Tree, TreeScratch};
 use crate::validate;
@@ -39,7 +39,7 @@ pub enum Load {
         /// Effort.
         value: Value,
     },
-    /// Effort along a coordinate of a cut joint: a pair of wrenches.
+    /// Effort along a coordinate that no tree velocity stands for: a pair of wrenches.
     CutEffort {
         /// Name, for messages.
         name: String,
@@ -47,8 +47,8 @@ pub enum Load {
         parent: (usize, usize),
         /// Node and link of the child.
         child: (usize, usize),
-        /// Free motion, axis in the parent's link axes.
-        motion: Motion,
+        /// Wrench on the child for a unit effort.
+        push: Push,
         /// The joint's point on the child, from the link's reference point.
         at: Vec3<f64>,
         /// Effort.
@@ -69,6 +69,42 @@ pub enum Load {
         /// Body axes in the link, if the force turns with the body.
         body_axes: Option<Mat3<f64>>,
     },
+}
+
+/// Wrench of a unit effort, about the joint's point on the child.
+#[derive(Clone, Copy, Debug)]
+pub enum Push {
+    /// Moment: a part fixed in the parent's link axes and one in the child's.
+    Moment(Vec3<f64>, Vec3<f64>),
+    /// Force along an axis of the parent's link.
+    Force(Vec3<f64>),
+}
+
+impl Push {
+    /// For coordinate number `coordinate` of a joint; `None` where it has no such coordinate.
+    fn new(p: &PlacedJoint, coordinate: usize) -> Option<Self> {
+        let turns: Vec<Vec3<f64>> =
+            p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None }).collect();
+        let mut left = coordinate;
+        let motion = p.shape.motions.iter().find(|m| {
+            let found = left < m.velocities();
+            left -= if found { 0 } else { m.velocities() };
+            found
+        })?;
+        Some(match (motion, turns.as_slice()) {
+            (Motion::Slide(a), _) => Self::Force(p.on_parent.apply(*a)),
+            (Motion::Turn(a), [first, second]) => {
+                // the moment between the axes, one fixed on the parent and one on the child, that does work on one only
+                let c = first.dot(*second);
+                let (own, other) = (1.0 / (1.0 - c * c), -c / (1.0 - c * c));
+                let (x, y) = if a == first { (own, other) } else { (other, own) };
+                Self::Moment(p.on_parent.apply(*first).times(x), p.on_child.apply(*second).times(y))
+            }
+            (Motion::Turn(a), _) => Self::Moment(p.on_parent.apply(*a), Vec3::zero()),
+            // turns in space are counted in the child's axes
+            (Motion::Ball, _) => Self::Moment(Vec3::zero(), Vec3([0, 1, 2].map(|i| f64::from(u8::from(i == left))))),
+        })
+    }
 }
 
 fn is_constant(v: &VectorValue) -> bool {
@@ -97,34 +133,31 @@ impl Load {
                 Force::Torque { name, joint, coordinate, value } => {
                     let j = joint_index(spec, joint);
                     let p = &placed.joints[j];
-                    if p.links.is_some() {
-                        let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
-                        loads.push(Self::Effort { name: name.clone(), q, v, value: value.clone() });
-                        continue;
-                    }
-                    let motion = p.shape.motions.get(*coordinate).copied().ok_or_else(|| {
+                    let push = Push::new(p, *coordinate).ok_or_else(|| {
                         DescriptionError::new(
                             "force",
                             name,
                             format!("joint \"{joint}\" has no coordinate {coordinate}"),
                         )
                     })?;
-                    let motion = match motion {
-                        Motion::Turn(a) => Motion::Turn(p.on_parent.apply(a)),
-                        Motion::Slide(a) => Motion::Slide(p.on_parent.apply(a)),
-                        Motion::Ball => {
-                            let m = format!(
-                                "joint \"{joint}\" closes a loop and turns in space; use a force on its bodies"
-                            );
-                            return Err(DescriptionError::new("force", name, m));
-                        }
-                    };
+                    let in_space = matches!(push, Push::Moment(on_parent, _) if on_parent == Vec3::zero());
+                    // the velocities of a ball that is walked from child to parent are not the joint's own
+                    if p.links.is_some() && !(p.reversed && in_space) {
+                        let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                        loads.push(Self::Effort { name: name.clone(), q, v, value: value.clone() });
+                        continue;
+                    }
+                    if p.links.is_none() && in_space {
+                        let m =
+                            format!("joint \"{joint}\" closes a loop and turns in space; use a force on its bodies");
+                        return Err(DescriptionError::new("force", name, m));
+                    }
                     let link = placed.link_of(p.child);
                     loads.push(Self::CutEffort {
                         name: name.clone(),
                         parent: (p.parent, placed.link_of(p.parent)),
                         child: (p.child, link),
-                        motion,
+                        push,
                         at: p.child_point - reference[link],
                         value: value.clone(),
                     });
@@ -240,22 +273,23 @@ impl<G: Space> Tree<G> {
                 Load::Effort { name, v: j, value, .. } => {
                     s.effort[*j] += G::S::from_f64(value::scalar_at(value, f, t, q, v, name)?);
                 }
-                Load::CutEffort { name, parent, child, motion, at, value } => {
+                Load::CutEffort { name, parent, child, push, at, value } => {
                     let x = G::S::from_f64(value::scalar_at(value, f, t, q, v, name)?);
                     let arm = G::rotate(&s.links[child.1].rot, G::vec_from(at.0));
                     let back = self.place(child.1, s) + arm - self.place(parent.1, s);
-                    match motion {
-                        Motion::Turn(a) => {
-                            let m = G::scale_ang(G::rotate_ang(&s.links[parent.1].rot, G::ang_from(a.0)), x);
+                    match push {
+                        Push::Moment(on_parent, on_child) => {
+                            let axis = G::rotate_ang(&s.links[parent.1].rot, G::ang_from(on_parent.0))
+                                + G::rotate_ang(&s.links[child.1].rot, G::ang_from(on_child.0));
+                            let m = G::scale_ang(axis, x);
                             s.links[child.1].moment += m;
                             s.links[parent.1].moment -= m;
                         }
-                        Motion::Slide(a) => {
+                        Push::Force(a) => {
                             let p = G::scale(G::rotate(&s.links[parent.1].rot, G::vec_from(a.0)), x);
                             self.add_force(s, child.1, arm, p);
                             self.add_force(s, parent.1, back, -p);
                         }
-                        Motion::Ball => {}
                     }
                 }
                 Load::Force { link, at, .. } => {
@@ -291,21 +325,21 @@ impl<G: Space> Tree<G> {
                     (Some(i), Value::Constant(x)) => potential -= x * q[*i],
                     _ => power += value::scalar_at(value, f, t, q, v, name)? * v[*j],
                 },
-                Load::CutEffort { name, parent, child, motion, at, value } => {
+                Load::CutEffort { name, parent, child, push, at, value } => {
                     let x = value::scalar_at(value, f, t, q, v, name)?;
                     let (xp, xc) = (&s.links[parent.1], &s.links[child.1]);
-                    let rate = match motion {
-                        Motion::Turn(a) => {
-                            let axis = G::rotate_ang(&xp.rot, G::ang_from(a.0));
+                    let rate = match push {
+                        Push::Moment(on_parent, on_child) => {
+                            let axis = G::rotate_ang(&xp.rot, G::ang_from(on_parent.0))
+                                + G::rotate_ang(&xc.rot, G::ang_from(on_child.0));
                             G::dot_ang(axis, xc.w - xp.w).value()
                         }
-                        Motion::Slide(a) => {
+                        Push::Force(a) => {
                             let d = G::rotate(&xp.rot, G::vec_from(a.0));
                             let arm = G::rotate(&xc.rot, G::vec_from(at.0));
                             let back = self.place(child.1, s) + arm - self.place(parent.1, s);
                             G::dot(d, xc.u + G::cross(xc.w, arm) - xp.u - G::cross(xp.w, back)).value()
                         }
-                        Motion::Ball => 0.0,
                     };
                     power += x * rate;
                 }

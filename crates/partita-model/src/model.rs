@@ -88,8 +88,8 @@ pub struct Model {
     reach: Vec<f64>,
     /// What a large move can open each row by.
     row_reach: Vec<f64>,
-    /// Nodes at the ends of each spring.
-    pub(crate) spring_nodes: Vec<(usize, usize)>,
+    /// Nodes at the ends of each spring, and where the first end is in the zero position.
+    pub(crate) spring_nodes: Vec<(usize, usize, Vec3<f64>)>,
 }
 
 impl ModelScratch {
@@ -178,7 +178,10 @@ impl Model {
             .forces
             .iter()
             .filter_map(|f| match f {
-                Force::Spring { body1, body2, .. } => Some((nodes[body1.as_str()], nodes[body2.as_str()])),
+                Force::Spring { body1, point1, body2, .. } => {
+                    let a = nodes[body1.as_str()];
+                    Some((a, nodes[body2.as_str()], compile::point_on(&placed, a, *point1).1))
+                }
                 _ => None,
             })
             .collect();

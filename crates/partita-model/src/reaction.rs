@@ -1,7 +1,7 @@
 //! Reactions of all joints: at a cut joint from λ, at a tree joint by a Newton-Euler sweep with λ applied.   (R3)
 
 use crate::joint::Motion;
-use crate::load::{self, Load};
+use crate::load::{self, Load, Push};
 use crate::model::{three, with_engine, Engine, Model, ModelScratch};
 use crate::value;
 use partita_math::dense;
@@ -156,18 +156,13 @@ impl Model {
         for (w, b) in on.iter_mut().zip(&self.placed.bodies) {
             w.force += self.full.gravity.times(b.mass);
         }
-        for (k, &(na, nb)) in self.full.springs.iter().zip(&self.spring_nodes) {
+        for (k, &(na, nb, first)) in self.full.springs.iter().zip(&self.spring_nodes) {
             let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
             let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
             let gap = xb.centre + rb - xa.centre - ra + k.offset;
-            // a point on the ground is part of the offset: it is found from the other end
-            let (pa, pb) = if k.b.link == 0 {
-                let pa = self.full.place(k.a.link, &s.full) + ra;
-                (pa, pa + gap)
-            } else {
-                let pb = self.full.place(k.b.link, &s.full) + rb;
-                (pb - gap, pb)
-            };
+            // on the ground the anchor is part of the offset, but the point stays where it was
+            let pa = if k.a.link == 0 { first } else { self.full.place(k.a.link, &s.full) + ra };
+            let pb = pa + gap;
             let length = gap.norm();
             if length == 0.0 {
                 continue;
@@ -191,15 +186,16 @@ impl Model {
                         self.full.place(*link, &s.full) + x.rot.apply(*at),
                     );
                 }
-                Load::CutEffort { name, parent, child, motion, at, value } => {
+                Load::CutEffort { name, parent, child, push, at, value } => {
                     let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
                     let x = &s.full.links[child.1];
                     let point = self.full.place(child.1, &s.full) + x.rot.apply(*at);
                     let rp = s.full.links[parent.1].rot;
-                    let w = match motion {
-                        Motion::Turn(a) => Wrench { moment: rp.apply(*a).times(e), force: zero },
-                        Motion::Slide(a) => Wrench { moment: zero, force: rp.apply(*a).times(e) },
-                        Motion::Ball => Wrench::default(),
+                    let w = match push {
+                        Push::Moment(on_parent, on_child) => {
+                            Wrench { moment: (rp.apply(*on_parent) + x.rot.apply(*on_child)).times(e), force: zero }
+                        }
+                        Push::Force(a) => Wrench { moment: zero, force: rp.apply(*a).times(e) },
                     };
                     self.put(s, &mut on, child.0, &w, point);
                     self.put(s, &mut on, parent.0, &w.times(-1.0), point);
@@ -309,8 +305,7 @@ impl Model {
             let drives = &result.drives[j];
             // along a free direction only a drive can be a reaction; what is applied there is not one
             let reaction = with(&|i| drives[i]);
-            let acting =
-                with(&|i| drives[i] + if p.reversed && axes.len() == 3 { 0.0 } else { efforts[velocities[i]] });
+            let acting = with(&|i| drives[i] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             let (parent, child) = (p.parent, p.child);
             self.put(s, &mut left, child, &acting.times(-1.0), point);

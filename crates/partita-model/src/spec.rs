@@ -35,13 +35,13 @@ pub struct Spec {
 pub struct Body {
     /// Unique name.
     pub name: String,
-    /// Mass [kg].
+    /// Mass (kg).
     pub mass: f64,
-    /// Centre of mass in body axes [m].
+    /// Centre of mass in body axes (m).
     pub com: [f64; 3],
     /// Inertia about the centre of mass in body axes [kg m²].
     pub inertia: [[f64; 3]; 3],
-    /// Origin in the drawing [m].
+    /// Origin in the drawing (m).
     pub position: [f64; 3],
     /// Body axes in the drawing (columns).
     pub orientation: [[f64; 3]; 3],
@@ -99,7 +99,7 @@ pub struct Joint {
     pub parent: String,
     /// Child body.
     pub child: String,
-    /// Where it sits [m].
+    /// Where it sits (m).
     #[serde(default)]
     pub point: [f64; 3],
     /// Its axis (revolute, prismatic, cylindrical), normal (planar) or first axis (universal).
@@ -203,7 +203,7 @@ pub enum Force {
         stiffness: f64,
         /// [N s/m].
         damping: f64,
-        /// Free length [m].
+        /// Free length (m).
         length: f64,
     },
     /// Spring and damper in a joint coordinate.

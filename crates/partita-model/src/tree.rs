@@ -133,7 +133,7 @@ pub struct Spring<G: Space> {
     pub stiffness: f64,
     /// [N s/m].
     pub damping: f64,
-    /// Free length [m].
+    /// Free length (m).
     pub length: f64,
 }
 
@@ -223,6 +223,8 @@ pub struct TreeScratch<G: Space> {
     pub effort: Vec<G::S>,
     /// Partial twists, links x columns.
     pub partial: Vec<(G::Ang, G::Vec)>,
+    /// Links that one coordinate carries.
+    pub moves: Vec<bool>,
     /// Room for the articulated recursion.
     pub articulated: crate::articulated::Articulated,
 }
@@ -234,6 +236,7 @@ impl<G: Space> Tree<G> {
             links: vec![LinkState::rest(); self.links.len()],
             effort: vec![G::S::zero(); self.nv],
             partial: Vec::new(),
+            moves: vec![false; self.links.len()],
             articulated: crate::articulated::Articulated::default(),
         }
     }

@@ -1,0 +1,186 @@
+//! After the first call an evaluation of a mechanism allocates nothing, whichever way its equations are projected.
+#![allow(unsafe_code, reason = "an allocator that counts can only be installed through an unsafe trait")]
+
+mod mechanisms;
+
+use mechanisms::{body, compile, empty, joint};
+use partita_model::place::Coordinates;
+use partita_model::spec::{Force, JointKind, Spec, Value};
+use partita_model::Model;
+use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::{Correction, Formulation};
+use partita_system::{start, ConstrainedSystem};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        System.alloc(layout)
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        System.dealloc(pointer, layout);
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);
+
+/// Rods between points of the plane; pins at their ends.
+fn pin(spec: &mut Spec, a: &str, b: &str, at: [f64; 3]) {
+    let name = format!("pin{}", spec.joints.len());
+    spec.joints.push(joint(name, JointKind::Revolute, a, b, at));
+    spec.joints.last_mut().unwrap().axis = Z;
+}
+
+/// N loops of uprights and couplers, all but upright.
+fn chain(n: usize) -> Spec {
+    let mut rng = fastrand::Rng::with_seed(n as u64);
+    let mut spec = empty("chain");
+    let top = |i: usize| [i as f64 + 0.4, 0.9, 0.0];
+    for i in 0..=n {
+        spec.bodies.push(body(&mut rng, format!("upright{i}")));
+        pin(&mut spec, "ground", &format!("upright{i}"), [i as f64, 0.0, 0.0]);
+    }
+    for i in 0..n {
+        let coupler = format!("coupler{i}");
+        spec.bodies.push(body(&mut rng, coupler.clone()));
+        pin(&mut spec, &format!("upright{i}"), &coupler, top(i));
+        pin(&mut spec, &coupler, &format!("upright{}", i + 1), top(i + 1));
+    }
+    spec
+}
+
+fn four_bar() -> Spec {
+    let mut rng = fastrand::Rng::with_seed(1);
+    let mut spec = empty("four-bar");
+    for name in ["crank", "coupler", "rocker"] {
+        spec.bodies.push(body(&mut rng, name.into()));
+    }
+    pin(&mut spec, "ground", "crank", [0.0; 3]);
+    pin(&mut spec, "crank", "coupler", [0.7, 0.7, 0.0]);
+    pin(&mut spec, "coupler", "rocker", [3.1, 1.8, 0.0]);
+    pin(&mut spec, "ground", "rocker", [2.2, 0.0, 0.0]);
+    let name = "torque".to_string();
+    spec.forces.push(Force::Torque { name, joint: "pin0".into(), coordinate: 0, value: Value::Constant(1.0) });
+    spec
+}
+
+/// A spatial chain of balls, universals and cylinders closed to the ground, springs across it.
+fn in_space() -> Spec {
+    let mut rng = fastrand::Rng::with_seed(2);
+    let mut spec = empty("in space");
+    let kinds = [JointKind::Cylindrical, JointKind::Universal, JointKind::Revolute, JointKind::Spherical];
+    let mut from = "ground".to_string();
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let name = format!("body{i}");
+        if i < 3 {
+            spec.bodies.push(body(&mut rng, name.clone()));
+        }
+        let to = if i < 3 { name } else { "ground".into() };
+        let mut j = joint(format!("joint{i}"), kind, &from, &to, mechanisms::point(&mut rng, 1.0));
+        (j.axis, j.axis2) = (Some(mechanisms::point(&mut rng, 1.0)), Some(mechanisms::point(&mut rng, 1.0)));
+        spec.joints.push(j);
+        from = to;
+    }
+    for (i, (a, b)) in [("ground", "body1"), ("body0", "body2")].into_iter().enumerate() {
+        spec.forces.push(Force::Spring {
+            name: format!("spring{i}"),
+            body1: a.into(),
+            point1: [0.3, 0.2, 0.1],
+            body2: b.into(),
+            point2: [0.0, 0.1, -0.2],
+            stiffness: 20.0,
+            damping: 0.5,
+            length: 0.4,
+        });
+    }
+    spec
+}
+
+/// Twelve pendulums side by side, two of them coupled: nearly as many freedoms as coordinates, so that dense matrices are
+/// the cheaper way.
+fn rank_and_file(kind: JointKind) -> Spec {
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut spec = empty("rank and file");
+    for i in 0..12 {
+        let name = format!("body{i}");
+        spec.bodies.push(body(&mut rng, name.clone()));
+        let mut j = joint(format!("joint{i}"), kind, "ground", &name, [i as f64, 0.0, 0.0]);
+        j.axis = Z;
+        spec.joints.push(j);
+    }
+    spec.bodies.push(body(&mut rng, "coupler".into()));
+    pin(&mut spec, "body3", "coupler", [3.2, 0.7, 0.0]);
+    pin(&mut spec, "coupler", "body4", [4.1, 0.9, 0.0]);
+    if kind == JointKind::Spherical {
+        // between turning balls a pin would lock too much
+        for j in spec.joints.iter_mut().skip(12) {
+            j.kind = JointKind::Spherical;
+        }
+    }
+    spec
+}
+
+/// Allocations of the calls that follow the first one, at states all around the start.
+fn count(model: &Model, what: &str) {
+    let mut q = model.initial();
+    partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let rank = start::analyse(model, 0.0, &q).unwrap().rank;
+    let mut f = Projective::new(model, rank, ProjectiveOptions::default());
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
+    let (nq, k) = (model.size().nq, model.size().nv - rank);
+    assert!(k > 0);
+    let speeds: Vec<f64> = (0..k).map(|i| 0.3 + 0.1 * i as f64 / k as f64).collect();
+    y[nq..nq + k].copy_from_slice(&speeds);
+    f.derivative(0.0, &y, &mut dy).unwrap();
+    let q = y[..nq].to_vec();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    for i in 0..20 {
+        y[nq] = 0.2 + 0.01 * f64::from(i);
+        // a stage: a little off the closed position
+        y[0] = q[0] + 1e-3 * f64::from(i);
+        f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+        f.correct(1e-3 * f64::from(i), &mut y).unwrap();
+        f.reduction().evaluate(0.0, &q, &speeds).unwrap();
+        let _ = f.review(0.0, &y); // the scales are refreshed in here now and then
+    }
+    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    assert_eq!(after - before, 0, "{what}: {} allocations", after - before);
+}
+
+// The only test of this file: another one running beside it would be counted too.
+#[test]
+fn evaluations_allocate_nothing() {
+    let compiled = |spec: Spec| compile(&spec, Coordinates::Relative).unwrap();
+    count(&compiled(four_bar()), "four-bar");
+    count(&compiled(chain(20)), "twenty loops");
+    let space = compiled(in_space());
+    assert!(!space.is_planar());
+    count(&space, "in space");
+    count(&compile(&in_space(), Coordinates::Absolute).unwrap(), "in space, absolute");
+    count(&compiled(rank_and_file(JointKind::Revolute)), "rank and file in the plane");
+    let balls = compiled(rank_and_file(JointKind::Spherical));
+    assert!(balls.size().nq > balls.size().nv);
+    count(&balls, "rank and file of balls");
+    // the reference form may allocate, and does: the counter counts
+    let mut q = space.initial();
+    partita_system::kinematics::assembly::close(&space, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let rank = start::analyse(&space, 0.0, &q).unwrap().rank;
+    let mut f = Multipliers::new(&space, rank, Correction::None);
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(0.0, &q, &vec![0.0; space.size().nv], &mut y).unwrap();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    f.derivative(0.0, &y, &mut dy).unwrap();
+    assert!(ALLOCATIONS.load(Ordering::Relaxed) > before);
+}
