@@ -81,29 +81,23 @@ pub enum Push {
 }
 
 impl Push {
-    /// For coordinate number `coordinate` of a joint; `None` where it has no such coordinate.
-    fn new(p: &PlacedJoint, coordinate: usize) -> Option<Self> {
+    /// For a motion of a joint, of which the coordinate is number `which`.
+    fn new(p: &PlacedJoint, motion: Motion, which: usize) -> Self {
         let turns: Vec<Vec3<f64>> =
             p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None }).collect();
-        let mut left = coordinate;
-        let motion = p.shape.motions.iter().find(|m| {
-            let found = left < m.velocities();
-            left -= if found { 0 } else { m.velocities() };
-            found
-        })?;
-        Some(match (motion, turns.as_slice()) {
-            (Motion::Slide(a), _) => Self::Force(p.on_parent.apply(*a)),
+        match (motion, turns.as_slice()) {
+            (Motion::Slide(a), _) => Self::Force(p.on_parent.apply(a)),
             (Motion::Turn(a), [first, second]) => {
                 // the moment between the axes, one fixed on the parent and one on the child, that does work on one only
                 let c = first.dot(*second);
                 let (own, other) = (1.0 / (1.0 - c * c), -c / (1.0 - c * c));
-                let (x, y) = if a == first { (own, other) } else { (other, own) };
+                let (x, y) = if a == *first { (own, other) } else { (other, own) };
                 Self::Moment(p.on_parent.apply(*first).times(x), p.on_child.apply(*second).times(y))
             }
-            (Motion::Turn(a), _) => Self::Moment(p.on_parent.apply(*a), Vec3::zero()),
+            (Motion::Turn(a), _) => Self::Moment(p.on_parent.apply(a), Vec3::zero()),
             // turns in space are counted in the child's axes
-            (Motion::Ball, _) => Self::Moment(Vec3::zero(), Vec3([0, 1, 2].map(|i| f64::from(u8::from(i == left))))),
-        })
+            (Motion::Ball, _) => Self::Moment(Vec3::zero(), Vec3([0, 1, 2].map(|i| f64::from(u8::from(i == which))))),
+        }
     }
 }
 
@@ -133,14 +127,20 @@ impl Load {
                 Force::Torque { name, joint, coordinate, value } => {
                     let j = joint_index(spec, joint);
                     let p = &placed.joints[j];
-                    let push = Push::new(p, *coordinate).ok_or_else(|| {
-                        DescriptionError::new(
-                            "force",
-                            name,
-                            format!("joint \"{joint}\" has no coordinate {coordinate}"),
-                        )
+                    let mut which = *coordinate;
+                    let found = p.shape.motions.iter().find(|m| {
+                        let found = which < m.velocities();
+                        which -= if found { 0 } else { m.velocities() };
+                        found
+                    });
+                    let motion = *found.ok_or_else(|| {
+                        let m = format!(
+                            "joint \"{joint}\" has {} coordinates, number {coordinate} was asked for (the first is 0)",
+                            p.shape.freedoms()
+                        );
+                        DescriptionError::new("force", name, m)
                     })?;
-                    let in_space = matches!(push, Push::Moment(on_parent, _) if on_parent == Vec3::zero());
+                    let in_space = motion == Motion::Ball;
                     // the velocities of a ball that is walked from child to parent are not the joint's own
                     if p.links.is_some() && !(p.reversed && in_space) {
                         let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
@@ -157,7 +157,7 @@ impl Load {
                         name: name.clone(),
                         parent: (p.parent, placed.link_of(p.parent)),
                         child: (p.child, link),
-                        push,
+                        push: Push::new(p, motion, which),
                         at: p.child_point - reference[link],
                         value: value.clone(),
                     });

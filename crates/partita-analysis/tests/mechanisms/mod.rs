@@ -127,6 +127,10 @@ fn spatial_joint(rng: &mut fastrand::Rng, name: String, parent: &str, child: &st
     let mut j = joint(name, kind, parent, child, point(rng, 1.0));
     j.axis = Some(point(rng, 1.0));
     j.axis2 = Some(point(rng, 1.0));
+    if kind == JointKind::Universal && rng.bool() {
+        // square to the last bit, as most are drawn
+        (j.axis, j.axis2) = (Some([0.0, 0.0, 1.0]), Some([1.0, 0.0, 0.0]));
+    }
     if kind == JointKind::Generic {
         j.frame = Some(rotation(rng).0);
         let all = ["x", "y", "z", "rx", "ry", "rz"];
