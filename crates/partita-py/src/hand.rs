@@ -282,7 +282,7 @@ impl System {
             let options = read_options(py, options)?;
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = self.sized(py, options.t0(), &q)?;
-            run::run(py, &system, &options, &t_eval, (&q, &v), progress, |_| Ok(None))
+            run::run(py, &system, &options, &t_eval, (&q, &v), None, progress, |_| Ok(None))
         })
     }
 }

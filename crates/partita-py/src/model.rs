@@ -325,7 +325,7 @@ impl Model {
                 self.inner.velocity(x.t, &x.q, &x.v, &mut scratch, &mut b)?;
                 self.inner.energy(x.t, &x.q, &x.v, &scratch).map(Some)
             };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), progress, energy)
+            run::run(py, &self.inner, &options, &t_eval, (&q, &v), None, progress, energy)
         })
     }
 

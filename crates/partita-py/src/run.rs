@@ -6,14 +6,16 @@ use numpy::PyReadonlyArray1;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
-use partita_system::formulation::multipliers::Multipliers;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::formulation::registry;
 use partita_system::formulation::{Correction, Formulation, FormulationCounters, PartitionEvent, Sample};
+use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Options of a run, as Python writes them.
@@ -36,6 +38,14 @@ pub struct RunOptions {
     max_steps: u64,
     #[serde(default)]
     independent: Option<Vec<String>>,
+    selection: String,
+    #[serde(default)]
+    weights: Option<Vec<(String, f64)>>,
+    #[serde(default)]
+    window: Option<f64>,
+    #[serde(default)]
+    baumgarte: Option<(f64, f64)>,
+    renew: f64,
 }
 
 impl RunOptions {
@@ -66,6 +76,7 @@ struct Report {
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
     rows: Vec<usize>,
+    notes: Vec<String>,
 }
 
 fn march<F: Formulation>(
@@ -79,8 +90,8 @@ fn march<F: Formulation>(
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Report, SystemError> {
     let outcome = simulate(&mut formulation, t0, q, v, t_eval, settings, sink, watch)?;
-    let rows = formulation.rows();
-    Ok(Report { outcome, events: formulation.events().to_vec(), counters: formulation.counters(), rows })
+    let (rows, notes) = (formulation.rows(), formulation.notes());
+    Ok(Report { notes, outcome, events: formulation.events().to_vec(), counters: formulation.counters(), rows })
 }
 
 /// March `system` from `(q, v)` and return the dictionary of results.
@@ -92,6 +103,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
     options: &RunOptions,
     t_eval: &PyReadonlyArray1<'py, f64>,
     (q, v): (&[f64], &[f64]),
+    tangent: Option<Arc<dyn TangentMap>>,
     progress: Option<Py<PyAny>>,
     mut energy: impl FnMut(&Sample) -> Result<Option<(f64, f64)>, SystemError> + Send,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -109,9 +121,36 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             return Err(refuse(py, "correction", message));
         }
     };
-    let fixed = match &options.independent {
+    let selection = Selection::by_name(&options.selection).ok_or_else(|| {
+        let known: Vec<&str> = Selection::ALL.iter().map(|s| s.name()).collect();
+        let message = format!("there is no selection \"{}\"; choose among {}", options.selection, known.join(", "));
+        refuse(py, "selection", message)
+    })?;
+    let independent = match &options.independent {
         None => None,
         Some(names) => Some(indices(py, system, names)?),
+    };
+    let weights = match &options.weights {
+        None => None,
+        Some(pairs) => {
+            let names: Vec<String> = pairs.iter().map(|p| p.0.clone()).collect();
+            let mut weights = vec![1.0; system.size().nv];
+            for (i, (_, w)) in indices(py, system, &names)?.into_iter().zip(pairs) {
+                weights[i] = *w;
+            }
+            Some(weights)
+        }
+    };
+    let formulation_options = FormulationOptions {
+        correction,
+        exchange: options.exchange,
+        independent,
+        weights,
+        selection,
+        window: options.window,
+        baumgarte: options.baumgarte,
+        renew: options.renew,
+        tangent,
     };
     let settings = Settings {
         t_end: options.t_end,
@@ -173,24 +212,12 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             collected.samples.push(s.clone());
             Ok(())
         };
-        let projective =
-            |exchange: f64, fixed: Option<Vec<usize>>| ProjectiveOptions { exchange, correction, fixed, weights: None };
-        match options.formulation.as_str() {
-            "projective" => {
-                let f = Projective::new(system, found.rank, projective(options.exchange, fixed));
-                py.detach(|| march(f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch))
-            }
-            "multipliers" => {
-                let f = Multipliers::new(system, found.rank, correction);
-                py.detach(|| march(f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch))
-            }
-            other => {
-                let message = format!("there is no formulation \"{other}\"; choose among projective, multipliers");
-                return Err(refuse(py, "formulation", message));
-            }
-        }
+        let f = registry::by_name(&options.formulation, system, found.rank, &formulation_options)
+            .map_err(|e| refuse(py, "formulation", e.to_string()))?;
+        py.detach(|| march(f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch))
     };
     let mut report = report.map_err(|e| failure::system(py, e))?;
+    notes.append(&mut report.notes);
     let passed = &report.outcome.passages;
     if !passed.is_empty() {
         let times: Vec<String> = passed.iter().take(6).map(|t| format!("{t:.4}")).collect();

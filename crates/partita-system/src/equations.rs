@@ -28,6 +28,14 @@ pub trait Equations: Sync {
     fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
     /// b(t, q, v) (rows).
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError>;
+    /// Coordinates computed by `close`, if it is given: the dependent ones of the explicit closing.
+    fn closes(&self) -> Option<&[usize]> {
+        None
+    }
+    /// Replace those coordinates in q by the ones that close the loops, explicitly.              (37)
+    fn close(&self, _t: f64, _q: &mut [f64]) -> Result<(), SystemError> {
+        Ok(())
+    }
 }
 
 /// [`Equations`] as a constrained system.

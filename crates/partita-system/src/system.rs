@@ -1,5 +1,6 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
+use crate::kinematics::closing::Closing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use thiserror::Error;
@@ -97,6 +98,19 @@ pub enum SystemError {
         /// What was seen and what to try.
         message: String,
     },
+    /// A loop cannot close for these values of its inputs.
+    #[error(
+        "{block} cannot close at t = {t}: its lengths miss each other by {shortfall:.6e} m (a limit position of the \
+         mechanism); stop the inputs before it, or take other coordinates as inputs"
+    )]
+    Limit {
+        /// Which block, in words.
+        block: String,
+        /// Time.
+        t: f64,
+        /// By how much the lengths miss each other [m].
+        shortfall: f64,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
@@ -105,7 +119,7 @@ pub enum SystemError {
 impl SystemError {
     /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
     pub fn is_local(&self) -> bool {
-        matches!(self, Self::Singular { .. } | Self::NotFinite { .. } | Self::Mass { .. })
+        matches!(self, Self::Singular { .. } | Self::NotFinite { .. } | Self::Mass { .. } | Self::Limit { .. })
     }
 }
 
@@ -228,6 +242,25 @@ pub trait ConstrainedSystem: Sync {
     /// Remove the drift of redundant coordinates (unit quaternions); true if anything moved.
     fn normalise(&self, _q: &mut [f64]) -> bool {
         false
+    }
+    /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a turn in space.
+    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
+        i..i + 1
+    }
+    /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
+    ///
+    /// `None` leaves the choice of inputs to the system: those that order the most loops into explicit blocks.
+    fn closing(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+        Err(SystemError::Request(
+            "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
+             (closing=); use another formulation"
+                .into(),
+        ))
     }
     /// The velocity whose integral coordinate `i` is, if there is one.
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {

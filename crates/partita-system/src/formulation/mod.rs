@@ -1,8 +1,10 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
 pub mod multipliers;
+pub mod options;
 pub mod projective;
 pub mod reduction;
+pub mod registry;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;
@@ -131,4 +133,60 @@ pub trait Formulation {
     fn counters(&self) -> FormulationCounters;
     /// Rows kept at the moment.
     fn rows(&self) -> Vec<usize>;
+    /// What the user should know besides the changes, in sentences.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+impl<F: Formulation + ?Sized> Formulation for Box<F> {
+    fn name(&self) -> &'static str {
+        (**self).name()
+    }
+    fn dim(&self) -> usize {
+        (**self).dim()
+    }
+    fn controlled(&self) -> usize {
+        (**self).controlled()
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        (**self).start(t, q, v, y)
+    }
+    #[inline]
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        (**self).derivative(t, y, dy)
+    }
+    fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+        (**self).correct(t, y)
+    }
+    fn review(&mut self, t: f64, y: &[f64]) -> Review {
+        (**self).review(t, y)
+    }
+    fn distance(&self) -> Option<(f64, u64)> {
+        (**self).distance()
+    }
+    fn close_stages(&mut self, on: bool) {
+        (**self).close_stages(on);
+    }
+    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        (**self).change(t, y, dy)
+    }
+    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        (**self).recover(t, y, dy)
+    }
+    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+        (**self).sample(t, y, out)
+    }
+    fn events(&self) -> &[PartitionEvent] {
+        (**self).events()
+    }
+    fn counters(&self) -> FormulationCounters {
+        (**self).counters()
+    }
+    fn rows(&self) -> Vec<usize> {
+        (**self).rows()
+    }
+    fn notes(&self) -> Vec<String> {
+        (**self).notes()
+    }
 }

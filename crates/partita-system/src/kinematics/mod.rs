@@ -1,5 +1,6 @@
 //! Positions and velocities that satisfy the constraints.
 
 pub mod assembly;
+pub mod closing;
 pub mod projection;
 pub mod velocity;

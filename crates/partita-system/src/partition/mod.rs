@@ -3,6 +3,57 @@
 pub mod criterion;
 pub mod exchange;
 
+/// Rules that choose the independent coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Selection {
+    /// The projective criterion, each choice locked before the next, then exchanges: P5 and P6.
+    #[default]
+    Collective,
+    /// The projective criterion with lock and repeat alone: P5.
+    Greedy,
+    /// The k coordinates of largest ρ, one by one.
+    Individual,
+    /// Largest |det C_D| in the units at hand.
+    Determinant,
+    /// Largest normalised determinant (28): the volume of the choice.
+    NormalisedDeterminant,
+    /// LU with complete pivoting on C in the units at hand.
+    CompletePivoting,
+    /// Exchanges by the average of log |Â| over a window (6.6).
+    Persistence,
+}
+
+impl Selection {
+    /// All rules, the default first.
+    pub const ALL: [Self; 7] = [
+        Self::Collective,
+        Self::Greedy,
+        Self::Individual,
+        Self::Determinant,
+        Self::NormalisedDeterminant,
+        Self::CompletePivoting,
+        Self::Persistence,
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Collective => "collective",
+            Self::Greedy => "greedy",
+            Self::Individual => "individual",
+            Self::Determinant => "determinant",
+            Self::NormalisedDeterminant => "normalised-determinant",
+            Self::CompletePivoting => "complete-pivoting",
+            Self::Persistence => "persistence",
+        }
+    }
+
+    /// The rule of this name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|s| s.name() == name)
+    }
+}
+
 /// A choice of independent velocities, dependent velocities and constraint rows that determine them.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Partition {

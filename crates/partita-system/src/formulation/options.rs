@@ -1,0 +1,60 @@
+//! What a formulation may be told. Each reads what concerns it; what it needs and does not find it asks for.
+
+use super::Correction;
+use crate::partition::Selection;
+use crate::system::SystemError;
+use std::sync::Arc;
+
+/// Tangent velocities of the user: `v = Dᵀ(t, q) u + γ(t, q)`, `v' = Dᵀ u' + δ(t, q, v)`.
+pub trait TangentMap: Send + Sync {
+    /// `Dᵀ` (nv x k), row by row, with `C Dᵀ = 0`.
+    fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError>;
+    /// `γ` (nv) with `C γ + a = 0`. Zero where the constraints do not depend on time.
+    fn offset(&self, _t: f64, _q: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma.fill(0.0);
+        Ok(())
+    }
+    /// `δ = (dDᵀ/dt) u + dγ/dt` (nv) at v; false: not known, to be found by differences along the motion.
+    fn bias(&self, _t: f64, _q: &[f64], _v: &[f64], _delta: &mut [f64]) -> Result<bool, SystemError> {
+        Ok(false)
+    }
+}
+
+/// Options of all formulations.
+#[derive(Clone)]
+pub struct FormulationOptions {
+    /// Removal of the remainder of S3 (and of S4, where v is integrated).
+    pub correction: Correction,
+    /// Exchange of independent coordinates when one gains more than this; infinite: never.
+    pub exchange: f64,
+    /// The user's own independent velocities, kept through the run.
+    pub independent: Option<Vec<usize>>,
+    /// Preferences that multiply ρ.
+    pub weights: Option<Vec<f64>>,
+    /// Rule that chooses the independent coordinates.
+    pub selection: Selection,
+    /// Length of the persistence window (6.6) [s].
+    pub window: Option<f64>,
+    /// Baumgarte's α and β [1/s]: `Φ̈ + 2αΦ̇ + β²Φ = 0`. Never a default.
+    pub baumgarte: Option<(f64, f64)>,
+    /// A frozen tangent basis is renewed when its √μ falls below this; 0: never.
+    pub renew: f64,
+    /// The user's tangent velocities.
+    pub tangent: Option<Arc<dyn TangentMap>>,
+}
+
+impl Default for FormulationOptions {
+    fn default() -> Self {
+        Self {
+            correction: Correction::Partition,
+            exchange: 1.25,
+            independent: None,
+            weights: None,
+            selection: Selection::Collective,
+            window: None,
+            baumgarte: None,
+            renew: 0.5,
+            tangent: None,
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Explicit closing: the dependent coordinates as functions of the independent ones.           (37)
+
+use crate::system::SystemError;
+
+/// One step of an explicit closing, in the order of solution. The rows of a block contain, besides its own unknown
+/// velocities, only inputs and unknowns of earlier blocks: C_D is block-triangular.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Rows of C that determine the unknowns (as many as unknowns).
+    pub rows: Vec<usize>,
+    /// Velocities solved for.
+    pub unknown: Vec<usize>,
+    /// Solved in closed form, or by Newton's method with the block's own Jacobian?
+    pub explicit: bool,
+    /// In words: kind and joints, such as `RRR dyad (joints "B", "C", "D")`.
+    pub words: String,
+}
+
+/// State of one block at a position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockState {
+    /// Sign ε of the pivot: which of the two solutions; 0 where a block has only one (or is implicit).
+    pub branch: i8,
+    /// The pivot over its largest possible value: 0 at a dead point of the block.       (8.2)
+    pub pivot: f64,
+}
+
+/// `q_D = g(q_I, t; ε)`: closes the loops for given inputs by inverse kinematics, the branches kept.
+pub trait Closing {
+    /// Input velocities, ascending.
+    fn inputs(&self) -> &[usize];
+    /// Blocks in order of solution.
+    fn blocks(&self) -> &[Block];
+    /// Replace the dependent coordinates of q by those that close the loops on the kept branches.
+    ///
+    /// The dependent values found in q decide only how many whole turns an angle has made (the result is the nearest
+    /// one), and where implicit blocks start. Fails with [`SystemError::Limit`] where a block cannot close.
+    fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
+    /// Branch and pivot of each block at the last `close`.
+    fn state(&self) -> &[BlockState];
+    /// Choose other branches (one sign per block; 0 leaves a block as it is).
+    fn set_branches(&mut self, branches: &[i8]);
+}
