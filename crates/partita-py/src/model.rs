@@ -5,6 +5,7 @@ use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::hand;
 use crate::run::{self, read_options};
+use crate::tangent::TangentFunctions;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
@@ -303,7 +304,7 @@ impl Model {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -312,6 +313,7 @@ impl Model {
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
         progress: Option<Py<PyAny>>,
+        tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = read_options(py, options)?;
@@ -325,7 +327,7 @@ impl Model {
                 self.inner.velocity(x.t, &x.q, &x.v, &mut scratch, &mut b)?;
                 self.inner.energy(x.t, &x.q, &x.v, &scratch).map(Some)
             };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), None, progress, energy)
+            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
         })
     }
 

@@ -2,6 +2,7 @@
 
 use crate::arrays::{array, shaped};
 use crate::failure::{self, raise};
+use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::PyReadonlyArray1;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
@@ -62,6 +63,11 @@ fn refuse(py: Python<'_>, argument: &str, message: String) -> PyErr {
 /// Read options written by the front.
 pub fn read_options(py: Python<'_>, text: &str) -> PyResult<RunOptions> {
     serde_json::from_str(text).map_err(|e| refuse(py, "options", format!("options: {e}")))
+}
+
+/// The user's tangent velocities for a system of n velocities.
+pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn TangentMap>> {
+    functions.map(|functions| Arc::new(UserTangent { n, functions }) as Arc<dyn TangentMap>)
 }
 
 /// Everything collected during a run.
