@@ -8,7 +8,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::registry;
+use partita_system::formulation::{registry, turns};
 use partita_system::formulation::{Correction, Formulation, FormulationCounters, PartitionEvent, Sample};
 use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -285,7 +285,8 @@ fn dictionary<'py, S: ConstrainedSystem>(
         array(py, &[nt, width], samples.iter().flat_map(|s| f(s).iter().copied()).collect())
     };
     d.set_item("t", column(&|s| s.t))?;
-    d.set_item("q", rows(size.nq, &|s| &s.q))?;
+    let q = samples.iter().flat_map(|s| s.q.iter().zip(&s.turns).map(|(q, n)| turns::whole(*q, *n))).collect();
+    d.set_item("q", array(py, &[nt, size.nq], q))?;
     d.set_item("v", rows(size.nv, &|s| &s.v))?;
     d.set_item("vdot", rows(size.nv, &|s| &s.vdot))?;
     d.set_item("multipliers", rows(size.rows, &|s| &s.multipliers))?;

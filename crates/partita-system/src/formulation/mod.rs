@@ -5,6 +5,7 @@ pub mod options;
 pub mod projective;
 pub mod reduction;
 pub mod registry;
+pub mod turns;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;
@@ -56,8 +57,10 @@ pub enum Review {
 pub struct Sample {
     /// Time.
     pub t: f64,
-    /// Coordinates (nq), closed to round-off.
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
     pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
     /// Velocities (nv).
     pub v: Vec<f64>,
     /// Accelerations (nv).
@@ -121,6 +124,11 @@ pub trait Formulation {
     ///
     /// There the tangent is a quotient of small numbers, and what one stage leaves open the next one divides again.
     fn close_stages(&mut self, _on: bool) {}
+    /// Take whole turns off angles that have grown (see [`turns`]) at the end of a step and add them to `turns` (nq);
+    /// true if y changed. y' stays the same.
+    fn wrap(&mut self, _y: &mut [f64], _turns: &mut [i32]) -> bool {
+        false
+    }
     /// Carry out the change announced by `review`: rewrites y and y'; (q, v) stay the same.
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
     /// After `Review::Reject`: look for a better start at the beginning of the step.
@@ -167,6 +175,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn close_stages(&mut self, on: bool) {
         (**self).close_stages(on);
+    }
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        (**self).wrap(y, turns)
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         (**self).change(t, y, dy)
