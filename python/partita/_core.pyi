@@ -91,6 +91,11 @@ class Model:
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
 
+    def augmented_reactions(
+        self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array
+    ) -> tuple[Array, Array]:
+        """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
+
     def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:
         """(nj, 6): which of fx fy fz mx my mz follow from the motion alone."""
 

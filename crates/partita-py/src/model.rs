@@ -432,6 +432,40 @@ impl Model {
         })
     }
 
+    /// Forces and moments of all joints at nt samples, by augmented joint coordinates.
+    fn augmented_reactions<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        guarded(py, || {
+            let m = &self.inner;
+            let size = m.size();
+            let t = any_vector(&t);
+            let (nt, nj) = (q.shape()[0], m.spec.joints.len());
+            let (q, v) = (self.rows_of(&q, size.nq, "q")?, self.rows_of(&v, size.nv, "v")?);
+            let vdot = self.rows_of(&vdot, size.nv, "vdot")?;
+            let lambda = self.rows_of(&multipliers, size.rows, "multipliers")?;
+            let mut s = m.scratch();
+            let (mut force, mut moment) = (Vec::with_capacity(3 * nt * nj), Vec::with_capacity(3 * nt * nj));
+            for i in 0..nt {
+                let (qi, vi) = (&q[i * size.nq..(i + 1) * size.nq], &v[i * size.nv..(i + 1) * size.nv]);
+                let (ai, li) = (&vdot[i * size.nv..(i + 1) * size.nv], &lambda[i * size.rows..(i + 1) * size.rows]);
+                let wrenches =
+                    m.augmented_reactions(t[i], qi, vi, ai, li, &mut s).map_err(|e| failure::system(py, e))?;
+                for w in wrenches {
+                    force.extend(w.force.0);
+                    moment.extend(w.moment.0);
+                }
+            }
+            Ok((array(py, &[nt, nj, 3], force), array(py, &[nt, nj, 3], moment)))
+        })
+    }
+
     fn determined<'py>(
         &self,
         py: Python<'py>,
