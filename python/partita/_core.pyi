@@ -50,6 +50,9 @@ class Model:
         """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
         index v."""
 
+    def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
+        """(q, v) of this model where every body is and moves as in another one of the same description."""
+
     def mass_matrix(self, t: float, q: Array) -> Array:
         """M (nv, nv)."""
 
@@ -91,9 +94,7 @@ class Model:
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
 
-    def augmented_reactions(
-        self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array
-    ) -> tuple[Array, Array]:
+    def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
         """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
     def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:

@@ -63,10 +63,10 @@ class TangentVelocities:
                 fits = array.shape == (n,) if flat else array.ndim == 2 and array.shape[1] == n
                 if not fits or not np.isfinite(array).all():
                     wanted = f"({n},)" if flat else f"(k, {n})"
+                    finite = "all finite" if np.isfinite(array).all() else "not all finite"
                     raise EvaluationError(
-                        f"tangent velocities: {name} at t = {t:g} s returned shape {array.shape} "
-                        f"{'with' if not np.isfinite(array).all() else 'without'} entries that are not finite; it must be "
-                        f"a finite array of shape {wanted}",
+                        f"tangent velocities: {name} at t = {t:g} s returned an array of shape {array.shape}, {finite}; "
+                        f"it must be finite and of shape {wanted}",
                         t=t,
                         where=name,
                     )

@@ -226,6 +226,21 @@ impl Model {
         })
     }
 
+    /// (q, v) of this model where every body is and moves as in another one of the same description.
+    fn carried_over<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Model,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        guarded(py, || {
+            let (q, v) = other.state(&q, &v)?;
+            let (q, v) = self.inner.carried_over(&other.inner, &q, &v);
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
+        })
+    }
+
     fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let n = self.nv();

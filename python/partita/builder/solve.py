@@ -113,6 +113,39 @@ def assemble(
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
+def convert(self: Mechanism, state: State, coordinates: str) -> State:
+    """The same state in other coordinates: every body is and moves as before.
+
+    Args:
+        state: as `assemble` returns it, in relative or absolute coordinates.
+        coordinates: "relative" or "absolute", as in `compile`.
+
+    Raises `ArgumentError` if the state belongs to neither model of this mechanism.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.convert(m.assemble(rates={"A": 2.0}), "absolute").v.round(12).tolist()    # centre of mass, then the turn
+    [0.0, 1.0, 2.0]
+    """
+    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    if not isinstance(state, State):
+        raise ArgumentError(f"convert takes a State, not {type(state).__name__}", argument="state")
+    if state.names == model.names:
+        return state
+    for other in run_options.COORDINATES:
+        source = compile(self, other)
+        if other != coordinates and state.names == source.names:
+            q, v = model.core.carried_over(source.core, state.q, state.v)
+            return State(state.t, q, v, layout=layout)
+    raise ArgumentError(
+        f"the state has the coordinates {', '.join(state.names) or state.q.size}, which belong to no model of "
+        f"{self.name!r}; make it with assemble",
+        argument="state",
+    )
+
+
 def _indexed(
     what: str, wanted: Mapping[Any, Any], names: list[str], span: Any, layout: Layout
 ) -> list[tuple[int, float]]:
@@ -210,7 +243,8 @@ def simulate(
         duration: [s], from the time of the initial state.
         t_eval: increasing times of the outputs (nt,) inside the run; None: 201 evenly spaced ones. Outputs
             satisfy the constraints whatever their spacing and do not change the steps.
-        initial: state to start from, as `assemble` returns it; None: the drawing, assembled, at rest.
+        initial: state to start from, as `assemble` returns it, in whatever coordinates; None: the drawing,
+            assembled, at rest.
         rtol, atol: tolerances of the step control on each integrated quantity.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
         formulation: "projective" (equations without reactions in independent coordinates; the default and
@@ -260,6 +294,12 @@ def simulate(
 
     model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     start = initial if initial is not None else assemble(self, coordinates=coordinates)
+    if (
+        isinstance(start, State)
+        and start.names != model.names
+        and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
+    ):
+        start = convert(self, start, coordinates)
     _fitting("initial", start, model)
     chosen = run_options.options(
         start.t,

@@ -204,7 +204,7 @@ class Result:
         found = source.augmented
         if found is None:
             raise ArgumentError(
-                "augmented joint coordinates need the model, which a stored result does not bring along; simulate again",
+                "augmented joint coordinates need the model, which a stored result does not have; simulate again",
                 argument="route",
             )
         return found

@@ -59,9 +59,7 @@ class ModelSource:
     @cached_property
     def augmented(self) -> Arrays | None:
         run = self._run
-        force, moment = self._model.augmented_reactions(
-            run["t"], run["q"], run["v"], run["vdot"], run["multipliers"]
-        )
+        force, moment = self._model.augmented_reactions(run["t"], run["q"], run["v"], run["vdot"], run["multipliers"])
         return {"force": np.asarray(force), "moment": np.asarray(moment)}
 
     @cached_property
