@@ -1,8 +1,14 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
+pub mod acceleration;
+pub mod baumgarte;
+pub mod full_state;
+pub mod moment;
 pub mod multipliers;
 pub mod options;
 pub mod projective;
+pub mod proximal;
+pub mod range_space;
 pub mod reduction;
 pub mod registry;
 
@@ -91,6 +97,8 @@ pub struct FormulationCounters {
     pub exchanges: u64,
     /// Position corrections applied.
     pub corrections: u64,
+    /// Iterations inside evaluations: Newton's for dependent coordinates, proximal ones for multipliers.
+    pub iterations: u64,
 }
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
