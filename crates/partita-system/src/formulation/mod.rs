@@ -2,6 +2,8 @@
 
 pub mod acceleration;
 pub mod baumgarte;
+mod blocks;
+pub mod explicit_closing;
 pub mod full_state;
 pub mod moment;
 pub mod multipliers;
@@ -11,6 +13,8 @@ pub mod proximal;
 pub mod range_space;
 pub mod reduction;
 pub mod registry;
+mod state_coordinates;
+pub mod wehage_haug;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;
