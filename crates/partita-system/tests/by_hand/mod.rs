@@ -244,6 +244,14 @@ impl Angles {
         (vec![0.8, a, b], Self::rates([0.8, a, b], 1.5).to_vec())
     }
 
+    pub fn energy(s: &Sample) -> f64 {
+        let (a, g) = Self::coefficients();
+        let (q, v) = (&s.q, &s.v);
+        let kinetic: f64 =
+            (0..9).map(|e| (e / 3, e % 3)).map(|(i, j)| a[i][j] * (q[i] - q[j]).cos() * v[i] * v[j]).sum();
+        0.5 * kinetic + (0..3).map(|i| GRAVITY * g[i] * q[i].sin()).sum::<f64>()
+    }
+
     /// a_ij of the mass matrix M_ij = a_ij cos(φ_i − φ_j), and the gravity moments.
     fn coefficients() -> ([[f64; 3]; 3], [f64; 3]) {
         let (mut a, mut g) = ([[0.0; 3]; 3], [0.0; 3]);
