@@ -65,7 +65,7 @@ class TangentVelocities:
                     wanted = f"({n},)" if flat else f"(k, {n})"
                     finite = "all finite" if np.isfinite(array).all() else "not all finite"
                     raise EvaluationError(
-                        f"tangent velocities: {name} at t = {t:g} s returned an array of shape {array.shape}, {finite}; "
+                        f"tangent velocities: {name} at t = {t:g} s returned shape {array.shape}, {finite}; "
                         f"it must be finite and of shape {wanted}",
                         t=t,
                         where=name,

@@ -1,11 +1,21 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
+pub mod acceleration;
+pub mod baumgarte;
+mod blocks;
+pub mod explicit_closing;
+pub mod full_state;
+pub mod moment;
 pub mod multipliers;
 pub mod options;
 pub mod projective;
+pub mod proximal;
+pub mod range_space;
 pub mod reduction;
 pub mod registry;
+mod state_coordinates;
 pub mod turns;
+pub mod wehage_haug;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;
@@ -94,6 +104,8 @@ pub struct FormulationCounters {
     pub exchanges: u64,
     /// Position corrections applied.
     pub corrections: u64,
+    /// Iterations inside evaluations: Newton's for dependent coordinates, proximal ones for multipliers.
+    pub iterations: u64,
 }
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
