@@ -84,6 +84,8 @@ pub struct Model {
     pub(crate) reference: Vec<Vec3<f64>>,
     /// Velocity whose integral each coordinate is, if there is one.
     velocity_of: Vec<Option<usize>>,
+    /// Coordinates that each velocity changes.
+    coordinates_of: Vec<std::ops::Range<usize>>,
     /// Large move of each velocity.
     reach: Vec<f64>,
     /// What a large move can open each row by.
@@ -187,8 +189,13 @@ impl Model {
             .collect();
         let reference = compile::reference_points(&placed);
         let mut velocity_of = vec![None; placed.nq];
+        let mut coordinates_of = vec![0..0; placed.nv];
         let mut reach = vec![1.0; placed.nv];
         for l in full.links.iter().skip(1) {
+            match l.motion {
+                LinkMotion::Ball => coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
+                _ => coordinates_of[l.v] = l.q..l.q + 1,
+            }
             match l.motion {
                 LinkMotion::Ball => {}
                 LinkMotion::Turn(_) => velocity_of[l.q] = Some(l.v),
@@ -207,6 +214,7 @@ impl Model {
             reference,
             spring_nodes,
             velocity_of,
+            coordinates_of,
             reach,
             row_reach,
             coordinates,
@@ -546,6 +554,10 @@ impl ConstrainedSystem for Model {
             }
         }
         moved
+    }
+
+    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
+        self.coordinates_of[i].clone()
     }
 
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {

@@ -1,10 +1,16 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
+pub mod gram_schmidt;
 pub mod multipliers;
 pub mod options;
 pub mod projective;
+pub mod qr;
 pub mod reduction;
 pub mod registry;
+pub mod selector;
+pub mod svd;
+pub mod tangent;
+pub mod zero_eigenvalue;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;

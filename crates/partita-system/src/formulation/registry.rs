@@ -1,13 +1,18 @@
 //! All formulations by name.
 
+use super::gram_schmidt::GramSchmidt;
 use super::multipliers::Multipliers;
 use super::options::FormulationOptions;
 use super::projective::{Projective, ProjectiveOptions};
+use super::qr::OrthogonalTriangular;
+use super::svd::SingularValues;
+use super::tangent::TangentVelocities;
+use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Names, the default first.
-pub const NAMES: &[&str] = &["projective", "multipliers"];
+pub const NAMES: &[&str] = &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt"];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
@@ -17,6 +22,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
     let o = options;
+    let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o.correction, o.renew));
     Ok(match name {
         "projective" => Box::new(Projective::new(
             system,
@@ -29,6 +35,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
             },
         )),
         "multipliers" => Box::new(Multipliers::new(system, rank, o.correction)),
+        "zero-eigenvalue" => frozen(Box::new(ZeroEigenvalue)),
+        "svd" => frozen(Box::new(SingularValues)),
+        "qr" => frozen(Box::new(OrthogonalTriangular)),
+        "gram-schmidt" => frozen(Box::new(GramSchmidt)),
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::Request(message));
