@@ -10,6 +10,7 @@ pub mod registry;
 pub mod selector;
 pub mod svd;
 pub mod tangent;
+pub mod tangent_space;
 pub mod zero_eigenvalue;
 
 use crate::partition::criterion::Quality;

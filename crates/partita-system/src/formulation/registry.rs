@@ -7,12 +7,14 @@ use super::projective::{Projective, ProjectiveOptions};
 use super::qr::OrthogonalTriangular;
 use super::svd::SingularValues;
 use super::tangent::TangentVelocities;
+use super::tangent_space::TangentSpace;
 use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Names, the default first.
-pub const NAMES: &[&str] = &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt"];
+pub const NAMES: &[&str] =
+    &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
@@ -22,6 +24,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
     let o = options;
+    if !(0.0..=1.0).contains(&o.renew) {
+        let message = format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", o.renew);
+        return Err(SystemError::Request(message));
+    }
     let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o.correction, o.renew));
     Ok(match name {
         "projective" => Box::new(Projective::new(
@@ -39,6 +45,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         "svd" => frozen(Box::new(SingularValues)),
         "qr" => frozen(Box::new(OrthogonalTriangular)),
         "gram-schmidt" => frozen(Box::new(GramSchmidt)),
+        "tangent-space" => Box::new(TangentSpace::new(system, rank, o.renew)?),
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::Request(message));

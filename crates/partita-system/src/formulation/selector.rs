@@ -262,7 +262,7 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
 
     /// `x ← [S; C]⁻¹ x` for k + r numbers in the order of S and the kept rows; on return a velocity.
     ///
-    /// The first k numbers count in the orthonormal covectors, see [`in_orthonormal`](Self::in_orthonormal).
+    /// The first k numbers are values of the orthonormal covectors, see [`in_orthonormal`](Self::in_orthonormal).
     pub fn solve(&self, x: &mut [f64]) {
         x.iter_mut().zip(&self.rows).for_each(|(x, s)| *x *= s);
         dense::lu_solve(&self.lu, x.len(), &self.pivots, x);
