@@ -91,6 +91,9 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::SingularStart { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
+        SystemError::Basis { t, .. } => {
+            raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
+        }
         SystemError::Request(_) => raise(py, "ArgumentError", &message, &[("argument", "".into())]),
     }
 }

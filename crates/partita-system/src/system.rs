@@ -111,6 +111,19 @@ pub enum SystemError {
         /// By how much the lengths miss each other [m].
         shortfall: f64,
     },
+    /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
+    #[error(
+        "the tangent basis \"{name}\" fails at t = {t}: {reason}; the mechanism itself is regular here, let the basis be \
+         renewed earlier (a larger renew, at most 1)"
+    )]
+    Basis {
+        /// The rule the basis comes from.
+        name: String,
+        /// Time.
+        t: f64,
+        /// What was seen, with numbers.
+        reason: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
@@ -119,7 +132,14 @@ pub enum SystemError {
 impl SystemError {
     /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
     pub fn is_local(&self) -> bool {
-        matches!(self, Self::Singular { .. } | Self::NotFinite { .. } | Self::Mass { .. } | Self::Limit { .. })
+        matches!(
+            self,
+            Self::Singular { .. }
+                | Self::NotFinite { .. }
+                | Self::Mass { .. }
+                | Self::Limit { .. }
+                | Self::Basis { .. }
+        )
     }
 }
 

@@ -37,7 +37,8 @@ pub struct FormulationOptions {
     pub window: Option<f64>,
     /// Baumgarte's α and β [1/s]: `Φ̈ + 2αΦ̇ + β²Φ = 0`. Never a default.
     pub baumgarte: Option<(f64, f64)>,
-    /// A frozen tangent basis is renewed when its √μ falls below this; 0: never.
+    /// A frozen tangent basis is renewed when its √μ falls below this part of what it was when frozen (which is 1 for
+    /// mass-orthonormal bases); 0: never.
     pub renew: f64,
     /// The user's tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,

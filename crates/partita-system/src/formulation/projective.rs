@@ -215,7 +215,11 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 
 impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     fn name(&self) -> &'static str {
-        "projective"
+        if self.options.exchange.is_finite() {
+            "projective"
+        } else {
+            "fixed"
+        }
     }
 
     fn dim(&self) -> usize {

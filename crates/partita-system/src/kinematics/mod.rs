@@ -2,5 +2,6 @@
 
 pub mod assembly;
 pub mod closing;
+pub mod correction;
 pub mod projection;
 pub mod velocity;

@@ -1,0 +1,634 @@
+//! The general selector (36): any constant S (k x n) with [S; C] regular makes tangent velocities `u = S v`.
+//!
+//! ```text
+//! [D_Sᵀ G] = [S; C]⁻¹,   v = D_Sᵀ u − G a,   v' = D_Sᵀ u' − G b,   (D_S M D_Sᵀ) u' = D_S (h + M G b)          (36)
+//! ```
+//!
+//! Rows of the identity in S are a partition; a [`Basis`] provides others. With S frozen its quality decays along the motion
+//! as that of a partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
+//! measured by M⁻¹, and the tangent space. Dense: one LU of [S; C] per evaluation, n³/3 + n²(k + 1).
+
+use super::reduction::{Reduction, SINGULAR_PIVOT};
+use super::{Correction, PartitionEvent, Review, Sample};
+use crate::kinematics::correction;
+use crate::kinematics::projection::dense_rows;
+use crate::partition::criterion::{self, Quality};
+use crate::partition::Partition;
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError, Tangent};
+use partita_math::dense::{self, Matrix};
+use partita_math::factor::{self, FactorError};
+
+/// A basis whose quality fell to this part of its threshold within one step spoils the step, which is repeated.
+const HARD_PART: f64 = 0.125;
+
+/// A rule that provides S.
+pub trait Basis: Send {
+    /// Name of the formulation it makes.
+    fn name(&self) -> &'static str;
+    /// S (k x n) from M (n x n) and the kept rows of C (r x n), each brought to length 1, at one position.
+    ///
+    /// r + k = n; fewer than k rows come out where C loses rank.
+    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError>;
+}
+
+/// The reduced equations (36) of a system at one point, for a frozen S.
+///
+/// Computed with `w = L⁻¹ u` in the place of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made orthonormal, so
+/// that neither pivots nor M_d depend on the units a rule works in. D_wᵀ, γ = −G a, δ = −G b, v, M_d and w' are left in the
+/// public fields of `r` (`dt`, `gamma`, `delta`, `v`, `md`, `vdot_independent`); the partition there serves for its rows alone.
+pub struct Selector<'s, S: ConstrainedSystem> {
+    /// Levels of the system, and room for the results.
+    pub r: Reduction<'s, S>,
+    basis: Box<dyn Basis>,
+    /// S.
+    selector: Matrix,
+    /// `L⁻¹ S`.
+    orthonormal: Vec<f64>,
+    /// L with `S M⁻¹ Sᵀ = L Lᵀ` at the freezing time.
+    lower: Vec<f64>,
+    /// Natural scales of the velocities at the freezing time.
+    columns: Vec<f64>,
+    rows: Vec<f64>,
+    lu: Vec<f64>,
+    pivots: Vec<usize>,
+    rhs: Vec<f64>,
+    hd: Vec<f64>,
+    w: Vec<f64>,
+    vdot: Vec<f64>,
+    residual: Vec<f64>,
+    mass: Vec<f64>,
+    h: Vec<f64>,
+    fresh: Quality,
+    lowest: f64,
+    rejects_in_a_row: u32,
+    frozen: u64,
+    kept: u64,
+    events: Vec<PartitionEvent>,
+}
+
+impl<'s, S: ConstrainedSystem> Selector<'s, S> {
+    /// Room for a system of the given rank; nothing frozen yet.
+    pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>) -> Self {
+        let r = Reduction::new(system, rank);
+        let (n, k) = (r.size().nv, r.k());
+        Self {
+            r,
+            basis,
+            selector: Matrix::new(k, n),
+            orthonormal: vec![0.0; k * n],
+            lower: vec![0.0; k * k],
+            columns: vec![1.0; n],
+            rows: vec![1.0; n],
+            lu: vec![0.0; n * n],
+            pivots: vec![0; n],
+            rhs: vec![0.0; n],
+            hd: vec![0.0; k],
+            w: vec![0.0; k],
+            vdot: vec![0.0; n],
+            residual: vec![0.0; n],
+            mass: vec![0.0; n * n],
+            h: vec![0.0; n],
+            fresh: Quality { sigma: 1.0, sqrt_mu: 1.0 },
+            lowest: 1.0,
+            rejects_in_a_row: 0,
+            frozen: 0,
+            kept: 0,
+            events: Vec::new(),
+        }
+    }
+
+    /// Name of the rule.
+    pub fn name(&self) -> &'static str {
+        self.basis.name()
+    }
+    /// S (k x n), as it was frozen.
+    pub fn selector(&self) -> &Matrix {
+        &self.selector
+    }
+    /// The covectors of S made orthonormal in the metric of the freezing time (k x n).
+    pub fn orthonormal(&self) -> &[f64] {
+        &self.orthonormal
+    }
+    /// σ and √μ_S when S was frozen.
+    pub fn fresh(&self) -> Quality {
+        self.fresh
+    }
+    /// Choices so far.
+    pub fn events(&self) -> &[PartitionEvent] {
+        &self.events
+    }
+    /// How often S was frozen.
+    pub fn frozen(&self) -> u64 {
+        self.frozen
+    }
+
+    /// Keep the rows of a good partition at `(t, q)` and freeze the first S there.
+    pub fn start(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        start::choose_partition(&mut self.r, t, q, None, None)?;
+        self.freeze(t, q)?;
+        let reason = format!(
+            "tangent basis \"{}\" frozen: its velocities are integrated; named is the best choice of coordinates at this time",
+            self.name()
+        );
+        self.log(t, q, reason)
+    }
+
+    /// Take S from the rule at `(t, q)`; on failure the old one stays. Leaves v at zero.
+    pub fn freeze(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        self.levels_at_rest(t, q)?;
+        self.r.refresh_scales(t, q)?;
+        let mut c = dense_rows(self.r.system, &self.r.c, &self.r.partition.rows);
+        for i in 0..c.rows() {
+            let length = dense::dot(c.row(i), c.row(i)).sqrt();
+            if length > 0.0 {
+                c.row_mut(i).iter_mut().for_each(|x| *x /= length);
+            }
+        }
+        let mass = Matrix::from_vec(n, n, self.mass.clone());
+        let new = self.basis.basis(&mass, &c).map_err(|e| match e {
+            FactorError::NotFinite => {
+                SystemError::NotFinite { what: "the mass matrix or the constraint Jacobian".into(), t }
+            }
+            other => self.failed(t, format!("it could not be computed ({other})")),
+        })?;
+        if (new.rows(), new.cols()) != (k, n) {
+            return Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT });
+        }
+        let old = std::mem::replace(&mut self.selector, new);
+        let block = self.inverse_mass_block()?;
+        let mut lower = block.clone();
+        if dense::cholesky(&mut lower, k).is_err() {
+            self.selector = old;
+            return Err(self.failed(t, "its covectors depend on each other".into()));
+        }
+        self.lower = lower;
+        self.columns.copy_from_slice(self.r.scales());
+        for i in 0..n {
+            let column = &mut self.rhs[..k];
+            (0..k).for_each(|j| column[j] = self.selector[(j, i)]);
+            dense::cholesky_forward(&self.lower, k, column);
+            (0..k).for_each(|j| self.orthonormal[j * n + i] = column[j]);
+        }
+        self.factor(t)?;
+        self.tangent();
+        self.fresh = self.quality_with(&block);
+        self.lowest = self.lowest.min(self.fresh.sqrt_mu);
+        self.frozen += 1;
+        Ok(())
+    }
+
+    /// Position, bias and dense M at v = 0.
+    fn levels_at_rest(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.r.position(t, q)?;
+        self.r.v.fill(0.0);
+        self.r.system.velocity(t, q, &self.r.v, &mut self.r.scratch, &mut self.r.b)?;
+        self.r.system.dynamics(t, q, &self.r.v, &mut self.r.scratch, &mut self.mass, &mut self.h)
+    }
+
+    fn failed(&self, t: f64, reason: String) -> SystemError {
+        SystemError::Basis { name: self.name().into(), t, reason }
+    }
+
+    /// `u = S v`.
+    pub fn select(&self, v: &[f64], u: &mut [f64]) {
+        for (j, u) in u.iter_mut().enumerate() {
+            *u = dense::dot(self.selector.row(j), v);
+        }
+    }
+
+    /// Factor [S; C] at the last position.
+    pub fn factor(&mut self, t: f64) -> Result<(), SystemError> {
+        let size = self.orthonormal.len();
+        self.lu[..size].copy_from_slice(&self.orthonormal);
+        self.factor_below(t)
+    }
+
+    /// Factor with other covectors (k x n) in the place of the orthonormal ones of S.
+    pub fn factor_with(&mut self, t: f64, covectors: &[f64]) -> Result<(), SystemError> {
+        self.lu[..covectors.len()].copy_from_slice(covectors);
+        self.factor_below(t)
+    }
+
+    /// Add the rows of C below those in place, bring all to natural scales and length 1, and factor.
+    fn factor_below(&mut self, t: f64) -> Result<(), SystemError> {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        self.r.factorisations += 1;
+        self.lu[k * n..].fill(0.0);
+        let pattern = self.r.system.pattern();
+        for (i, &row) in self.r.partition.rows.iter().enumerate() {
+            for e in pattern.row(row) {
+                self.lu[(k + i) * n + pattern.col_idx[e]] = self.r.c[e];
+            }
+        }
+        for (scale, row) in self.rows.iter_mut().zip(self.lu.chunks_exact_mut(n)) {
+            row.iter_mut().zip(&self.columns).for_each(|(x, s)| *x *= s);
+            *scale = 1.0 / dense::dot(row, row).sqrt();
+            row.iter_mut().for_each(|x| *x *= *scale);
+        }
+        let ratio = match dense::lu(&mut self.lu, n, &mut self.pivots) {
+            Ok(()) => dense::lu_pivot_ratio(&self.lu, n),
+            Err(e) if e.pivot == 0.0 => 0.0,
+            // a row of zeros has no length either: it is singular, not infinite
+            Err(_) if self.r.c.iter().all(|x| x.is_finite()) => 0.0,
+            Err(_) => return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t }),
+        };
+        if ratio >= SINGULAR_PIVOT {
+            return Ok(());
+        }
+        Err(self.blame(t, ratio))
+    }
+
+    /// Is it the mechanism that is singular, or the basis that no longer fits?
+    fn blame(&self, t: f64, pivot: f64) -> SystemError {
+        let mut c = dense_rows(self.r.system, &self.r.c, &self.r.partition.rows);
+        for i in 0..c.rows() {
+            let row = c.row_mut(i);
+            row.iter_mut().zip(&self.columns).for_each(|(x, s)| *x *= s);
+            let length = dense::dot(row, row).sqrt();
+            row.iter_mut().for_each(|x| *x /= length);
+        }
+        let smallest = factor::svd(&c).map_or(0.0, |f| f.s.last().copied().unwrap_or(1.0));
+        if smallest < SINGULAR_PIVOT {
+            return SystemError::Singular { t, pivot: smallest, limit: SINGULAR_PIVOT };
+        }
+        let reason = format!(
+            "with the constraints it leaves a scaled pivot of {pivot:.2e} (limit {SINGULAR_PIVOT:.0e}): the motion has turned \
+             away from the directions it was frozen in"
+        );
+        self.failed(t, reason)
+    }
+
+    /// `x ← [S; C]⁻¹ x` for k + r numbers in the order of S and the kept rows; on return a velocity.
+    ///
+    /// The first k numbers are values of the orthonormal covectors, see [`in_orthonormal`](Self::in_orthonormal).
+    pub fn solve(&self, x: &mut [f64]) {
+        x.iter_mut().zip(&self.rows).for_each(|(x, s)| *x *= s);
+        dense::lu_solve(&self.lu, x.len(), &self.pivots, x);
+        x.iter_mut().zip(&self.columns).for_each(|(x, s)| *x *= s);
+    }
+
+    /// Values of S v as values of the orthonormal covectors: `x ← L⁻¹ x` (k).
+    pub fn in_orthonormal(&self, x: &mut [f64]) {
+        dense::cholesky_forward(&self.lower, x.len(), x);
+    }
+
+    /// D_wᵀ and γ = −G a with the last factors.
+    pub fn tangent(&mut self) {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        let mut x = std::mem::take(&mut self.rhs);
+        for j in 0..k {
+            x.fill(0.0);
+            x[j] = 1.0;
+            self.solve(&mut x);
+            (0..n).for_each(|i| self.r.dt[i * k + j] = x[i]);
+        }
+        self.r.gamma.fill(0.0);
+        if self.r.system.rheonomic() {
+            x[..k].fill(0.0);
+            for (x, &row) in x[k..].iter_mut().zip(&self.r.partition.rows) {
+                *x = -self.r.a[row];
+            }
+            self.solve(&mut x);
+            self.r.gamma.copy_from_slice(&x);
+        }
+        self.rhs = x;
+    }
+
+    /// b at (t, q, r.v), and δ = −G b.
+    pub fn velocity(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        let k = self.r.k();
+        self.r.system.velocity(t, q, &self.r.v, &mut self.r.scratch, &mut self.r.b)?;
+        let mut x = std::mem::take(&mut self.rhs);
+        x[..k].fill(0.0);
+        for (x, &row) in x[k..].iter_mut().zip(&self.r.partition.rows) {
+            *x = -self.r.b[row];
+        }
+        self.solve(&mut x);
+        self.r.delta.copy_from_slice(&x);
+        self.rhs = x;
+        Ok(())
+    }
+
+    /// `M_d w' = D_w (h − M δ)` with the state of the lower levels.                        (36)
+    pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        reduced_acceleration(&mut self.r, t, q, &mut self.hd)
+    }
+
+    /// All levels at `(t, q, u)`.
+    pub fn evaluate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+        self.r.position(t, q)?;
+        self.factor(t)?;
+        self.tangent();
+        self.spread(u);
+        self.velocity(t, q)?;
+        self.acceleration(t, q)
+    }
+
+    /// `v = D_Sᵀ u + γ`, left in `r.v`.
+    pub fn spread(&mut self, u: &[f64]) {
+        self.w.copy_from_slice(u);
+        dense::cholesky_forward(&self.lower, u.len(), &mut self.w);
+        self.r.spread(&self.w);
+    }
+
+    /// u' of the last evaluation.
+    pub fn tangent_acceleration(&self, out: &mut [f64]) {
+        let k = out.len();
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = dense::dot(&self.lower[j * k..=j * k + j], &self.r.vdot_independent);
+            // L w'
+        }
+    }
+
+    /// D_Sᵀ (n x k) of the last evaluation.
+    pub fn tangent_matrix(&self) -> Matrix {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        let mut d = Matrix::from_vec(n, k, self.r.dt.clone());
+        for i in 0..n {
+            dense::cholesky_backward(&self.lower, k, d.row_mut(i));
+        }
+        d
+    }
+
+    /// dE/dt at the last evaluation that is not the work of conservative forces.
+    pub fn power(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+        power(&mut self.r, t, q, &mut self.vdot, &mut self.residual)
+    }
+
+    /// Multipliers of all rows at the last evaluation; zero on dropped rows.
+    ///
+    /// `[S; C]ᵀ [σ; λ] = M v' − h`, where σ = 0 because `D_S (M v' − h) = 0`: λ = Gᵀ (M v' − h).
+    pub fn multipliers(&mut self, t: f64, q: &[f64], vdot: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        let k = self.r.k();
+        self.r.system.inverse_dynamics(t, q, &self.r.v, vdot, &mut self.r.scratch, &mut self.residual)?;
+        let x = &mut self.residual;
+        x.iter_mut().zip(&self.columns).for_each(|(x, s)| *x *= s);
+        dense::lu_solve_transposed(&self.lu, x.len(), &self.pivots, x);
+        out.fill(0.0);
+        for ((x, s), &row) in x[k..].iter().zip(&self.rows[k..]).zip(&self.r.partition.rows) {
+            out[row] = x * s;
+        }
+        Ok(())
+    }
+
+    /// σ and √μ_S at `(t, q)` with the last tangent, which must be of there. Cost: n³/6 + n²k.
+    pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+        self.r.system.dynamics(t, q, &self.r.v, &mut self.r.scratch, &mut self.mass, &mut self.h)?;
+        let block = self.inverse_mass_block()?;
+        Ok(self.quality_with(&block))
+    }
+
+    /// `S M⁻¹ Sᵀ` (k x k).
+    fn inverse_mass_block(&self) -> Result<Vec<f64>, SystemError> {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        let mut l = self.mass.clone();
+        dense::cholesky(&mut l, n)
+            .map_err(|e| SystemError::Mass { name: self.r.system.velocity_name(e.index), pivot: e.pivot })?;
+        let mut w = self.selector.clone();
+        for j in 0..k {
+            dense::cholesky_forward(&l, n, w.row_mut(j));
+        }
+        Ok((0..k * k).map(|e| dense::dot(w.row(e / k), w.row(e % k))).collect())
+    }
+
+    fn quality_with(&self, block: &[f64]) -> Quality {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        // D M Dᵀ from the dense M at hand: M_d of the last evaluation may be of another point
+        let d = self.tangent_matrix();
+        let md = d.transpose().matmul(&Matrix::from_vec(n, n, self.mass.clone())).matmul(&d);
+        let lengths: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
+        criterion::quality(md.data(), &lengths, block)
+    }
+
+    /// Judge the frozen S at the end of a step; the last evaluation was there.
+    ///
+    /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
+    pub fn judge(&mut self, t: f64, q: &[f64], renew: f64) -> Review {
+        if self.r.k() == 0 || self.r.rank() == 0 {
+            return Review::Keep;
+        }
+        // a failure here would be met by the next evaluation too, which reports it
+        let Ok(now) = self.quality(t, q) else { return Review::Keep };
+        self.lowest = self.lowest.min(now.sqrt_mu);
+        let part = now.sqrt_mu / self.fresh.sqrt_mu;
+        if renew <= 0.0 || part >= renew {
+            self.rejects_in_a_row = 0;
+            return Review::Keep;
+        }
+        if part < HARD_PART * renew && self.rejects_in_a_row < 3 {
+            self.rejects_in_a_row += 1;
+            return Review::Reject;
+        }
+        self.rejects_in_a_row = 0;
+        Review::Change
+    }
+
+    /// Freeze anew at `(t, q)` and log it; a basis that cannot be had there leaves the old one in place. True if renewed.
+    pub fn renew(&mut self, t: f64, q: &[f64], why: &str) -> Result<bool, SystemError> {
+        self.r.position(t, q)?;
+        self.factor(t)?;
+        self.tangent();
+        let before = match self.quality(t, q) {
+            Ok(now) => now.sqrt_mu,
+            Err(_) => 0.0,
+        };
+        match self.freeze(t, q) {
+            Ok(()) => {}
+            Err(e) if e.is_local() => {
+                self.kept += 1;
+                return Ok(false);
+            }
+            Err(e) => return Err(e),
+        }
+        let reason = format!(
+            "tangent basis \"{}\" renewed ({why}): its quality sqrt(mu) rises from {before:.4} to {:.4}",
+            self.name(),
+            self.fresh.sqrt_mu
+        );
+        self.log(t, q, reason)?;
+        Ok(true)
+    }
+
+    fn log(&mut self, t: f64, q: &[f64], reason: String) -> Result<(), SystemError> {
+        let best = best_partition(self.r.system, self.r.rank(), t, q)?;
+        self.events.push(PartitionEvent {
+            t,
+            independent: best.independent,
+            dependent: best.dependent,
+            entering: Vec::new(),
+            leaving: Vec::new(),
+            reason,
+            quality: self.fresh,
+        });
+        Ok(())
+    }
+
+    /// One step `q ← q − G Φ`: the tangent part S·Δ stays untouched. The analogue of (34); needs all rows holonomic.
+    pub fn along_the_constraints(&mut self, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
+        let k = self.r.k();
+        self.r.position(t, q)?;
+        self.factor(t)?;
+        let mut x = std::mem::take(&mut self.rhs);
+        x[..k].fill(0.0);
+        for (x, &row) in x[k..].iter_mut().zip(&self.r.partition.rows) {
+            *x = -self.r.phi[row];
+        }
+        self.solve(&mut x);
+        self.r.system.step(q, &x);
+        self.rhs = x;
+        Ok(true)
+    }
+
+    /// One correction of q by the chosen rule; with nonholonomic rows always by the least move (33).
+    pub fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
+        let size = self.r.size();
+        match rule {
+            Correction::None => Ok(false),
+            Correction::Partition if size.rows == size.holonomic => self.along_the_constraints(t, q),
+            _ => correction::orthogonal(&mut self.r, t, q),
+        }
+    }
+
+    /// Close the loops at q to round-off by the chosen rule.
+    pub fn close(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<(), SystemError> {
+        if rule == Correction::None || self.r.size().holonomic == 0 || self.r.rank() == 0 {
+            return Ok(());
+        }
+        let open = |x: &mut Self, q: &[f64]| {
+            x.r.position(t, q)?;
+            Ok((!x.r.is_closed()).then(|| x.r.closure()))
+        };
+        correction::close_with(self, q, open, |x, q| x.correct_once(t, q, rule))?;
+        Ok(())
+    }
+
+    /// Everything known at the point last evaluated, with the quality of S.
+    pub fn fill(&mut self, t: f64, q: Vec<f64>, work: f64, out: &mut Sample) -> Result<(), SystemError> {
+        out.vdot.resize(self.r.size().nv, 0.0);
+        self.r.full_acceleration(&mut out.vdot);
+        out.multipliers.resize(self.r.size().rows, 0.0);
+        self.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
+        let quality = self.quality(t, &q)?;
+        (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
+        state_sample(&mut self.r, t, q, work, out)
+    }
+
+    /// What the run should tell about the basis.
+    pub fn notes(&self, renew: f64) -> Vec<String> {
+        if self.r.k() == 0 || self.r.rank() == 0 {
+            return Vec::new();
+        }
+        let renewed = self.frozen.saturating_sub(1);
+        let mut notes = vec![match renew > 0.0 {
+            true => format!(
+                "tangent basis \"{}\": frozen at the start and renewed {renewed} times; its quality sqrt(mu) was {:.3} at the \
+                 lowest",
+                self.name(),
+                self.lowest
+            ),
+            false => format!(
+                "tangent basis \"{}\": frozen at the start and never renewed (renew = 0); its quality sqrt(mu) was {:.3} at \
+                 the lowest",
+                self.name(),
+                self.lowest
+            ),
+        }];
+        if self.kept > 0 {
+            notes.push(format!(
+                "{} times no new tangent basis could be had (next to a singular position) and the old one was kept",
+                self.kept
+            ));
+        }
+        notes
+    }
+
+    /// Rows kept, ascending.
+    pub fn kept_rows(&self) -> Vec<usize> {
+        let mut rows = self.r.partition.rows.clone();
+        rows.sort_unstable();
+        rows
+    }
+}
+
+/// `M_d u' = D (h − M δ)` for any tangent left in r (`dt`, `delta`, `v`); u' in `r.vdot_independent`.
+pub fn reduced_acceleration<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    hd: &mut [f64],
+) -> Result<(), SystemError> {
+    let k = r.k();
+    let tangent = Tangent { k, dt: &r.dt, delta: &r.delta };
+    r.system.project(t, q, &r.v, &tangent, &mut r.scratch, &mut r.md, hd)?;
+    r.md_factor.copy_from_slice(&r.md);
+    r.vdot_independent.copy_from_slice(hd);
+    if let Err(e) = dense::cholesky(&mut r.md_factor, k) {
+        if !r.md.iter().all(|x| x.is_finite()) {
+            return Err(SystemError::NotFinite { what: "the reduced mass matrix".into(), t });
+        }
+        // the velocity with the largest share in the tangent velocity that has no inertia
+        let share = |i: &usize| r.dt[i * k + e.index].abs();
+        let most = (0..r.size().nv).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(0);
+        return Err(SystemError::Mass { name: r.system.velocity_name(most), pivot: e.pivot });
+    }
+    dense::cholesky_solve(&r.md_factor, k, &mut r.vdot_independent);
+    Ok(())
+}
+
+/// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
+///
+/// For any tangent: −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
+pub fn power<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    vdot: &mut [f64],
+    residual: &mut [f64],
+) -> Result<f64, SystemError> {
+    let mut p = r.system.power(t, q, &r.v, &mut r.scratch)?;
+    if r.system.rheonomic() {
+        r.full_acceleration(vdot);
+        r.system.inverse_dynamics(t, q, &r.v, vdot, &mut r.scratch, residual)?;
+        p += dense::dot(residual, &r.gamma);
+    }
+    Ok(p)
+}
+
+/// The best choice of coordinates at `(t, q)` (P5, P6).
+pub fn best_partition<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    t: f64,
+    q: &[f64],
+) -> Result<Partition, SystemError> {
+    let mut probe = Reduction::new(system, rank);
+    start::choose_partition(&mut probe, t, q, None, None)?;
+    Ok(probe.partition)
+}
+
+/// The part of a sample that is the same for every tangent left in r by an evaluation at `(t, q)`: all but multipliers
+/// and quality. The independent velocities named are the best ones of the moment.
+pub fn state_sample<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: Vec<f64>,
+    work: f64,
+    out: &mut Sample,
+) -> Result<(), SystemError> {
+    let size = r.size();
+    out.t = t;
+    out.work = work;
+    out.closure = r.closure();
+    out.velocity_closure = r.velocity_closure();
+    out.v.clear();
+    out.v.extend_from_slice(&r.v);
+    out.vdot.resize(size.nv, 0.0);
+    r.full_acceleration(&mut out.vdot);
+    out.measure.resize(size.nv, 0.0);
+    r.measure(t, &q, &mut out.measure)?;
+    out.independent = best_partition(r.system, r.rank(), t, &q)?.independent;
+    out.q = q;
+    Ok(())
+}
