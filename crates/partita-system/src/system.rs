@@ -111,6 +111,21 @@ pub enum SystemError {
         /// By how much the lengths miss each other [m].
         shortfall: f64,
     },
+    /// A rule chose coordinates that cannot be independent.
+    #[error(
+        "selection \"{rule}\" takes {coordinates} as independent at t = {t}, from which the others do not follow: {reason}; \
+         take selection \"collective\", which heeds what was chosen before"
+    )]
+    Choice {
+        /// Name of the rule.
+        rule: &'static str,
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// Why not.
+        reason: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
@@ -119,7 +134,14 @@ pub enum SystemError {
 impl SystemError {
     /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
     pub fn is_local(&self) -> bool {
-        matches!(self, Self::Singular { .. } | Self::NotFinite { .. } | Self::Mass { .. } | Self::Limit { .. })
+        matches!(
+            self,
+            Self::Singular { .. }
+                | Self::NotFinite { .. }
+                | Self::Mass { .. }
+                | Self::Limit { .. }
+                | Self::Choice { .. }
+        )
     }
 }
 

@@ -5,6 +5,7 @@ pub mod options;
 pub mod projective;
 pub mod reduction;
 pub mod registry;
+pub mod selector;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;

@@ -7,8 +7,10 @@
 //! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
 
 use super::reduction::Reduction;
+use super::selector::{Change, Selector};
 use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::projection::{dense_rows, MassProjection};
+use crate::partition::Selection;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -28,11 +30,22 @@ pub struct ProjectiveOptions {
     pub fixed: Option<Vec<usize>>,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,
+    /// Rule that chooses the independent velocities.
+    pub selection: Selection,
+    /// Length of the persistence window [s].
+    pub window: Option<f64>,
 }
 
 impl Default for ProjectiveOptions {
     fn default() -> Self {
-        Self { exchange: 1.25, correction: Correction::Partition, fixed: None, weights: None }
+        Self {
+            exchange: 1.25,
+            correction: Correction::Partition,
+            fixed: None,
+            weights: None,
+            selection: Selection::Collective,
+            window: None,
+        }
     }
 }
 
@@ -43,7 +56,9 @@ pub struct Projective<'s, S: ConstrainedSystem> {
     observes_work: bool,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
-    pending: Option<crate::partition::exchange::Exchange>,
+    pending: bool,
+    /// The rule at work, where it is not the collective one.
+    selector: Option<Selector>,
     rejects_in_a_row: u32,
     steps_since_scales: u32,
     close_stages: bool,
@@ -64,7 +79,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
             options,
             events: Vec::new(),
             counters: FormulationCounters::default(),
-            pending: None,
+            pending: false,
+            selector: None,
             rejects_in_a_row: 0,
             steps_since_scales: 0,
             close_stages: false,
@@ -145,6 +161,28 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         self.r.tangent(t)?;
         let reason = format!("{} takes the place of {}: {reason}", names.0, names.1);
         self.log(t, &before, reason)
+    }
+
+    /// Take the choice of the rule at the point last evaluated.
+    fn obey(&mut self, t: f64, change: &Change) -> Result<(), SystemError> {
+        let before = self.r.partition.independent.clone();
+        let Some(selector) = &mut self.selector else { return Ok(()) };
+        selector.change(&mut self.r, t, change)?;
+        let name = |of: &[usize], without: &[usize]| -> Vec<String> {
+            of.iter().filter(|i| !without.contains(i)).map(|&i| self.r.system.velocity_name(i)).collect()
+        };
+        let (enter, leave) = (name(&change.independent, &before), name(&before, &change.independent));
+        self.counters.exchanges += enter.len() as u64;
+        let verb = if enter.len() == 1 { "takes" } else { "take" };
+        let reason = format!("{} {verb} the place of {}: {}", enter.join(", "), leave.join(", "), change.reason);
+        self.log(t, &before, reason)
+    }
+
+    fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
+        match &self.selector {
+            Some(selector) => selector.blame(&self.r, t, q, e),
+            None => e,
+        }
     }
 
     fn orthogonal_correction(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
@@ -229,7 +267,24 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         let weights = self.options.weights.clone();
         let fixed = self.options.fixed.clone();
-        start::choose_partition(&mut self.r, t, q, weights.as_deref(), fixed.as_deref())?;
+        let rule = self.options.selection;
+        if fixed.is_some() && rule != Selection::Collective {
+            let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
+            return Err(SystemError::Request(message.into()));
+        }
+        let mut selector = Selector::new(rule, self.options.exchange, weights.as_deref(), self.options.window)?;
+        let reason = match (rule, &fixed) {
+            (Selection::Collective, None) => {
+                start::choose_partition(&mut self.r, t, q, weights.as_deref(), None)?;
+                "largest projective measure at the start".to_string()
+            }
+            (_, Some(fixed)) => {
+                start::choose_partition(&mut self.r, t, q, None, Some(fixed))?;
+                "fixed by the user".to_string()
+            }
+            _ => selector.start(&mut self.r, t, q)?,
+        };
+        self.selector = (rule != Selection::Collective).then_some(selector);
         let nq = self.nq();
         y.fill(0.0);
         y[..nq].copy_from_slice(q);
@@ -240,10 +295,6 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(q);
         let speeds: Vec<f64> = y[nq..nq + self.r.k()].to_vec();
         self.r.evaluate(t, q, &speeds)?;
-        let reason = match &self.options.fixed {
-            Some(_) => "fixed by the user".to_string(),
-            None => "largest projective measure at the start".to_string(),
-        };
         self.log(t, &[], reason)
     }
 
@@ -253,7 +304,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         if self.close_stages && self.all_holonomic() && self.r.rank() > 0 {
             return self.closed_derivative(t, y, dy);
         }
-        self.r.evaluate(t, q, &rest[..k])?;
+        if let Err(e) = self.r.evaluate(t, q, &rest[..k]) {
+            return Err(self.blame(t, q, e));
+        }
         self.r.system.rate(q, &self.r.v, &mut dy[..nq]);
         dy[nq..nq + k].copy_from_slice(&self.r.vdot_independent);
         if self.observes_work {
@@ -282,7 +335,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     }
 
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
-        self.pending = None;
+        self.pending = false;
         if self.options.fixed.is_some() || self.r.rank() == 0 || self.r.k() == 0 {
             return Review::Keep;
         }
@@ -295,6 +348,12 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
                 self.refresh_weighted();
             }
         }
+        if let Some(selector) = &mut self.selector {
+            selector.record(&self.r, t);
+            // what fails here fails again in `change`, which can tell
+            self.pending = !matches!(selector.propose(&self.r, t), Ok(None));
+            return if self.pending { Review::Change } else { Review::Keep };
+        }
         let Some(best) = self.best_exchange() else { return Review::Keep };
         if best.gain <= self.options.exchange {
             self.rejects_in_a_row = 0;
@@ -305,8 +364,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
             return Review::Reject;
         }
         self.rejects_in_a_row = 0;
-        self.r.full_acceleration(&mut self.vdot);
-        self.pending = Some(best);
+        self.pending = true;
         Review::Change
     }
 
@@ -320,7 +378,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
-        if self.pending.take().is_none() {
+        if !std::mem::take(&mut self.pending) {
             return Ok(());
         }
         // outputs may have been evaluated since: come back to the end of the step
@@ -329,9 +387,19 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(&y[..nq]);
         let (v, mut vdot) = (self.r.v.clone(), std::mem::take(&mut self.vdot));
         self.r.full_acceleration(&mut vdot);
-        self.r.refresh_scales(t, &y[..nq])?;
-        self.refresh_weighted();
+        if self.selector.is_none() {
+            self.r.refresh_scales(t, &y[..nq])?;
+            self.refresh_weighted();
+        }
         for _ in 0..4 * k {
+            if let Some(selector) = &mut self.selector {
+                let Some(change) = selector.propose(&self.r, t)? else { break };
+                self.obey(t, &change)?;
+                // the rule looks at M_d of the new choice
+                let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
+                self.r.evaluate(t, &y[..nq], &speeds)?;
+                continue;
+            }
             let Some(x) = self.best_exchange() else { break };
             if x.gain <= self.options.exchange {
                 break;
@@ -430,5 +498,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         let mut rows = self.r.partition.rows.clone();
         rows.sort_unstable();
         rows
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.selector.as_ref().map(Selector::notes).unwrap_or_default()
     }
 }

@@ -26,6 +26,8 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
                 correction: o.correction,
                 fixed: o.independent.clone(),
                 weights: o.weights.clone(),
+                selection: o.selection,
+                window: o.window,
             },
         )),
         "multipliers" => Box::new(Multipliers::new(system, rank, o.correction)),
