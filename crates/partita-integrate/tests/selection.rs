@@ -4,7 +4,7 @@ mod mechanisms;
 
 use mechanisms::{distance, march, reference, run, times, Angles, FourBar, InUnits, LENGTHS};
 use partita_integrate::options::Options;
-use partita_integrate::simulate::Settings;
+use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
@@ -13,6 +13,7 @@ use partita_system::formulation::Formulation;
 use partita_system::partition::{determinant, Selection};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 /// The rods with the crank at `f`, turning with `w`.
 fn pose(f: f64, w: f64) -> (Vec<f64>, Vec<f64>) {
@@ -242,4 +243,77 @@ fn contradictions_are_refused() {
     assert!(refusal(ProjectiveOptions { selection: Selection::Determinant, weights, ..d() }).contains("weights"));
     let fixed = Some(vec![2]);
     assert!(refusal(ProjectiveOptions { selection: Selection::Greedy, fixed, ..d() }).contains("no rule chooses"));
+}
+
+/// A point on a circle beside three carts coupled rigidly, without forces.
+struct PointAndCarts;
+
+impl Equations for PointAndCarts {
+    fn n(&self) -> usize {
+        5
+    }
+    fn rows(&self) -> usize {
+        3
+    }
+    fn holonomic(&self) -> usize {
+        3
+    }
+    fn name(&self, i: usize) -> String {
+        ["x", "y", "cart1", "cart2", "cart3"][i].into()
+    }
+    fn rheonomic(&self) -> bool {
+        false
+    }
+    fn mass(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        (0..25).for_each(|e| out[e] = f64::from(u8::from(e % 6 == 0)));
+        Ok(())
+    }
+    fn forces(&self, _: f64, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out.fill(0.0);
+        Ok(())
+    }
+    fn constraints(&self, _: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out.copy_from_slice(&[0.5 * (q[0] * q[0] + q[1] * q[1] - 1.0), q[2] - q[3], q[3] - q[4]]);
+        Ok(())
+    }
+    fn jacobian(&self, _: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out.copy_from_slice(&[q[0], q[1], 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0]);
+        Ok(())
+    }
+    fn rate(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out.fill(0.0);
+        Ok(())
+    }
+    fn bias(&self, _: f64, _: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out.copy_from_slice(&[v[0] * v[0] + v[1] * v[1], 0.0, 0.0]);
+        Ok(())
+    }
+}
+
+/// One by one: near 45 degrees both coordinates of the point lead, the carts are left without one, and the run ends saying
+/// so. The rules that look at the choice as a whole, persistence with its two coordinates among them, pass.
+#[test]
+fn an_impossible_choice_ends_the_run_by_name() {
+    let system = ByHand::new(PointAndCarts);
+    // ρ = (0.95, 0.3, 0.58, 0.58, 0.58), going round with 1 rad/s
+    let (q, v) = ([0.3, -0.91f64.sqrt(), 0.0, 0.0, 0.0], [0.91f64.sqrt(), 0.3, 0.5, 0.5, 0.5]);
+    for selection in Selection::ALL {
+        let mut f = Projective::new(&system, 3, by(selection));
+        let mut keep = |_: &partita_system::formulation::Sample| Ok(());
+        let settings = mechanisms::grid(20.0, 0.01);
+        let outcome =
+            simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();
+        if selection == Selection::Individual {
+            assert_eq!(outcome.status, Status::EvaluationFailed);
+            assert!(outcome.message.contains("selection \"individual\" takes x, y"), "{}", outcome.message);
+            assert!(outcome.t < 1.5 && matches!(outcome.error, Some(SystemError::Choice { .. })));
+            continue;
+        }
+        assert_eq!(outcome.status, Status::Finished, "{}: {}", selection.name(), outcome.message);
+        // one coordinate for each of the two motions, at any time
+        for e in f.events() {
+            assert_eq!(e.independent.iter().filter(|&&i| i < 2).count(), 1, "{}: {e:?}", selection.name());
+        }
+        assert!(f.events().len() > 5, "{}", selection.name());
+    }
 }

@@ -23,7 +23,7 @@ const LINK: f64 = 0.9;
 /// Coordinates: x, y, θ of the two links of each leg, then of the platform; lengths in units of 1/`unit` metres.
 fn pose([x, y, phi]: [f64; 3], elbows: [f64; 3], unit: f64) -> Option<Instant> {
     let mut c = Matrix::new(18, 21);
-    let mut mass = vec![1.0; 21];
+    let mut mass = [1.0; 21];
     for leg in 0..3 {
         let direction = (90.0 + 120.0 * leg as f64).to_radians();
         let a = [BASE * direction.cos(), BASE * direction.sin()];

@@ -9,9 +9,8 @@
 use super::reduction::Reduction;
 use super::selector::{Change, Selector};
 use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
-use crate::kinematics::projection::{dense_rows, MassProjection};
+use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::Selection;
-use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Inside a step the gain of an exchange may grow up to this before the step is repeated.
@@ -185,25 +184,6 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         }
     }
 
-    fn orthogonal_correction(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        let size = self.r.size();
-        let n = size.nv;
-        // holonomic rows among the kept ones; nonholonomic rows have no position to correct
-        let rows: Vec<usize> = self.r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
-        if rows.is_empty() {
-            return Ok(());
-        }
-        let zero = vec![0.0; n];
-        self.r.system.velocity(t, q, &zero, &mut self.r.scratch, &mut self.r.b)?;
-        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
-        self.r.system.dynamics(t, q, &zero, &mut self.r.scratch, &mut mass, &mut h)?;
-        let c = dense_rows(self.r.system, &self.r.c, &rows);
-        let p = MassProjection::new(self.r.system, &mass, &c)?;
-        let x: Vec<f64> = rows.iter().map(|&i| self.r.phi[i]).collect();
-        self.r.system.step(q, &p.correction(&x));
-        Ok(())
-    }
-
     /// The derivative at the closed position next to y, reached by moving the dependent coordinates.
     fn closed_derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
@@ -243,7 +223,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// One correction of q by the chosen rule at the position level of q; true if q moved.
     fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
         if rule == Correction::MassOrthogonal || !self.all_holonomic() {
-            self.orthogonal_correction(t, q)?;
+            correct_orthogonally(&mut self.r, t, q)?;
             return Ok(true);
         }
         self.r.factor(t)?;
@@ -265,26 +245,10 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     }
 
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
-        let weights = self.options.weights.clone();
-        let fixed = self.options.fixed.clone();
-        let rule = self.options.selection;
-        if fixed.is_some() && rule != Selection::Collective {
-            let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
-            return Err(SystemError::Request(message.into()));
-        }
-        let mut selector = Selector::new(rule, self.options.exchange, weights.as_deref(), self.options.window)?;
-        let reason = match (rule, &fixed) {
-            (Selection::Collective, None) => {
-                start::choose_partition(&mut self.r, t, q, weights.as_deref(), None)?;
-                "largest projective measure at the start".to_string()
-            }
-            (_, Some(fixed)) => {
-                start::choose_partition(&mut self.r, t, q, None, Some(fixed))?;
-                "fixed by the user".to_string()
-            }
-            _ => selector.start(&mut self.r, t, q)?,
-        };
-        self.selector = (rule != Selection::Collective).then_some(selector);
+        let o = &self.options;
+        let mut selector = Selector::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
+        let reason = selector.start(&mut self.r, t, q, o.fixed.as_deref())?;
+        self.selector = (o.selection != Selection::Collective).then_some(selector);
         let nq = self.nq();
         y.fill(0.0);
         y[..nq].copy_from_slice(q);

@@ -214,17 +214,30 @@ impl Selector {
         Ok(Self { selection, exchange, weights, window, persistence: None, compared_all: true })
     }
 
-    /// The first choice, at `(t, q)`.
+    /// The first choice, at `(t, q)`, and its reason: the rule's own, or `fixed`, the user's.
+    ///
+    /// # Errors
+    /// As [`choose_by`]; a rule and coordinates of the user exclude each other.
     pub fn start<S: ConstrainedSystem>(
         &mut self,
         r: &mut Reduction<S>,
         t: f64,
         q: &[f64],
+        fixed: Option<&[usize]>,
     ) -> Result<String, SystemError> {
+        if fixed.is_some() {
+            if self.selection != Selection::Collective {
+                let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
+                return Err(SystemError::Request(message.into()));
+            }
+            start::choose_partition(r, t, q, None, fixed)?;
+            return Ok("fixed by the user".into());
+        }
         self.compared_all = choose_by(r, t, q, self.selection, self.weights.as_deref())?.exact;
         self.persistence = (self.selection == Selection::Persistence)
             .then(|| Persistence::new(self.window, self.exchange, &r.partition.independent));
         Ok(match self.selection {
+            Selection::Collective => "largest projective measure at the start".into(),
             Selection::Persistence => "collective choice at the start, persistence from here on".into(),
             other => format!("chosen by the rule \"{}\" at the start", other.name()),
         })
