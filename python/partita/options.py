@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 METHODS = ("dop853", "dopri5", "tsit5", "rk4")
 FORMULATIONS = (
     "projective",
+    "fixed",
     "wehage-haug",
     "explicit-closing",
     "zero-eigenvalue",

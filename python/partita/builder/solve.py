@@ -248,7 +248,8 @@ def simulate(
         rtol, atol: tolerances of the step control on each integrated quantity.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
         formulation: "projective" (equations without reactions in independent coordinates; the default and
-            the fastest), or one of those it can be held against: "wehage-haug" (2k states, the dependent
+            the fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept
+            throughout), "wehage-haug" (2k states, the dependent
             coordinates solved for at every stage), "explicit-closing" (2k states, the loops closed by inverse
             kinematics), "zero-eigenvalue", "svd", "qr", "gram-schmidt" (frozen tangent velocities, renewed when
             they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
