@@ -75,7 +75,13 @@ class Model:
         """rho (nv,)."""
 
     def simulate(
-        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+        self,
+        options: str,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        tangent: Any = None,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
@@ -84,6 +90,11 @@ class Model:
 
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
+
+    def augmented_reactions(
+        self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array
+    ) -> tuple[Array, Array]:
+        """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
     def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:
         """(nj, 6): which of fx fy fz mx my mz follow from the motion alone."""
@@ -104,6 +115,7 @@ class System:
         constraint_rate: Callable[[float, Array], Array] | None,
         bias: Callable[[float, Array, Array], Array],
         names: list[str],
+        closing: tuple[Callable[[float, Array], Array], list[int]] | None = None,
     ) -> None: ...
     @property
     def nq(self) -> int: ...
@@ -127,7 +139,13 @@ class System:
     def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]: ...
     def measure(self, t: float, q: Array) -> Array: ...
     def simulate(
-        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+        self,
+        options: str,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        tangent: Any = None,
     ) -> dict[str, Any]: ...
 
 def measure(mass: Array, jacobian: Array) -> Array:

@@ -200,3 +200,21 @@ fn drawings_are_rich() {
     let mut rng = fastrand::Rng::with_seed(7);
     assert!((0..20).all(|_| !drawing(&mut rng, UNBOUND).forces.is_empty()));
 }
+
+/// Augmented joint coordinates (45) and the Newton-Euler recursion (R3) share no formula beyond what each body needs, and
+/// give the same wrenches of all joints, efforts of drives included.
+#[test]
+fn augmented_joint_coordinates_give_the_reactions_of_the_recursion() {
+    for planar in [false, true] {
+        on_random_mechanisms(27, COUNT, Wishes { planar, ..ALL }, |_, model, m| {
+            let recursion = reactions(model, m);
+            let augmented =
+                model.augmented_reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, &mut model.scratch()).unwrap();
+            let flat =
+                |x: &[Wrench]| -> Vec<f64> { x.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect() };
+            let off = apart(&flat(&recursion.joints), &flat(&augmented));
+            // round-off of sums over the bodies outboard
+            assert!(off < 1e-11, "{off:e}");
+        });
+    }
+}

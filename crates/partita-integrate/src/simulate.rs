@@ -105,6 +105,7 @@ pub fn simulate<F: Formulation>(
         buffer: vec![0.0; dim],
         slope: vec![0.0; dim],
         sample: Sample::default(),
+        turns: vec![0; q.len()],
         next: 0,
         t_eval,
         passage: Passage::new(settings.tableau, settings.options.rtol),
@@ -276,6 +277,7 @@ struct March<'t> {
     buffer: Vec<f64>,
     slope: Vec<f64>,
     sample: Sample,
+    turns: Vec<i32>,
     next: usize,
     t_eval: &'t [f64],
     passage: Passage,
@@ -287,6 +289,7 @@ type Sink<'s> = &'s mut dyn FnMut(&Sample) -> Result<(), SystemError>;
 impl March<'_> {
     fn emit<F: Formulation>(&mut self, formulation: &mut F, t: f64, y: &[f64], sink: Sink) -> Result<(), SystemError> {
         formulation.sample(t, y, &mut self.sample)?;
+        self.sample.turns.clone_from(&self.turns);
         sink(&self.sample)?;
         self.next += 1;
         Ok(())
@@ -361,6 +364,11 @@ impl March<'_> {
                 self.buffer.copy_from_slice(stepper.y_new());
                 self.slope.copy_from_slice(stepper.dy_new());
                 formulation.change(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
+                stepper.replace(&self.buffer, &self.slope);
+            }
+            self.buffer.copy_from_slice(stepper.y_new());
+            if formulation.wrap(&mut self.buffer, &mut self.turns) {
+                self.slope.copy_from_slice(stepper.dy_new());
                 stepper.replace(&self.buffer, &self.slope);
             }
             stepper.commit();

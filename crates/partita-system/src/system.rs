@@ -247,6 +247,10 @@ pub trait ConstrainedSystem: Sync {
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         i..i + 1
     }
+    /// Is coordinate `i` an angle that may lose whole turns without anything in S1-S5 noticing?
+    fn turns(&self, _i: usize) -> bool {
+        false
+    }
     /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
     ///
     /// `None` leaves the choice of inputs to the system: those that order the most loops into explicit blocks.

@@ -13,6 +13,7 @@ from .. import _core
 from .. import options as run_options
 from ..errors import ArgumentError, UnknownNameError
 from ..state import Layout, State
+from ..tangent import TangentVelocities
 from .checks import Element
 from .compiled import CompiledModel
 from .spec import Writer
@@ -196,6 +197,12 @@ def simulate(
     max_step: float | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
+    selection: str = "collective",
+    weights: Mapping[str, float] | None = None,
+    window: float | None = None,
+    baumgarte: tuple[float, float] | None = None,
+    renew: float = 0.5,
+    tangent: TangentVelocities | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -206,8 +213,14 @@ def simulate(
         initial: state to start from, as `assemble` returns it; None: the drawing, assembled, at rest.
         rtol, atol: tolerances of the step control on each integrated quantity.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
-        formulation: "projective" (equations without reactions in independent coordinates) or "multipliers"
-            (the full equations at each evaluation; slower, an independent check).
+        formulation: "projective" (equations without reactions in independent coordinates; the default and
+            the fastest), or one of those it can be held against: "wehage-haug" (2k states, the dependent
+            coordinates solved for at every stage), "explicit-closing" (2k states, the loops closed by inverse
+            kinematics), "zero-eigenvalue", "svd", "qr", "gram-schmidt" (frozen tangent velocities, renewed when
+            they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
+            your own, needs `tangent`), "multipliers" (all accelerations and multipliers from one matrix),
+            "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
+            rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
@@ -219,6 +232,15 @@ def simulate(
         max_steps: the run stops with status "max-steps" after so many.
         independent: names of velocities to be kept independent throughout; None: chosen, and exchanged when
             others serve better. A fixed choice fails where it becomes singular.
+        selection: the rule that chooses the independent coordinates of "projective": "collective" (the
+            projective criterion with lock and repeat, then exchanges), "greedy" (without exchanges),
+            "normalised-determinant", "persistence" (an average over `window`), and those the criterion is held
+            against: "individual", "determinant", "complete-pivoting".
+        weights: preferences, velocity name -> factor on its measure; 1 for those not named.
+        window: length of the window of "persistence" [s].
+        baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.
+        renew: frozen tangent velocities are renewed when their certificate sqrt_mu falls below this; 0: never.
+        tangent: `TangentVelocities` for "user-tangent".
 
     Returns:
         A result, also for a run that stopped early: look at `success` and `message`.
@@ -254,9 +276,14 @@ def simulate(
         max_step=max_step,
         max_steps=max_steps,
         independent=independent,
+        selection=selection,
+        weights=weights,
+        window=window,
+        baumgarte=baumgarte,
+        renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress)
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(raw, model=model.core, summary=model.summary, mechanism=self, options=chosen)

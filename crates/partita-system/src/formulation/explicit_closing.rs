@@ -9,7 +9,7 @@
 use super::blocks::Blocks;
 use super::options::FormulationOptions;
 use super::state_coordinates::StateCoordinates;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
 use crate::partition::{criterion, exchange};
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
@@ -37,6 +37,8 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     /// The position last closed, and a copy to come back to when a closing fails half-way.
     q: Vec<f64>,
     good: Vec<f64>,
+    /// The position at the end of the last step.
+    home: Vec<f64>,
     qdot: Vec<f64>,
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -111,6 +113,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             loops: None,
             q: vec![0.0; size.nq],
             good: vec![0.0; size.nq],
+            home: vec![0.0; size.nq],
             qdot: vec![0.0; size.nq],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -366,6 +369,7 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
+        self.home.copy_from_slice(&self.q);
         self.note_jumps(t);
         self.next = None;
         if self.fixed.is_some() || self.k == 0 || self.rank == 0 {
@@ -389,6 +393,15 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         }
         self.next = Some(next);
         Review::Change
+    }
+
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let wrapped = turns::reduce(self.system, &mut self.home, turns);
+        if wrapped {
+            self.q.copy_from_slice(&self.home);
+            self.states.gather(&self.home, y);
+        }
+        wrapped
     }
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {

@@ -14,6 +14,7 @@ pub mod range_space;
 pub mod reduction;
 pub mod registry;
 mod state_coordinates;
+pub mod turns;
 pub mod wehage_haug;
 
 use crate::partition::criterion::Quality;
@@ -66,8 +67,10 @@ pub enum Review {
 pub struct Sample {
     /// Time.
     pub t: f64,
-    /// Coordinates (nq), closed to round-off.
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
     pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
     /// Velocities (nv).
     pub v: Vec<f64>,
     /// Accelerations (nv).
@@ -133,6 +136,11 @@ pub trait Formulation {
     ///
     /// There the tangent is a quotient of small numbers, and what one stage leaves open the next one divides again.
     fn close_stages(&mut self, _on: bool) {}
+    /// Take whole turns off angles that have grown (see [`turns`]) at the end of a step and add them to `turns` (nq);
+    /// true if y changed. y' stays the same.
+    fn wrap(&mut self, _y: &mut [f64], _turns: &mut [i32]) -> bool {
+        false
+    }
     /// Carry out the change announced by `review`: rewrites y and y'; (q, v) stay the same.
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
     /// After `Review::Reject`: look for a better start at the beginning of the step.
@@ -179,6 +187,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn close_stages(&mut self, on: bool) {
         (**self).close_stages(on);
+    }
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        (**self).wrap(y, turns)
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         (**self).change(t, y, dy)

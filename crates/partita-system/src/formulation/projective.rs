@@ -7,7 +7,7 @@
 //! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
 
 use super::reduction::Reduction;
-use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::projection::{dense_rows, MassProjection};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -308,6 +308,11 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.r.full_acceleration(&mut self.vdot);
         self.pending = Some(best);
         Review::Change
+    }
+
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let nq = self.nq();
+        turns::reduce(self.r.system, &mut y[..nq], turns)
     }
 
     fn close_stages(&mut self, on: bool) {

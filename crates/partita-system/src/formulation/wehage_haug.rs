@@ -9,7 +9,7 @@
 
 use super::projective::{Projective, ProjectiveOptions};
 use super::state_coordinates::StateCoordinates;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Newton's method from a neighbouring solution needs two or three iterations; far off it doubles its digits late.
@@ -184,6 +184,15 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
 
     fn distance(&self) -> Option<(f64, u64)> {
         self.inner.distance()
+    }
+
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let (nq, wrapped) = (self.nq(), turns::reduce(self.system, &mut self.home, turns));
+        if wrapped {
+            self.full[..nq].copy_from_slice(&self.home);
+            self.states.gather(&self.home, y);
+        }
+        wrapped
     }
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
