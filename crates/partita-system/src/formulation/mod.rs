@@ -3,6 +3,7 @@
 pub mod acceleration;
 pub mod baumgarte;
 mod blocks;
+mod continuity;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod moment;
