@@ -7,9 +7,10 @@ use mechanisms::{body, compile, empty, joint};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::Model;
-use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Correction, Formulation};
+use partita_system::formulation::registry;
+use partita_system::formulation::Formulation;
 use partita_system::{start, ConstrainedSystem};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -159,6 +160,26 @@ fn count(model: &Model, what: &str) {
     assert_eq!(after - before, 0, "{what}: {} allocations", after - before);
 }
 
+/// Allocations of evaluations by a formulation of the registry, stages all around the start.
+fn count_named(name: &str, model: &Model) {
+    let mut q = model.initial();
+    partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let rank = start::analyse(model, 0.0, &q).unwrap().rank;
+    let options = FormulationOptions { baumgarte: Some((5.0, 5.0)), ..FormulationOptions::default() };
+    let mut f = registry::by_name(name, model, rank, &options).unwrap();
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
+    f.derivative(0.0, &y, &mut dy).unwrap();
+    let (start, last) = (y.clone(), f.controlled() - 1);
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    for i in 0..20 {
+        (y[0], y[last]) = (start[0] + 1e-4 * f64::from(i), start[last] + 0.01 * f64::from(i));
+        f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+    }
+    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    assert_eq!(after - before, 0, "{name}: {} allocations", after - before);
+}
+
 // The only test of this file: another one running beside it would be counted too.
 #[test]
 fn evaluations_allocate_nothing() {
@@ -173,14 +194,13 @@ fn evaluations_allocate_nothing() {
     let balls = compiled(rank_and_file(JointKind::Spherical));
     assert!(balls.size().nq > balls.size().nv);
     count(&balls, "rank and file of balls");
-    // the reference form may allocate, and does: the counter counts
-    let mut q = space.initial();
-    partita_system::kinematics::assembly::close(&space, 0.0, &mut q, 1e-10, &[]).unwrap();
-    let rank = start::analyse(&space, 0.0, &q).unwrap().rank;
-    let mut f = Multipliers::new(&space, rank, Correction::None);
-    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
-    f.start(0.0, &q, &vec![0.0; space.size().nv], &mut y).unwrap();
+    for name in ["multipliers", "range-space", "baumgarte", "proximal", "wehage-haug"] {
+        count_named(name, &compiled(four_bar()));
+        count_named(name, &space);
+        count_named(name, &balls);
+    }
+    // the counter counts
     let before = ALLOCATIONS.load(Ordering::Relaxed);
-    f.derivative(0.0, &y, &mut dy).unwrap();
+    std::hint::black_box(vec![1.0; 3]);
     assert!(ALLOCATIONS.load(Ordering::Relaxed) > before);
 }

@@ -12,6 +12,7 @@ use partita_model::spec::{Body, JointKind, Spec};
 use partita_model::Model;
 use partita_system::formulation::multipliers::Multipliers;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::wehage_haug::WehageHaug;
 use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
@@ -164,5 +165,26 @@ fn every_form_tumbles_alike() {
     for (model, samples) in [(&relative, &x), (&absolute, &y), (&absolute, &z)] {
         let e = energy(model, &samples[0]);
         samples.iter().for_each(|s| assert!((energy(model, s) - e).abs() < 1e-9 * e.abs(), "{}", energy(model, s) - e));
+    }
+}
+
+/// A quaternion is a state as a whole, whichever of its velocities is independent, and the choice changes on the way.
+#[test]
+fn two_k_states_with_a_quaternion() {
+    let (absolute, relative) = both();
+    let ((q, v), _) = start(&absolute, &relative);
+    let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
+    let exact = march(&mut Projective::new(&absolute, 3, ProjectiveOptions::default()), &q, &v, &at, None);
+    for exchange in [1.05, 1.25, f64::INFINITY] {
+        let options = ProjectiveOptions { exchange, ..ProjectiveOptions::default() };
+        let mut f = WehageHaug::new(&absolute, 3, options).unwrap();
+        // three velocities of six; one of them may bring in the quaternion with three numbers more
+        assert_eq!((f.dim(), f.controlled()), (9, 9));
+        let samples = march(&mut f, &q, &v, &at, None);
+        let off = largest(&states(&absolute, &samples), &states(&absolute, &exact));
+        assert!(off < 1e-9, "{exchange}: {off:e}");
+        samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{:e}", s.closure));
+        assert_eq!(f.counters().exchanges > 0, exchange < 1.1, "{exchange}: {}", f.counters().exchanges);
+        assert!(f.counters().iterations > 0);
     }
 }

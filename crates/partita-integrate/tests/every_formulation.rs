@@ -3,11 +3,13 @@
 mod mechanisms;
 
 use mechanisms::{distance, grid, march, reference, slope, times, Angles, FourBar, Pendulum, Plate, Redundant};
+use partita_integrate::simulate::{simulate, Status};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry::{by_name, NAMES};
 use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::start;
+use std::ops::ControlFlow;
 
 /// What the remainder of the closing conditions does when nothing is corrected.
 #[derive(Clone, Copy, PartialEq)]
@@ -194,4 +196,33 @@ fn drift() {
             }
         }
     }
+}
+
+/// With inputs that stay, forms with 2k states cannot tell passing a dead point from being thrown back: they stop and say
+/// so, at every tolerance. The compact form carries the dependent coordinates and may pass.
+#[test]
+fn fixed_inputs_stop_at_their_dead_point() {
+    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    // x = 1 is reached after 0.144 s
+    let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
+    for rtol in [1e-3, 1e-5, 1e-8, 1e-12] {
+        for name in ["wehage-haug", "explicit-closing"] {
+            let options = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
+            let mut f = by_name(name, &system, 1, &options).unwrap();
+            let mut settings = reference(2.0);
+            (settings.options.rtol, settings.options.atol) = (rtol, rtol.into());
+            let go_on = &mut |_| ControlFlow::Continue(());
+            let outcome = simulate(&mut f, 0.0, &q, &v, &[], &settings, &mut |_| Ok(()), go_on).unwrap();
+            assert_ne!(outcome.status, Status::Finished, "{name} at {rtol:e}");
+            // a loose tolerance notices a step late
+            assert!(outcome.t < 0.145 && outcome.t > 0.05, "{name} at {rtol:e}: {}", outcome.t);
+            assert!(outcome.message.contains("cannot close"), "{name} at {rtol:e}: {}", outcome.message);
+        }
+    }
+    // free to choose, the classical form goes over the top like all others
+    let at = times(0.2, 10);
+    let exact = run("projective", &system, &(q.clone(), v.clone()), Correction::Partition, &at, &reference(at[9]));
+    let mut f = formulation("wehage-haug", &system, &(q.clone(), v.clone()), Correction::Partition);
+    let off = distance(&march(&mut f, &q, &v, &at, &reference(at[9])), &exact);
+    assert!(off < 1e-9 && f.counters().exchanges >= 6, "{off:e}");
 }

@@ -5,7 +5,9 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::registry::by_name;
 use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::SystemError;
 
@@ -200,5 +202,30 @@ fn both_formulations_pull_the_rod_alike() {
     for (x, y) in x.iter().zip(&y) {
         x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{x} {y}"));
         assert!(y.closure < 1e-14 && y.velocity_closure < 1e-13);
+    }
+}
+
+/// Rows without a position determine no coordinate: forms with 2k states say so.
+#[test]
+fn two_k_states_need_positions() {
+    let system = ByHand::new(Sleigh { rod: true });
+    for name in ["wehage-haug", "explicit-closing"] {
+        match by_name(name, &system, 3, &FormulationOptions::default()) {
+            Err(SystemError::Request(message)) => assert!(message.contains("velocities only"), "{message}"),
+            Err(other) => panic!("{other}"),
+            Ok(_) => panic!("{name} was accepted"),
+        }
+    }
+    // the others take them, corrections included
+    let (q, v) = system.equations.start(-1.0, 2.5);
+    let at = times(0.3, 10);
+    let x = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
+    for name in ["multipliers", "range-space", "proximal"] {
+        for correction in [Correction::Partition, Correction::MassOrthogonal] {
+            let options = FormulationOptions { correction, ..FormulationOptions::default() };
+            let y = march(&mut by_name(name, &system, 3, &options).unwrap(), &q, &v, &at, &reference(3.0));
+            assert!(distance(&x, &y) < 1e-10, "{name}: {:e}", distance(&x, &y));
+            y.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{name}"));
+        }
     }
 }

@@ -7,9 +7,10 @@
 //! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
 use super::blocks::Blocks;
+use super::continuity::Continuity;
 use super::options::FormulationOptions;
 use super::state_coordinates::StateCoordinates;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
 use crate::partition::{criterion, exchange};
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
@@ -22,7 +23,7 @@ const PERIOD: u32 = 8;
 ///
 /// States: the coordinates of the inputs (the whole quaternion of a ball joint), their velocities, and the work, where
 /// there is any. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a change of
-/// inputs).
+/// inputs). At a dead point of inputs that stay the run ends with a message.
 pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     system: &'s S,
     scratch: S::Scratch,
@@ -37,6 +38,8 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     /// The position last closed, and a copy to come back to when a closing fails half-way.
     q: Vec<f64>,
     good: Vec<f64>,
+    /// The position at the end of the last step.
+    home: Vec<f64>,
     qdot: Vec<f64>,
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -56,9 +59,12 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     lambda: Vec<f64>,
     /// A, row by row in the order of the unknowns (r x k).
     gains: Vec<f64>,
+    continuity: Continuity,
     steps_since_scales: u32,
     /// Steps to go before the system is asked for other inputs again.
     patience: u32,
+    /// Gain of an exchange when it was last asked.
+    asked_at: f64,
     next: Option<Box<dyn Closing + Send + 's>>,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
@@ -111,6 +117,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             loops: None,
             q: vec![0.0; size.nq],
             good: vec![0.0; size.nq],
+            home: vec![0.0; size.nq],
             qdot: vec![0.0; size.nq],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -129,8 +136,10 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             force: vec![0.0; n],
             lambda: vec![0.0; size.rows],
             gains: vec![0.0; rank * k],
+            continuity: Continuity::default(),
             steps_since_scales: 0,
             patience: 0,
+            asked_at: 0.0,
             next: None,
             events: Vec::new(),
             counters: FormulationCounters::default(),
@@ -274,6 +283,22 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         scales.fold(dense::lu_determinant(&block, k, &pivots).abs(), |x, s| x * s)
     }
 
+    /// Ask the system for other inputs, now and then or when matters got worse; keeps them in `self.next`.
+    fn better_inputs(&mut self, t: f64, gain: f64) -> bool {
+        self.patience = self.patience.saturating_sub(1);
+        if self.patience > 0 && gain < 2.0 * self.asked_at {
+            return false;
+        }
+        (self.patience, self.asked_at) = (PERIOD, gain);
+        // a system that knows no closing here keeps the one in use, which reports its own limits
+        let Ok(next) = self.system.closing(t, &self.q, None) else { return false };
+        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
+            return false;
+        }
+        self.next = Some(next);
+        true
+    }
+
     fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
         let quality = self.quality(t)?;
         let now = self.inputs().to_vec();
@@ -336,6 +361,8 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         y.fill(0.0);
         self.write(y);
         self.evaluate(t, y)?;
+        let gain = self.best_gain();
+        self.continuity.start(t, &self.v, &self.vdot, gain);
         let reason = match &self.fixed {
             Some(_) => "inputs fixed by the user".to_string(),
             None => "inputs that close the loops explicitly".to_string(),
@@ -366,9 +393,14 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
-        self.note_jumps(t);
         self.next = None;
-        if self.fixed.is_some() || self.k == 0 || self.rank == 0 {
+        let gain = self.best_gain();
+        if !self.continuity.step(t, &self.v, &self.vdot, &self.s, gain) {
+            return Review::Reject;
+        }
+        self.home.copy_from_slice(&self.q);
+        self.note_jumps(t);
+        if self.k == 0 || self.rank == 0 {
             return Review::Keep;
         }
         self.steps_since_scales += 1;
@@ -377,18 +409,23 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             // a failure here would be met by the next evaluation too, which reports it; the old scales serve till then
             let _ = self.refresh_scales(t);
         }
-        self.patience = self.patience.saturating_sub(1);
-        if self.best_gain() <= self.exchange || self.patience > 0 {
-            return Review::Keep;
+        if self.fixed.is_none() && gain > self.exchange && self.better_inputs(t, gain) {
+            return Review::Change;
         }
-        self.patience = PERIOD;
-        // a system that knows no closing here keeps the one in use, which reports its own limits
-        let Ok(next) = self.system.closing(t, &self.q, None) else { return Review::Keep };
-        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
-            return Review::Keep;
+        if gain > Continuity::STUCK {
+            self.continuity.give_up();
+            return Review::Reject;
         }
-        self.next = Some(next);
-        Review::Change
+        Review::Keep
+    }
+
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let wrapped = turns::reduce(self.system, &mut self.home, turns);
+        if wrapped {
+            self.q.copy_from_slice(&self.home);
+            self.states.gather(&self.home, y);
+        }
+        wrapped
     }
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
@@ -402,12 +439,21 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         self.counters.exchanges += 1;
         self.write(y);
         self.derivative(t, y, dy)?;
-        let reason = format!("{to} take the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
+        let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
         self.log(t, &before, reason)
     }
 
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
-        self.derivative(t, y, dy)
+        self.derivative(t, y, dy)?;
+        if !self.continuity.is_broken() {
+            return Ok(());
+        }
+        // the block nearest to its dead point
+        let Some(loops) = &self.loops else { return Ok(()) };
+        let blocks = loops.closing.blocks().iter().zip(loops.closing.state());
+        let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
+        let block = worst.map_or_else(String::new, |(block, _)| block.words.clone());
+        Err(SystemError::Limit { block, t, shortfall: 0.0 })
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {

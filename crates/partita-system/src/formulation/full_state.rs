@@ -8,7 +8,7 @@
 use super::acceleration::{AccelerationRule, Failure, Instant};
 use super::options::FormulationOptions;
 use super::reduction::Reduction;
-use super::{moment, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{moment, turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::projection::{dense_rows, MassProjection};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -259,6 +259,9 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
         self.open.0 = self.open.0.max(self.r.closure());
         self.open.1 = self.open.1.max(self.r.velocity_closure());
         Review::Keep
+    }
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        turns::reduce(self.r.system, &mut y[..self.r.size().nq], turns)
     }
     fn change(&mut self, _t: f64, _y: &mut [f64], _dy: &mut [f64]) -> Result<(), SystemError> {
         Ok(())

@@ -4,6 +4,7 @@ pub mod acceleration;
 pub mod baumgarte;
 mod blocks;
 pub mod chooser;
+mod continuity;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod gram_schmidt;

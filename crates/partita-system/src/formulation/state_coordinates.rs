@@ -15,15 +15,16 @@ pub(super) struct StateCoordinates {
 impl StateCoordinates {
     /// Places for any choice of k velocities.
     pub(super) fn new<S: ConstrainedSystem>(system: &S, k: usize) -> Self {
-        let ranges: Vec<_> = (0..system.size().nv).map(|i| system.coordinates_of(i)).collect();
+        let size = system.size();
+        let mut seen = vec![false; size.nq];
         let mut longer: Vec<usize> = Vec::new(); // numbers a choice gains by one velocity out of each turn in space
-        for (i, r) in ranges.iter().enumerate() {
-            if r.len() > 1 && ranges[..i].iter().all(|other| other != r) {
+        for r in (0..size.nv).map(|i| system.coordinates_of(i)).filter(|r| r.len() > 1) {
+            if !std::mem::replace(&mut seen[r.start], true) {
                 longer.push(r.len() - 1);
             }
         }
         longer.sort_unstable_by(|a, b| b.cmp(a));
-        let places = (k + longer.iter().take(k).sum::<usize>()).min(system.size().nq);
+        let places = (k + longer.iter().take(k).sum::<usize>()).min(size.nq);
         Self { places, list: Vec::with_capacity(places) }
     }
 
@@ -35,11 +36,10 @@ impl StateCoordinates {
     /// Take the coordinates of these velocities.
     pub(super) fn choose<S: ConstrainedSystem>(&mut self, system: &S, independent: &[usize]) {
         self.list.clear();
-        for &i in independent {
-            for c in system.coordinates_of(i) {
-                if !self.list.contains(&c) {
-                    self.list.push(c);
-                }
+        let mut taken = vec![false; system.size().nq];
+        for c in independent.iter().flat_map(|&i| system.coordinates_of(i)) {
+            if !std::mem::replace(&mut taken[c], true) {
+                self.list.push(c);
             }
         }
     }

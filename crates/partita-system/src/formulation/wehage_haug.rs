@@ -7,9 +7,10 @@
 //!
 //! Where the drift ends is the whole difference to [`Projective`], which does the rest here too: choice, exchange, events.
 
+use super::continuity::Continuity;
 use super::projective::{Projective, ProjectiveOptions};
 use super::state_coordinates::StateCoordinates;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Newton's method from a neighbouring solution needs two or three iterations; far off it doubles its digits late.
@@ -23,6 +24,9 @@ const ROUND_OFF: f64 = 1e4;
 /// quaternion is a state as soon as one of its velocities is independent; closing turns it by what the dependent ones
 /// need, and the turned one is written back after a step. Because of that the number of states is counted for the choice
 /// that needs most, see [`dim`](Formulation::dim); without ball joints it is 2k.
+///
+/// Dead points of fixed independent coordinates, and singular positions of the mechanism, are not passed: the equations
+/// have two solutions there, and the run ends with a message. The compact form, which carries all coordinates, passes.
 pub struct WehageHaug<'s, S: ConstrainedSystem> {
     system: &'s S,
     inner: Projective<'s, S>,
@@ -32,6 +36,8 @@ pub struct WehageHaug<'s, S: ConstrainedSystem> {
     dfull: Vec<f64>,
     /// q at the end of the last step, to start over from.
     home: Vec<f64>,
+    continuity: Continuity,
+    vdot: Vec<f64>,
     iterations: u64,
 }
 
@@ -59,6 +65,8 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
             full,
             inner,
             home: vec![0.0; size.nq],
+            continuity: Continuity::default(),
+            vdot: vec![0.0; size.nv],
             iterations: 0,
         })
     }
@@ -155,6 +163,9 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         self.home.copy_from_slice(q);
         self.choose();
         self.write(y);
+        let r = self.inner.reduction();
+        r.full_acceleration(&mut self.vdot);
+        self.continuity.start(t, &r.v, &self.vdot, r.best_exchange().map_or(0.0, |x| x.gain));
         Ok(())
     }
 
@@ -177,13 +188,28 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
     }
 
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
-        let nq = self.nq();
+        let (nq, r) = (self.nq(), self.inner.reduction());
+        r.full_acceleration(&mut self.vdot);
+        let gain = r.best_exchange().map_or(0.0, |x| x.gain);
+        if !self.continuity.step(t, &r.v, &self.vdot, r.scales(), gain) {
+            return Review::Reject;
+        }
         self.home.copy_from_slice(&self.full[..nq]);
-        self.inner.review(t, &self.full)
+        let review = self.inner.review(t, &self.full);
+        if review == Review::Keep && gain > Continuity::STUCK {
+            self.continuity.give_up();
+            return Review::Reject;
+        }
+        review
     }
 
-    fn distance(&self) -> Option<(f64, u64)> {
-        self.inner.distance()
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let (nq, wrapped) = (self.nq(), turns::reduce(self.system, &mut self.home, turns));
+        if wrapped {
+            self.full[..nq].copy_from_slice(&self.home);
+            self.states.gather(&self.home, y);
+        }
+        wrapped
     }
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
@@ -196,6 +222,12 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
 
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.read(t, y)?;
+        if self.continuity.is_broken() {
+            let names: Vec<String> =
+                (self.inner.reduction().partition.independent.iter()).map(|&i| self.system.velocity_name(i)).collect();
+            let block = format!("the mechanism driven by {}", names.join(", "));
+            return Err(SystemError::Limit { block, t, shortfall: 0.0 });
+        }
         self.inner.recover(t, &mut self.full, &mut self.dfull)?;
         self.choose();
         self.write(y);

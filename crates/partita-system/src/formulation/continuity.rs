@@ -1,0 +1,116 @@
+//! Has the motion been thrown back at a dead point? A question only 2k forms have to ask.
+
+/// What the last step ended with, to hold the next one against.
+///
+/// At a dead point of its inputs the equations in 2k states have two solutions: the mechanism passes, and its dependent
+/// coordinates go over to the other branch, or it is thrown back on the branch it came from. Both have the same inputs to
+/// second order, so the error estimate sees no difference, and a closing that keeps its branch takes the wrong one. What
+/// tells them apart is that velocities do not jump: thrown back, the dependent ones change sign within the step, however
+/// short it is, while no acceleration accounts for that.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Continuity {
+    t: f64,
+    v: Vec<f64>,
+    vdot: Vec<f64>,
+    /// Largest gain of an exchange at the ends of the step: near a dead point dependent velocities are the faster ones.
+    gain: f64,
+    /// Largest speed so far: a mechanism at rest has no direction to lose.
+    fastest: f64,
+    in_a_row: u32,
+}
+
+impl Continuity {
+    /// Part of the speed that the trapezoidal rule may miss in a step. A thrown back mechanism misses all of it, one
+    /// that turns round by itself less and less with shorter steps.
+    const MISSED: f64 = 0.75;
+    /// Away from dead points dependent velocities are not much faster than independent ones.
+    const GAIN: f64 = 2.0;
+    /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
+    pub(super) const STUCK: f64 = 1e4;
+    /// Speeds below this part of the largest are rest.
+    const REST: f64 = 1e-9;
+    /// After so many repetitions, each with half the step, it is no matter of the step any more.
+    const MOST: u32 = 10;
+
+    /// From here on.
+    pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], gain: f64) {
+        (self.t, self.gain) = (t, gain);
+        self.v.clear();
+        self.v.extend_from_slice(v);
+        self.vdot.clear();
+        self.vdot.extend_from_slice(vdot);
+    }
+
+    /// Does the step to here hold together? Velocities count in their scales s. If it does, it becomes the last one.
+    pub(super) fn step(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], gain: f64) -> bool {
+        let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
+        let speed = norm(&|i| v[i]);
+        self.fastest = self.fastest.max(speed);
+        let speeds = norm(&|i| self.v[i]) + speed;
+        let h = t - self.t;
+        let missed = norm(&|i| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + vdot[i]));
+        let near = self.gain.max(gain) > Self::GAIN && speeds > Self::REST * self.fastest;
+        if h > 0.0 && near && missed > Self::MISSED * speeds {
+            self.in_a_row += 1;
+            return false;
+        }
+        self.in_a_row = 0;
+        self.start(t, v, vdot, gain);
+        true
+    }
+
+    /// Inputs that nothing can replace stand at their dead point: there is no step from here.
+    pub(super) fn give_up(&mut self) {
+        self.in_a_row = Self::MOST + 1;
+    }
+
+    /// Would repeating the step once more be in vain?
+    pub(super) fn is_broken(&self) -> bool {
+        self.in_a_row > Self::MOST
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x = sin t, y = cos t from both sides of t = π/2, y going on or thrown back.
+    fn over_the_top(h: f64, back: f64) -> bool {
+        let top = std::f64::consts::FRAC_PI_2;
+        let at = |t: f64, sign: f64| ([t.cos(), -sign * t.sin()], [-t.sin(), -sign * t.cos()]);
+        let mut c = Continuity::default();
+        let ((v, vdot), (w, wdot)) = (at(top - 0.5 * h, 1.0), at(top + 0.5 * h, back));
+        c.start(0.0, &v, &vdot, 10.0);
+        c.step(h, &w, &wdot, &[1.0, 1.0], 10.0)
+    }
+
+    #[test]
+    fn passing_and_being_thrown_back_differ_at_every_step() {
+        for h in [1e-6, 1e-3, 0.1, 0.5, 1.0] {
+            assert!(over_the_top(h, 1.0) && !over_the_top(h, -1.0), "{h}");
+        }
+    }
+
+    #[test]
+    fn turning_round_is_no_jump() {
+        // v = cos t over its zero: whatever the ends
+        for h in [1e-3, 0.1, 1.0] {
+            for shift in [0.1, 0.5, 0.9] {
+                let start = std::f64::consts::FRAC_PI_2 - shift * h;
+                let mut c = Continuity::default();
+                c.start(start, &[start.cos()], &[-start.sin()], 10.0);
+                let end = start + h;
+                assert!(c.step(end, &[end.cos()], &[-end.sin()], &[1.0], 10.0), "{h} {shift}");
+            }
+        }
+    }
+
+    #[test]
+    fn rest_has_no_direction() {
+        let mut c = Continuity::default();
+        c.start(0.0, &[1.0], &[0.0], 10.0);
+        assert!(c.step(1.0, &[1.0], &[0.0], &[1.0], 10.0));
+        c.start(1.0, &[1e-12], &[0.0], 10.0);
+        assert!(c.step(2.0, &[-1e-12], &[0.0], &[1.0], 10.0));
+    }
+}
