@@ -11,6 +11,7 @@ use crate::value::{self, Functions};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
+use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
 use std::sync::Arc;
@@ -247,6 +248,11 @@ impl Model {
             d += 1;
         }
         d
+    }
+
+    /// Which coordinates the tree is made of.
+    pub fn coordinates(&self) -> Coordinates {
+        self.coordinates
     }
 
     /// All motions in one plane?
@@ -546,6 +552,27 @@ impl ConstrainedSystem for Model {
             }
         }
         moved
+    }
+
+    fn closing(
+        &self,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+        Ok(Box::new(self.loop_closing(t, q, inputs)?))
+    }
+
+    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
+        let link = self.full.links.iter().skip(1).find(|l| match l.motion {
+            LinkMotion::Ball => (l.v..l.v + 3).contains(&i),
+            _ => l.v == i,
+        });
+        match link {
+            Some(l) if matches!(l.motion, LinkMotion::Ball) => l.q..l.q + 4,
+            Some(l) => l.q..l.q + 1,
+            None => i..i,
+        }
     }
 
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
