@@ -1,6 +1,6 @@
 //! Questions to the mechanism that closed forms answer: all assemblies, placing by targets, the closing itself.
 
-use super::plan::Instant;
+use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
 use crate::model::Model;
 use partita_system::kinematics::closing::Closing;
@@ -49,10 +49,7 @@ impl LoopClosing<'_> {
 
     /// Largest |Φ| in reaches at the last [`residual`](Self::residual).
     fn open(&self) -> f64 {
-        self.phi
-            .iter()
-            .enumerate()
-            .fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_reach(i).unwrap_or(1.0)))
+        self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_reach(i).unwrap_or(1.0)))
     }
 }
 
@@ -62,12 +59,7 @@ impl Model {
     ///
     /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
     /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
-    pub fn loop_closing(
-        &self,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<LoopClosing<'_>, SystemError> {
+    pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
         let at = Instant::new(self, t, q)?;
         let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
         let mut sorted = inputs.to_vec();
@@ -104,10 +96,10 @@ impl Model {
         }
         let mut all =
             Assemblies { blocks: closing.blocks().iter().map(|b| b.words.clone()).collect(), ..Assemblies::default() };
-        let implicit: Vec<&str> =
-            closing.blocks().iter().filter(|b| !b.explicit).map(|b| b.words.as_str()).collect();
+        let implicit: Vec<&str> = closing.blocks().iter().filter(|b| !b.explicit).map(|b| b.words.as_str()).collect();
         if !implicit.is_empty() {
-            all.notes.push(format!("only the solution near the given position was looked for in {}", implicit.join("; ")));
+            all.notes
+                .push(format!("only the solution near the given position was looked for in {}", implicit.join("; ")));
         }
         let mut skipped = 0;
         for combination in 0..count {

@@ -109,9 +109,8 @@ mod tests {
             let n = rng.usize(1..15);
             let mut hidden: Vec<usize> = (0..n).collect();
             rng.shuffle(&mut hidden);
-            let rows: Vec<Vec<usize>> = (0..n)
-                .map(|i| (0..n).filter(|&c| c == hidden[i] || rng.f64() < 1.5 / n as f64).collect())
-                .collect();
+            let rows: Vec<Vec<usize>> =
+                (0..n).map(|i| (0..n).filter(|&c| c == hidden[i] || rng.f64() < 1.5 / n as f64).collect()).collect();
             let row_of = matching(&rows, n).unwrap();
             let mut used = row_of.clone();
             used.sort_unstable();

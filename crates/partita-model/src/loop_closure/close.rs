@@ -1,10 +1,10 @@
 //! Following the plan: positions, branches and pivots for given inputs.                                      (37)
 
+use super::arm::{rotated, turn_of, FlatArm};
 use super::graph::{Home, Kind};
 use super::implicit::Field;
-use super::order::{turn_in, Polygon};
-use super::arm::{rotated, turn_of, FlatArm};
 use super::planar::{self, FlatJoint, Shortfall};
+use super::polygon::{turn_in, Polygon};
 use super::{spatial, Graph, LoopClosing, Work};
 use crate::model::Engine;
 use crate::tree::{Closing as CutJoint, LinkMotion};
@@ -177,13 +177,7 @@ impl LoopClosing<'_> {
 }
 
 /// Side k of a polygon in its plane.
-fn planar_side(
-    p: &Polygon,
-    k: usize,
-    g: &Graph,
-    x: &[f64],
-    balls: &[Mat3<f64>],
-) -> FlatArm {
+fn planar_side(p: &Polygon, k: usize, g: &Graph, x: &[f64], balls: &[Mat3<f64>]) -> FlatArm {
     match &p.plane {
         None => p.sides[k].flat(g, x),
         Some(plane) => {
@@ -209,13 +203,7 @@ pub(super) fn flat_joints(p: &Polygon, g: &Graph) -> Vec<FlatJoint> {
             let (sense, rest) = if forward { (1.0, rest) } else { (-1.0, -rest) };
             // going backward the axis is met behind the constant turn
             let along = if forward { axis } else { rotated([-axis[0], -axis[1]], rest) };
-            FlatJoint {
-                edge: i,
-                turns: e.kind == Kind::Turn,
-                sign: sense * normal.signum(),
-                rest,
-                axis: along,
-            }
+            FlatJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
         })
         .collect()
 }
@@ -257,4 +245,3 @@ impl Closing for LoopClosing<'_> {
         }
     }
 }
-

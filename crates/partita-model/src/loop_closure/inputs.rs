@@ -1,8 +1,9 @@
 //! Which velocities to take as inputs when nobody says.
 
 use super::graph::{Graph, Kind};
+use super::instant::Instant;
 use super::order::Order;
-use super::plan::{Instant, Task};
+use super::plan::Task;
 use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;

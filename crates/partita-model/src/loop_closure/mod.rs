@@ -4,10 +4,10 @@
 //! q_D = g(q_I, t; ε)       ε: branch signs, constants of the motion between dead points
 //! ```
 //!
-//! The mechanism is a graph of elementary motions ([`graph`]). Rigid clusters of bodies grow by polygons that close in
-//! closed form ([`order`]): dyads in the plane ([`planar`]), characteristic pairs in space ([`spatial`]). What cannot be
-//! ordered is solved in the smallest implicit blocks there are ([`btf`], [`implicit`]). The order depends on the inputs
-//! alone; it is found once ([`plan`]) and then followed without searching and without allocation ([`close`]).
+//! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
+//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What cannot be
+//! ordered is solved in the smallest implicit blocks there are (`btf`, `implicit`). The order depends on the inputs
+//! alone; it is found once (`plan`) and then followed without searching and without allocation (`close`).
 //!
 //! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to round-off by
 //! construction and the branch is always known. At a dead point of its inputs it ends with [`SystemError::Limit`].
@@ -21,20 +21,22 @@ mod close;
 mod graph;
 mod implicit;
 mod inputs;
+mod instant;
 mod order;
 mod plan;
 mod planar;
+mod polygon;
 mod spatial;
 
-pub use assemblies::{Assemblies, Assembled};
+pub use assemblies::{Assembled, Assemblies};
 
 use crate::model::{Model, ModelScratch};
 use graph::Graph;
 use implicit::Implicit;
-use order::Polygon;
 use partita_math::spatial::Mat3;
 use partita_system::kinematics::closing::{Block, BlockState};
 use planar::FlatJoint;
+use polygon::Polygon;
 
 /// How one step finds its coordinates.
 #[derive(Clone, Debug)]

@@ -3,106 +3,20 @@
 use super::close::flat_joints;
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
-use super::order::{Freedom, Order, Polygon};
+use super::instant::{Instant, CLOSED};
+use super::order::Order;
+use super::polygon::{Freedom, Polygon};
 use super::{btf, planar, LoopClosing, Step, Work};
 use crate::joint;
 use crate::model::Model;
-use crate::place::Coordinates;
-use partita_math::elimination::Pattern;
-use partita_math::rank::independent_rows;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::kinematics::closing::{Block, BlockState};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 
-/// Squared sine below which a row counts as a combination of the others, as in the analysis of the start.
-const REDUNDANT: f64 = 1e-9;
 /// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is closed
 /// to 1e-9 or better, of which a square root near a dead point leaves half the digits.
 const SAME: f64 = 1e-3;
-/// Closing residual (in reaches) up to which a position counts as closed.
-const CLOSED: f64 = 1e-6;
-
-/// C at a position.
-pub(super) struct Instant<'m> {
-    pub model: &'m Model,
-    pub pattern: &'m Pattern,
-    pub c: Vec<f64>,
-}
-
-impl<'m> Instant<'m> {
-    /// Fails where the position is not closed.
-    pub fn new(model: &'m Model, t: f64, q: &[f64]) -> Result<Self, SystemError> {
-        if model.coordinates() == Coordinates::Absolute {
-            return Err(SystemError::Request(
-                "explicit closing follows the joints, absolute coordinates know none of them: use relative coordinates"
-                    .into(),
-            ));
-        }
-        let size = model.size();
-        if q.len() != size.nq {
-            let message = format!("{} coordinates were given, but the mechanism has {}", q.len(), size.nq);
-            return Err(SystemError::Request(message));
-        }
-        let (mut phi, mut a) = (vec![0.0; size.holonomic], vec![0.0; size.rows]);
-        let mut c = vec![0.0; model.pattern().nnz()];
-        model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
-        for (i, x) in phi.iter().enumerate() {
-            let open = x.abs() / model.row_reach(i).unwrap_or(1.0);
-            if !open.is_finite() {
-                return Err(SystemError::NotFinite { what: model.row_words(i), t });
-            }
-            if open > CLOSED {
-                let message = format!(
-                    "{} is open by {:.3e}: explicit closing starts from a closed position, assemble first",
-                    model.row_words(i),
-                    x.abs()
-                );
-                return Err(SystemError::Request(message));
-            }
-        }
-        Ok(Self { model, pattern: model.pattern(), c })
-    }
-
-    /// Independent rows of the columns that `within` names; rows that are nearly nothing there do not count.
-    pub fn rows(&self, within: &[bool]) -> Vec<usize> {
-        let scale: Vec<f64> =
-            within.iter().enumerate().map(|(v, &w)| if w { self.model.reach(v) } else { 0.0 }).collect();
-        let mut c = self.c.clone();
-        for i in 0..self.pattern.rows {
-            let size = self.model.row_reach(i).unwrap_or(1.0);
-            let sum: f64 = self.pattern.row(i).map(|e| (c[e] * scale[self.pattern.col_idx[e]] / size).powi(2)).sum();
-            if sum < REDUNDANT {
-                self.pattern.row(i).for_each(|e| c[e] = 0.0);
-            }
-        }
-        let mut rows = independent_rows(self.pattern, &c, &scale, REDUNDANT).kept;
-        rows.sort_unstable();
-        rows
-    }
-
-    /// Degrees of freedom here.
-    pub fn mobility(&self) -> usize {
-        let nv = self.model.size().nv;
-        nv - self.rows(&vec![true; nv]).len()
-    }
-
-    /// Rows and, for each unknown, the row matched to it and the unknowns in that row.
-    fn structure(&self, rows: &[usize], unknown: &[usize]) -> Option<(Vec<usize>, Vec<Vec<usize>>)> {
-        let mut place = vec![usize::MAX; self.model.size().nv];
-        unknown.iter().enumerate().for_each(|(i, &u)| place[u] = i);
-        let columns: Vec<Vec<usize>> = rows
-            .iter()
-            .map(|&r| {
-                let all = self.pattern.row(r).map(|e| place[self.pattern.col_idx[e]]);
-                all.filter(|&p| p != usize::MAX).collect()
-            })
-            .collect();
-        let row_of = btf::matching(&columns, unknown.len())?;
-        let needs = row_of.iter().map(|&r| columns[r].clone()).collect();
-        Some((row_of.iter().map(|&r| rows[r]).collect(), needs))
-    }
-}
 
 /// What the inputs leave to be found.
 pub(super) struct Task {
@@ -118,11 +32,7 @@ impl Task {
     pub fn new(model: &Model, graph: &Graph, inputs: &[usize]) -> Self {
         let is_input = |v: usize| inputs.binary_search(&v).is_ok();
         let driven = |e: &Edge| model.drives.iter().any(|d| e.velocities().contains(&d.v));
-        let given = graph
-            .edges
-            .iter()
-            .map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e)))
-            .collect();
+        let given = graph.edges.iter().map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e))).collect();
         let ball_inputs = graph
             .edges
             .iter()
@@ -231,12 +141,7 @@ impl<'m> LoopClosing<'m> {
     }
 
     /// Fills the steps; `false` if a closed form fails to give q back, or no order is found.
-    fn plan_steps(
-        &mut self,
-        at: &Instant,
-        task: &Task,
-        closed_forms: bool,
-    ) -> Result<bool, SystemError> {
+    fn plan_steps(&mut self, at: &Instant, task: &Task, closed_forms: bool) -> Result<bool, SystemError> {
         let model = self.model;
         self.steps.clear();
         for (d, drive) in model.drives.iter().enumerate() {
@@ -253,17 +158,14 @@ impl<'m> LoopClosing<'m> {
                     }
                 }
             }
-            let missing: Vec<usize> = (0..graph.edges.len())
-                .filter(|&e| graph.edges[e].in_tree() && !order.is_known(e))
-                .collect();
+            let missing: Vec<usize> =
+                (0..graph.edges.len()).filter(|&e| graph.edges[e].in_tree() && !order.is_known(e)).collect();
             if missing.is_empty() {
                 break;
             }
             let Some((rows, unknown)) = self.next_implicit(at, &missing) else { return Ok(false) };
-            let solved: Vec<usize> = missing
-                .into_iter()
-                .filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v)))
-                .collect();
+            let solved: Vec<usize> =
+                missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
             order.learned(&solved);
             let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
             let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
@@ -297,7 +199,15 @@ impl<'m> LoopClosing<'m> {
         let here: Vec<(f64, Mat3<f64>)> = edges.iter().map(|&e| (self.x[e], self.balls[e])).collect();
         let mut best = (f64::INFINITY, [0i8; 2]);
         for choice in 0..1u8 << signs {
-            let sign = |i: usize| if i >= signs { 0 } else if choice >> i & 1 == 0 { 1i8 } else { -1 };
+            let sign = |i: usize| {
+                if i >= signs {
+                    0
+                } else if choice >> i & 1 == 0 {
+                    1i8
+                } else {
+                    -1
+                }
+            };
             self.steps[step].signs = [sign(0), sign(1)];
             let apart = match self.solve(step) {
                 Ok(()) => self.apart(&edges, &here),

@@ -165,7 +165,7 @@ fn lines(u2: [f64; 2], u3: [f64; 2], gap: [f64; 2]) -> Result<([f64; 2], f64), S
     if sine.abs() <= FLAT {
         return Err(Shortfall(cross(u2, gap).abs()));
     }
-    Ok(([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs()))
+    Ok(([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(1.0)))
 }
 
 /// Two turns: a bar between two points that keep its length by themselves (a redundant loop).

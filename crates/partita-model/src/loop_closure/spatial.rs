@@ -14,8 +14,8 @@
 
 use super::arm::crossing;
 use super::graph::{Graph, Kind};
-use super::order::{Freedom, Polygon};
 use super::planar::Shortfall;
+use super::polygon::{Freedom, Polygon};
 use partita_math::spatial::{Mat3, Vec3};
 
 /// Round-off that an exactly flat position may show, in parts of the terms of the equation.
