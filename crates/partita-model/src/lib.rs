@@ -8,6 +8,7 @@ pub mod dynamics;
 pub mod error;
 pub mod joint;
 pub mod load;
+pub mod loop_closure;
 pub mod model;
 pub mod observe;
 pub mod place;

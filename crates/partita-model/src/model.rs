@@ -11,6 +11,7 @@ use crate::value::{self, Functions};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
+use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
 use std::sync::Arc;
@@ -258,6 +259,11 @@ impl Model {
             d += 1;
         }
         d
+    }
+
+    /// Which coordinates the tree is made of.
+    pub fn coordinates(&self) -> Coordinates {
+        self.coordinates
     }
 
     /// All motions in one plane?
@@ -565,6 +571,15 @@ impl ConstrainedSystem for Model {
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         self.coordinates_of[i].clone()
     }
+    fn closing(
+        &self,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+        Ok(Box::new(self.loop_closing(t, q, inputs)?))
+    }
+
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         self.velocity_of[i]
     }

@@ -2,8 +2,11 @@
 
 use crate::system::SystemError;
 
-/// One step of an explicit closing, in the order of solution. The rows of a block contain, besides its own unknown
-/// velocities, only inputs and unknowns of earlier blocks: C_D is block-triangular.
+/// One step of an explicit closing. The rows of a block contain, besides its own unknown velocities, only inputs and
+/// unknowns of earlier blocks: C_D is block-triangular, its diagonal blocks are regular.
+///
+/// A step may have no rows and no unknowns: steps that the rows of C cannot tell apart (a loop cut where two of them
+/// meet, the two signs of a loop in space) stand one behind the other, and the last carries the rows of all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// Rows of C that determine the unknowns (as many as unknowns).
@@ -21,7 +24,7 @@ pub struct Block {
 pub struct BlockState {
     /// Sign ε of the pivot: which of the two solutions; 0 where a block has only one (or is implicit).
     pub branch: i8,
-    /// The pivot over its largest possible value: 0 at a dead point of the block.       (8.2)
+    /// The pivot over its largest possible value, without its sign: 0 at a dead point of the block, 1 at best.  (8.2)
     pub pivot: f64,
 }
 

@@ -1,0 +1,230 @@
+//! Linkages drawn by their joints, and what every explicit closing must satisfy.
+#![allow(dead_code, reason = "each test file uses the part it needs")]
+
+use partita_math::dense::{lu, lu_solve};
+use partita_math::spatial::Quaternion;
+use partita_model::loop_closure::LoopClosing;
+use partita_model::place::Coordinates;
+use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
+use partita_model::tree::LinkMotion;
+use partita_model::value::NoFunctions;
+use partita_model::Model;
+use partita_system::kinematics::closing::Closing;
+use partita_system::ConstrainedSystem;
+use std::sync::Arc;
+
+pub const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A drawing under way.
+#[derive(Clone)]
+pub struct Drawing(pub Spec);
+
+pub fn drawing(name: &str) -> Drawing {
+    Drawing(Spec {
+        partita: VERSION,
+        name: name.into(),
+        gravity: [0.0, -9.81, 0.0],
+        bodies: vec![],
+        joints: vec![],
+        drives: vec![],
+        forces: vec![],
+    })
+}
+
+fn body(name: &str, at: [f64; 3]) -> Body {
+    Body {
+        name: name.into(),
+        mass: 1.0,
+        com: [0.1, 0.05, 0.02],
+        inertia: [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.08]],
+        position: at,
+        orientation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        shape: None,
+    }
+}
+
+impl Drawing {
+    /// A joint between two bodies, which are drawn where they are first named.
+    pub fn joint(
+        mut self,
+        name: &str,
+        kind: JointKind,
+        parent: &str,
+        child: &str,
+        point: [f64; 3],
+        axis: [f64; 3],
+    ) -> Self {
+        for b in [parent, child] {
+            if b != "ground" && !self.0.bodies.iter().any(|x| x.name == b) {
+                self.0.bodies.push(body(b, point));
+            }
+        }
+        self.0.joints.push(Joint {
+            name: name.into(),
+            kind,
+            parent: parent.into(),
+            child: child.into(),
+            point,
+            axis: Some(axis),
+            axis2: None,
+            frame: None,
+            free: None,
+            child_point: None,
+            child_axis: None,
+            cut: Cut::Auto,
+        });
+        self
+    }
+    pub fn pin(self, name: &str, parent: &str, child: &str, at: [f64; 2]) -> Self {
+        self.joint(name, JointKind::Revolute, parent, child, [at[0], at[1], 0.0], Z)
+    }
+    pub fn slide(self, name: &str, parent: &str, child: &str, at: [f64; 2], along: [f64; 2]) -> Self {
+        self.joint(name, JointKind::Prismatic, parent, child, [at[0], at[1], 0.0], [along[0], along[1], 0.0])
+    }
+    /// Second axis of the joint drawn last.
+    pub fn and(mut self, axis2: [f64; 3]) -> Self {
+        self.0.joints.last_mut().unwrap().axis2 = Some(axis2);
+        self
+    }
+    /// Cut this joint and no other if that opens the loop.
+    pub fn cut(mut self, name: &str) -> Self {
+        for j in &mut self.0.joints {
+            if j.name == name {
+                j.cut = Cut::Always;
+            }
+        }
+        self
+    }
+    pub fn drive(mut self, joint: &str, motion: Value) -> Self {
+        let (name, joint) = (format!("drive of {joint}"), joint.to_string());
+        self.0.drives.push(Drive { name, joint, coordinate: 0, motion });
+        self
+    }
+    pub fn model(self) -> Model {
+        Model::new(self.0, Arc::new(NoFunctions), Coordinates::Relative).unwrap()
+    }
+}
+
+pub fn velocity(model: &Model, name: &str) -> usize {
+    (0..model.size().nv).find(|&i| model.velocity_name(i) == name).unwrap_or_else(|| panic!("no velocity {name}"))
+}
+
+pub fn coordinate(model: &Model, name: &str) -> usize {
+    let at = |n: &String| n == name;
+    model.placed.coordinate_names.iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
+}
+
+/// Largest |Φ|, and C by rows.
+pub fn position(model: &Model, t: f64, q: &[f64]) -> (f64, Vec<Vec<f64>>) {
+    let (size, pattern) = (model.size(), model.pattern());
+    let (mut phi, mut a, mut c) = (vec![0.0; size.holonomic], vec![0.0; size.rows], vec![0.0; pattern.nnz()]);
+    model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();
+    let mut dense = vec![vec![0.0; size.nv]; size.rows];
+    for (i, row) in dense.iter_mut().enumerate() {
+        pattern.row(i).for_each(|e| row[pattern.col_idx[e]] = c[e]);
+    }
+    (phi.iter().fold(0.0, |m: f64, x| m.max(x.abs())), dense)
+}
+
+/// The branches at the last closing.
+pub fn branches(closing: &LoopClosing) -> Vec<i8> {
+    closing.state().iter().map(|s| s.branch).collect()
+}
+
+/// Closing within round-off: a few ulp of the size, and what the rounding of large angles itself opens.
+pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
+    let angle = q.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+    let (open, _) = position(model, t, q);
+    let allowed = model.placed.size.max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
+    assert!(open <= allowed, "{what}: |Φ| = {open:.2e}, allowed {allowed:.2e}");
+}
+
+/// Velocities on the way through five positions h apart, by differences of fourth order.
+fn velocities(model: &Model, q: &[Vec<f64>; 5], h: f64) -> Vec<f64> {
+    let d = |i: usize| (8.0 * (q[3][i] - q[1][i]) - (q[4][i] - q[0][i])) / (12.0 * h);
+    let mut v = vec![0.0; model.size().nv];
+    for l in model.full.links.iter().skip(1) {
+        if matches!(l.motion, LinkMotion::Ball) {
+            let p = Quaternion([0, 1, 2, 3].map(|k| q[2][l.q + k]));
+            let back = Quaternion([p.0[0], -p.0[1], -p.0[2], -p.0[3]]);
+            let rate = back.times(&Quaternion([0, 1, 2, 3].map(|k| d(l.q + k))));
+            (0..3).for_each(|k| v[l.v + k] = 2.0 * rate.0[k + 1]);
+        } else {
+            v[l.v] = d(l.q);
+        }
+    }
+    v
+}
+
+/// A = dq_D/dq_I of the closed forms equals −C_D⁻¹ C_I, block by block in the order of the blocks.           (38)
+pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64]) {
+    let inputs = closing.inputs().to_vec();
+    let blocks = closing.blocks().to_vec();
+    for &input in &inputs {
+        let h = 1e-3 * model.reach(input);
+        let mut way: [Vec<f64>; 5] = std::array::from_fn(|_| q.to_vec());
+        for (k, at) in way.iter_mut().enumerate() {
+            let mut dv = vec![0.0; model.size().nv];
+            dv[input] = h * (k as f64 - 2.0);
+            model.step(at, &dv);
+            closing.close(t, at).unwrap();
+        }
+        let found = velocities(model, &way, h);
+        let (_, c) = position(model, t, &way[2]);
+        let mut v = vec![0.0; found.len()];
+        let mut solved = vec![false; v.len()];
+        // a link that may spin between two balls takes its spin from its own input
+        for &i in &inputs {
+            (v[i], solved[i]) = (found[i], true);
+        }
+        for b in &blocks {
+            assert_eq!(b.rows.len(), b.unknown.len(), "{}", b.words);
+            let n = b.rows.len();
+            let mut m = vec![0.0; n * n];
+            let mut x = vec![0.0; n];
+            for (i, &r) in b.rows.iter().enumerate() {
+                for (k, &value) in c[r].iter().enumerate() {
+                    if let Some(j) = b.unknown.iter().position(|&u| u == k) {
+                        m[i * n + j] = value;
+                    } else if value != 0.0 {
+                        assert!(solved[k], "{}: row {r} needs {}", b.words, model.velocity_name(k));
+                        x[i] -= value * v[k];
+                    }
+                }
+            }
+            let mut pivots = vec![0; n];
+            lu(&mut m, n, &mut pivots).unwrap();
+            lu_solve(&m, n, &pivots, &mut x);
+            for (&u, x) in b.unknown.iter().zip(x) {
+                assert!(!std::mem::replace(&mut solved[u], true), "{} twice", model.velocity_name(u));
+                v[u] = x;
+            }
+        }
+        assert!(solved.iter().all(|s| *s), "a velocity is in no block");
+        for (i, (a, b)) in found.iter().zip(&v).enumerate() {
+            // differences: error h⁴/30 ≈ 3e-14 times the fifth derivative, round-off 1e-15/h
+            assert!((a - b).abs() < 1e-8 * (1.0 + b.abs()), "{}: {a} by differences, {b}", model.velocity_name(i));
+        }
+    }
+}
+
+/// Turn an input by `angle` in `count` steps: closed at every one, branches kept, tangent checked now and then.
+pub fn sweep(model: &Model, closing: &mut LoopClosing, input: &str, angle: f64, count: usize) -> Vec<f64> {
+    let mut q = model.initial();
+    closing.close(0.0, &mut q).unwrap();
+    let at = coordinate(model, input);
+    let own = branches(closing);
+    let from = q[at];
+    for k in 0..=count {
+        q[at] = from + angle * k as f64 / count as f64;
+        closing.close(0.0, &mut q).unwrap_or_else(|e| panic!("{input} = {}: {e}", q[at]));
+        assert_closed(model, 0.0, &q, &format!("{} at {input} = {}", model.spec.name, q[at]));
+        assert_eq!(branches(closing), own, "branch lost at {input} = {}", q[at]);
+        assert!(closing.state().iter().all(|s| s.pivot > 0.0 && s.pivot <= 1.0));
+        if k % (count / 7).max(1) == 3 {
+            assert_tangent(model, closing, 0.0, &q.clone());
+            let _ = closing.close(0.0, &mut q);
+        }
+    }
+    q
+}

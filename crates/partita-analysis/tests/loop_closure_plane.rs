@@ -1,0 +1,564 @@
+//! Explicit closing in the plane: dyads, and what cannot be ordered into dyads.
+
+mod linkages;
+
+use linkages::*;
+use partita_model::loop_closure::LoopClosing;
+use partita_model::spec::{Table, Value};
+use partita_model::Model;
+use partita_system::kinematics::closing::Closing;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::f64::consts::TAU;
+
+/// The point at l2 from P and l3 from Q on the side ε of the line PQ.
+fn dyad(p: [f64; 2], q: [f64; 2], l2: f64, l3: f64, sign: f64) -> [f64; 2] {
+    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+    let r = dx.hypot(dy);
+    let u = (r * r + l2 * l2 - l3 * l3) / (2.0 * r);
+    let h = sign * (l2 * l2 - u * u).sqrt();
+    [p[0] + (u * dx - h * dy) / r, p[1] + (u * dy + h * dx) / r]
+}
+
+fn polar(l: f64, angle: f64) -> [f64; 2] {
+    [l * angle.cos(), l * angle.sin()]
+}
+
+/// Lengths ground, crank, coupler, rocker; drawn at the crank angle, C on the side ε.
+fn four_bar([l0, l1, l2, l3]: [f64; 4], crank: f64, sign: f64) -> Drawing {
+    let (b, d) = (polar(l1, crank), [l0, 0.0]);
+    let c = dyad(b, d, l2, l3, sign);
+    drawing("four-bar")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "coupler", b)
+        .pin("C", "coupler", "rocker", c)
+        .pin("D", "ground", "rocker", d)
+}
+
+fn by<'m>(model: &'m Model, names: &[&str]) -> LoopClosing<'m> {
+    let inputs: Vec<usize> = names.iter().map(|n| velocity(model, n)).collect();
+    model.loop_closing(0.0, &model.initial(), Some(&inputs)).unwrap()
+}
+
+fn words(closing: &LoopClosing) -> Vec<String> {
+    closing.blocks().iter().map(|b| b.words.clone()).collect()
+}
+
+/// Benchmark 11: Grashof's crank turns fully, the branch is kept; for every joint that may be cut.
+#[test]
+fn grashof_crank_turns_fully_whatever_is_cut() {
+    for cut in ["B", "C", "D"] {
+        for sign in [1.0, -1.0] {
+            let model = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, sign).cut(cut).model();
+            let mut closing = by(&model, &["A"]);
+            assert_eq!(closing.blocks().len(), 1);
+            assert!(closing.is_explicit() && words(&closing)[0].starts_with("RRR dyad"), "{:?}", words(&closing));
+            let end = sweep(&model, &mut closing, "A", TAU, 50);
+            // the rocker swings and comes back, the coupler does not turn around either
+            let start = model.initial();
+            for (i, (a, b)) in end.iter().zip(&start).enumerate() {
+                let turns = ((a - b) / TAU).round();
+                assert!((a - b - turns * TAU).abs() < 1e-13, "coordinate {i}: {a} after {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thousand_turns_keep_the_branch() {
+    let model = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0).model();
+    let mut closing = by(&model, &["A"]);
+    let (mut q, at) = (model.initial(), coordinate(&model, "A"));
+    closing.close(0.0, &mut q).unwrap();
+    let own = branches(&closing);
+    for k in 0..4000 {
+        // a quarter of a turn and a little, so that all angles are met
+        q[at] = 0.2505 * TAU * f64::from(k);
+        closing.close(0.0, &mut q).unwrap();
+        assert_closed(&model, 0.0, &q, "thousand turns");
+        assert_eq!(branches(&closing), own);
+    }
+    // the angle of the coupler to the crank has made all turns of the crank, backwards
+    let relative = q[coordinate(&model, "B")];
+    assert!((relative + q[at]).abs() < TAU, "{relative} after {}", q[at]);
+}
+
+/// Reference data of the four-bar: l = (1, 2.5, 2), d = 2.2, crank 0.8 rad, other side than drawn: φ and A.
+#[test]
+fn reference_four_bar_closed_forms() {
+    let model = four_bar([2.2, 1.0, 2.5, 2.0], 0.3, 1.0).cut("D").model();
+    let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "A")])).unwrap();
+    assert_eq!(all.found.len(), 2);
+    let drawn = polar_angles(0.3, 1.0);
+    let mut seen = 0;
+    for sign in [1.0, -1.0] {
+        let model = four_bar([2.2, 1.0, 2.5, 2.0], 0.3, sign).cut("D").model();
+        let mut closing = by(&model, &["A"]);
+        let mut q = model.initial();
+        q[coordinate(&model, "A")] = 0.8 - 0.3;
+        closing.close(0.0, &mut q).unwrap();
+        let start = polar_angles(0.3, sign);
+        let phi1 = 0.3 + q[0];
+        let phi2 = start[1] + q[0] + q[1];
+        let phi3 = start[2] + q[0] + q[1] + q[2];
+        let near = |a: f64, b: f64| (a - b - ((a - b) / TAU).round() * TAU).abs() < 1e-12;
+        if near(phi2, 0.477935466983) {
+            assert!(near(phi1, 0.8) && near(phi3, -1.937228058039), "{phi3}");
+            let (_, c) = position(&model, 0.0, &q);
+            let det = c[0][1] * c[1][2] - c[0][2] * c[1][1];
+            let a2 = -(c[0][0] * c[1][2] - c[0][2] * c[1][0]) / det;
+            let a3 = -(c[0][1] * c[1][0] - c[0][0] * c[1][1]) / det;
+            // relative angles: A of the absolute ones less that of the link before
+            assert!((a2 + 1.236935882644).abs() < 1e-11 && (a3 - 0.475210113261).abs() < 1e-11, "{a2} {a3}");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 1);
+    assert!(drawn[0] == 0.3);
+}
+
+/// Absolute angles of crank, coupler and rocker (from C to D) of the reference four-bar.
+fn polar_angles(crank: f64, sign: f64) -> [f64; 3] {
+    let (b, d) = (polar(1.0, crank), [2.2, 0.0]);
+    let c = dyad(b, d, 2.5, 2.0, sign);
+    [crank, (c[1] - b[1]).atan2(c[0] - b[0]), (d[1] - c[1]).atan2(d[0] - c[0])]
+}
+
+/// Closed form x = a cos φ ± √(l² − (a sin φ − e)²), for every cut.
+#[test]
+fn slider_crank_with_offset() {
+    let (a, l, e) = (0.05, 0.2, 0.02);
+    let crank = 0.6_f64;
+    let pin = polar(a, crank);
+    let x0 = pin[0] + (l * l - (pin[1] - e) * (pin[1] - e)).sqrt();
+    let draw = || {
+        drawing("slider-crank")
+            .pin("crank", "ground", "crank", [0.0; 2])
+            .pin("pin", "crank", "rod", pin)
+            .pin("wrist", "rod", "slider", [x0, e])
+            .slide("slide", "ground", "slider", [x0, e], [1.0, 0.0])
+    };
+    for cut in ["pin", "wrist", "slide"] {
+        let model = draw().cut(cut).model();
+        let mut closing = by(&model, &["crank"]);
+        assert_eq!(words(&closing), ["RRP dyad (joints \"pin\", \"wrist\", \"slide\")"]);
+        sweep(&model, &mut closing, "crank", TAU, 40);
+        let mut q = model.initial();
+        q[0] = 2.1;
+        closing.close(0.0, &mut q).unwrap();
+        let phi = crank + 2.1;
+        let x = a * phi.cos() + (l * l - (a * phi.sin() - e) * (a * phi.sin() - e)).sqrt();
+        let mut s = model.scratch();
+        model.look(&q, &vec![0.0; model.size().nv], &mut s);
+        let slider = model.spec.bodies.iter().position(|b| b.name == "slider").unwrap();
+        let moved = model.body_state(slider, &s).position.0;
+        assert!((moved[0] - x).abs() < 1e-15 && (moved[1] - e).abs() < 1e-15, "{moved:?} {x}");
+        // pivot: cosine of the rod's angle to the slide
+        let cosine = (1.0 - ((a * phi.sin() - e) / l).powi(2)).sqrt();
+        assert!((closing.state()[0].pivot - cosine).abs() < 1e-14);
+    }
+    // driven from the slide it has dead points; the crank is a dyad of another kind then
+    let model = draw().cut("wrist").model();
+    let mut closing = by(&model, &["slide"]);
+    assert!(words(&closing)[0].starts_with("RRR dyad"), "{:?}", words(&closing));
+    sweep(&model, &mut closing, "slide", -0.03, 10);
+}
+
+/// Quick-return: a block slides along the lever, r = ε √(|P − Q|² − e²).
+#[test]
+fn inverted_slider_crank() {
+    for cut in ["pin", "slide", "lever"] {
+        let at = polar(0.1, 0.4);
+        let model = drawing("quick return")
+            .pin("crank", "ground", "crank", [0.0; 2])
+            .pin("pin", "crank", "block", at)
+            .slide("slide", "block", "lever", at, [at[0] + 0.02, at[1] + 0.3])
+            .pin("lever", "ground", "lever", [0.01, -0.3])
+            .cut(cut)
+            .model();
+        let mut closing = by(&model, &["crank"]);
+        assert!(words(&closing)[0].starts_with("RPR dyad"), "{:?}", words(&closing));
+        sweep(&model, &mut closing, "crank", 2.0 * TAU, 60);
+    }
+}
+
+/// Scotch yoke x = a cos φ, and the elliptic trammel.
+#[test]
+fn two_slides() {
+    for cut in ["pin", "slot", "guide"] {
+        let at = polar(0.3, 0.4);
+        let model = drawing("scotch yoke")
+            .pin("crank", "ground", "crank", [0.0; 2])
+            .pin("pin", "crank", "block", at)
+            .slide("slot", "block", "yoke", at, [0.0, 1.0])
+            .slide("guide", "ground", "yoke", [0.0, 0.0], [1.0, 0.0])
+            .cut(cut)
+            .model();
+        let mut closing = by(&model, &["crank"]);
+        assert!(words(&closing).iter().any(|w| w.starts_with("RPP dyad")), "{:?}", words(&closing));
+        sweep(&model, &mut closing, "crank", TAU, 30);
+        if cut != "guide" {
+            let mut q = model.initial();
+            q[0] = 5.0;
+            closing.close(0.0, &mut q).unwrap();
+            let x = q[coordinate(&model, "guide")];
+            assert!((x - (0.3 * 5.4_f64.cos() - at[0])).abs() < 1e-15);
+        }
+    }
+    let (c, s) = (0.8, 0.6);
+    for cut in ["x", "y", "at x", "at y"] {
+        let model = drawing("trammel")
+            .slide("x", "ground", "block x", [c, 0.0], [1.0, 0.0])
+            .slide("y", "ground", "block y", [0.0, s], [0.0, 1.0])
+            .pin("at x", "block x", "bar", [c, 0.0])
+            .pin("at y", "block y", "bar", [0.0, s])
+            .cut(cut)
+            .model();
+        let input = if cut == "x" { "y" } else { "x" };
+        let mut closing = by(&model, &[input]);
+        sweep(&model, &mut closing, input, -0.3, 20);
+    }
+}
+
+/// Three slides between wedges: the rows of the turns are redundant.
+#[test]
+fn wedges() {
+    let model = drawing("wedges")
+        .slide("floor", "ground", "wedge", [0.0, 0.0], [1.0, 0.0])
+        .slide("wall", "ground", "rod", [0.0, 1.0], [0.0, 1.0])
+        .slide("face", "wedge", "rod", [0.0, 0.5], [0.8, 0.6])
+        .model();
+    let mut closing = by(&model, &["floor"]);
+    sweep(&model, &mut closing, "floor", 0.7, 10);
+    let mut q = model.initial();
+    q[coordinate(&model, "floor")] = 0.4;
+    closing.close(0.0, &mut q).unwrap();
+    // the rod rises or sinks along the face: slope 3/4
+    assert!((q[coordinate(&model, "wall")] + 0.3).abs() < 1e-15, "{q:?}");
+}
+
+/// Two ternary links t1, t2; Watt: t1-t2, two dyads. Stephenson: t1-a-t2, t1-b-t2, t1-c-d-t2.
+fn six_bar(watt: bool, ground: &str) -> Drawing {
+    let name = |s: &'static str| if s == ground { "ground" } else { s };
+    let d = drawing("six-bar");
+    if watt {
+        return d
+            .pin("1", name("t1"), name("t2"), [0.0, 0.0])
+            .pin("2", name("t2"), name("a"), [0.3, 0.9])
+            .pin("3", name("a"), name("b"), [1.6, 1.3])
+            .pin("4", name("t1"), name("b"), [1.5, 0.0])
+            .pin("5", name("t2"), name("c"), [-0.4, 0.8])
+            .pin("6", name("c"), name("d"), [-1.5, 1.2])
+            .pin("7", name("t1"), name("d"), [-1.4, -0.2]);
+    }
+    d.pin("1", name("t1"), name("a"), [0.0, 0.0])
+        .pin("2", name("a"), name("t2"), [0.2, 0.8])
+        .pin("3", name("t1"), name("b"), [1.8, 0.1])
+        .pin("4", name("b"), name("t2"), [1.5, 1.4])
+        .pin("5", name("t1"), name("c"), [-0.9, 0.3])
+        .pin("6", name("c"), name("d"), [-0.7, 1.5])
+        .pin("7", name("d"), name("t2"), [0.6, 1.9])
+}
+
+/// All inversions, all choices of the input: explicit wherever a four-bar loop contains the input, implicit otherwise.
+#[test]
+fn six_bars() {
+    let mut explicit = 0;
+    let mut implicit = 0;
+    for (watt, grounds) in [(true, vec!["t1", "a"]), (false, vec!["a", "c", "t1"])] {
+        for ground in grounds {
+            let model = six_bar(watt, ground).model();
+            for v in 0..model.size().nv {
+                let input = model.velocity_name(v);
+                let mut closing = by(&model, &[&input]);
+                let easy = watt || ["1", "2", "3", "4"].contains(&input.as_str());
+                assert_eq!(closing.is_explicit(), easy, "{ground} {input}: {:?}", words(&closing));
+                *(if easy { &mut explicit } else { &mut implicit }) += 1;
+                sweep(&model, &mut closing, &input, 0.05, 8);
+                let mut back = by(&model, &[&input]);
+                sweep(&model, &mut back, &input, -0.05, 8);
+            }
+            // left to itself it finds inputs with closed forms
+            assert!(model.loop_closing(0.0, &model.initial(), None).unwrap().is_explicit());
+        }
+    }
+    assert!(explicit >= 15 && implicit >= 5, "{explicit} {implicit}");
+}
+
+/// Andrews' squeezing mechanism: three loops, every one a dyad, from any of its two good inputs.
+#[test]
+fn andrews_squeezer_is_dyads_alone() {
+    let beta = -0.061_713_890_014_276_45_f64;
+    // points of the mechanism from its lengths: O, F, E, B, A, G, H
+    let f = polar(0.007, beta);
+    let (a, b) = ([-0.06934, -0.00227], [-0.03635, 0.03273]);
+    // EF turned by Theta = 0 against OF: E beyond O
+    let e = [f[0] - 0.028 * beta.cos(), f[1] - 0.028 * beta.sin()];
+    let g = dyad(a, e, 0.04, 0.02, 1.0);
+    let h = dyad(a, e, 0.04, 0.02, -1.0);
+    assert!(((e[0] - b[0]).hypot(e[1] - b[1]) - 0.035).abs() < 1e-8);
+    let model = drawing("squeezer")
+        .pin("beta", "ground", "OF", [0.0; 2])
+        .pin("theta", "OF", "EF", f)
+        .pin("E", "EF", "EBD", e)
+        .pin("B", "ground", "EBD", b)
+        .pin("E1", "EBD", "GE", e)
+        .pin("G", "GE", "AG", g)
+        .pin("A1", "ground", "AG", a)
+        .pin("E2", "EBD", "HE", e)
+        .pin("H", "HE", "AH", h)
+        .pin("A2", "ground", "AH", a)
+        .model();
+    for input in ["beta", "theta"] {
+        let mut closing = by(&model, &[input]);
+        assert!(closing.is_explicit());
+        let dyads = words(&closing);
+        assert_eq!(dyads.len(), 3, "{dyads:?}");
+        assert!(dyads.iter().all(|w| w.starts_with("RRR dyad")), "{dyads:?}");
+        sweep(&model, &mut closing, input, if input == "beta" { TAU } else { -0.5 }, 40);
+    }
+}
+
+/// A chain of crank-rockers: the cost grows with the number of loops, the blocks are one a loop.
+#[test]
+fn chain_of_four_bars() {
+    let n = 60;
+    let mut d = drawing("chain");
+    for i in 0..=n {
+        let x = 1.1 * i as f64;
+        d = d.pin(&format!("A{i}"), "ground", &format!("upright{i}"), [x, 0.0]);
+    }
+    for i in 0..n {
+        let x = 1.1 * i as f64;
+        d = d.pin(&format!("B{i}"), &format!("upright{i}"), &format!("coupler{i}"), [x, 1.0]).pin(
+            &format!("C{i}"),
+            &format!("coupler{i}"),
+            &format!("upright{}", i + 1),
+            [x + 1.1, 1.0],
+        );
+    }
+    let model = d.model();
+    let mut closing = by(&model, &["A30"]);
+    assert_eq!(closing.blocks().len(), n);
+    assert!(closing.blocks().iter().all(|b| b.explicit && b.rows.len() == 2));
+    let mut q = model.initial();
+    for angle in [0.2, 0.7, 1.2] {
+        q[coordinate(&model, "A30")] = angle;
+        closing.close(0.0, &mut q).unwrap();
+        // errors do not add along the chain
+        let (open, _) = position(&model, 0.0, &q);
+        assert!(open < 1e-14, "{open}");
+        assert!((q[coordinate(&model, "A0")] - angle).abs() < 1e-12);
+        assert!((q[coordinate(&model, "A60")] - angle).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn five_bar_with_two_inputs() {
+    let (b, d) = (polar(0.4, 1.2), [1.0 + 0.4 * 0.5_f64.cos(), 0.4 * 0.5_f64.sin()]);
+    let c = dyad(b, d, 1.2, 1.1, 1.0);
+    let model = drawing("five-bar")
+        .pin("A", "ground", "left", [0.0; 2])
+        .pin("B", "left", "reach", b)
+        .pin("C", "reach", "arm", c)
+        .pin("D", "right", "arm", d)
+        .pin("E", "ground", "right", [1.0, 0.0])
+        .model();
+    let mut closing = by(&model, &["A", "E"]);
+    sweep(&model, &mut closing, "A", TAU, 30);
+    let mut q = model.initial();
+    closing.close(0.0, &mut q).unwrap();
+    assert_tangent(&model, &mut closing, 0.0, &q);
+    // one input is too few, three are too many
+    let one = model.loop_closing(0.0, &q, Some(&[0])).err().unwrap().to_string();
+    assert!(one.contains("1 inputs were asked for, but the mechanism has 2"), "{one}");
+}
+
+/// The planar platform on three legs, base angles as inputs: the triad has no closed form, but it closes.
+#[test]
+fn three_legged_platform_is_one_implicit_block() {
+    let mut d = drawing("3-RRR");
+    let mut closers = Vec::new();
+    for i in 0..3 {
+        let direction = (90.0 + 120.0 * f64::from(i)).to_radians();
+        let (a, c) = (polar(1.5, direction), polar(0.5, direction + 0.1));
+        let b = dyad(a, c, 0.9, 0.9, 1.0);
+        let (lower, upper) = (format!("lower{i}"), format!("upper{i}"));
+        d = d.pin(&format!("base{i}"), "ground", &lower, a).pin(&format!("elbow{i}"), &lower, &upper, b);
+        closers.push((format!("wrist{i}"), upper, c));
+    }
+    for (name, upper, c) in closers {
+        d = d.pin(&name, &upper, "platform", c);
+    }
+    let model = d.model();
+    let mut closing = by(&model, &["base0", "base1", "base2"]);
+    assert!(!closing.is_explicit());
+    assert_eq!(closing.blocks().iter().map(|b| b.unknown.len()).sum::<usize>(), 4);
+    sweep(&model, &mut closing, "base1", 0.3, 12);
+    // from a wrist and an elbow on one leg the platform is in place, and all legs are dyads
+    let mut closing = by(&model, &["base0", "elbow0", "wrist0"]);
+    assert!(closing.is_explicit());
+    sweep(&model, &mut closing, "base0", 0.2, 12);
+}
+
+/// Two assemblies of a four-bar are mirror images about the line from B to D.
+#[test]
+fn assemblies_are_mirror_images() {
+    let model = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0).cut("C").model();
+    let q = model.initial();
+    let all = model.assemblies(0.0, &q, Some(&[velocity(&model, "A")])).unwrap();
+    assert_eq!((all.found.len(), all.blocks.len(), all.notes.len()), (2, 1, 0));
+    assert!(all.found.iter().all(|a| a.residual < 1e-15));
+    assert_eq!(all.found[0].branches[0], -all.found[1].branches[0]);
+    let mut s = model.scratch();
+    let points: Vec<[f64; 2]> = all
+        .found
+        .iter()
+        .map(|a| {
+            model.look(&a.q, &vec![0.0; model.size().nv], &mut s);
+            let at = model.joint_state(2, &a.q, &vec![0.0; model.size().nv], &s).point;
+            [at[0], at[1]]
+        })
+        .collect();
+    let b = polar(0.5, 0.7);
+    for (p, sign) in points.iter().zip([1.0, -1.0]) {
+        let expected = dyad(b, [1.0, 0.0], 1.2, 0.8, sign);
+        assert!((p[0] - expected[0]).abs() < 1e-15 && (p[1] - expected[1]).abs() < 1e-15);
+    }
+    // a six-bar has four, some of which may not close
+    let model = six_bar(true, "t1").model();
+    let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "1")])).unwrap();
+    assert_eq!(all.found.len(), 4);
+    // an implicit block is told
+    let model = six_bar(false, "c").model();
+    let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "5")])).unwrap();
+    assert!(all.notes.iter().any(|n| n.contains("only the solution near")), "{:?}", all.notes);
+}
+
+/// At a limit the shortfall is what the lengths miss: |BD| − (l2 + l3).
+#[test]
+fn limits_tell_the_shortfall() {
+    // double rocker: the crank cannot pass the ground line on the far side
+    let lengths = [1.0, 0.8, 0.5, 0.6];
+    let model = four_bar(lengths, 0.6, 1.0).model();
+    let mut closing = by(&model, &["A"]);
+    let mut q = model.initial();
+    q[coordinate(&model, "A")] = 2.5 - 0.6;
+    let b = polar(0.8, 2.5);
+    let missing = (b[0] - 1.0).hypot(b[1]) - 1.1;
+    assert!(missing > 0.0);
+    match closing.close(0.25, &mut q) {
+        Err(SystemError::Limit { block, t, shortfall }) => {
+            assert_eq!((block.as_str(), t), ("RRR dyad (joints \"B\", \"C\", \"D\")", 0.25));
+            assert!((shortfall - missing).abs() < 1e-14, "{shortfall} {missing}");
+        }
+        other => panic!("{other:?}"),
+    }
+    // slider-crank with a rod shorter than the crank
+    let pin = polar(0.3, 0.2);
+    let x = pin[0] + (0.04 - pin[1] * pin[1]).sqrt();
+    let model = drawing("short rod")
+        .pin("crank", "ground", "crank", [0.0; 2])
+        .pin("pin", "crank", "rod", pin)
+        .pin("wrist", "rod", "slider", [x, 0.0])
+        .slide("slide", "ground", "slider", [x, 0.0], [1.0, 0.0])
+        .model();
+    let mut closing = by(&model, &["crank"]);
+    let mut q = model.initial();
+    q[0] = 1.3;
+    match closing.close(0.0, &mut q) {
+        Err(SystemError::Limit { shortfall, .. }) => {
+            assert!((shortfall - (0.3 * 1.5_f64.sin() - 0.2)).abs() < 1e-14, "{shortfall}")
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A driven crank is no input: nothing is left free, the closing follows time.
+#[test]
+fn drives_are_steps_of_their_own() {
+    let table = Table { breaks: vec![0.0, 10.0], coefficients: vec![[0.0, 0.0, 1.5, 0.0]] };
+    let model = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0).drive("A", Value::Table(table)).model();
+    let q0 = model.initial();
+    let mut closing = model.loop_closing(0.0, &q0, None).unwrap();
+    assert!(closing.inputs().is_empty());
+    assert_eq!(closing.blocks().iter().filter(|b| b.words == "drive \"drive of A\"").count(), 1);
+    let mut q = q0.clone();
+    for k in 0..40 {
+        let t = 0.25 * f64::from(k);
+        closing.close(t, &mut q).unwrap();
+        assert_closed(&model, t, &q, "driven");
+        assert!((q[0] - 1.5 * t).abs() < 1e-15 * (1.0 + 1.5 * t));
+    }
+    let refused = model.loop_closing(0.0, &q0, Some(&[0])).err().unwrap().to_string();
+    assert!(refused.contains("is driven by"), "{refused}");
+}
+
+/// A parallelogram with a third, redundant rocker: the closed forms close all of it.
+#[test]
+fn redundant_parallelogram() {
+    let model = drawing("parallelogram")
+        .pin("A", "ground", "left", [0.0, 0.0])
+        .pin("B", "left", "beam", [0.2, 1.0])
+        .pin("C", "beam", "middle", [1.2, 1.0])
+        .pin("D", "ground", "middle", [1.0, 0.0])
+        .pin("E", "beam", "right", [3.2, 1.0])
+        .pin("F", "ground", "right", [3.0, 0.0])
+        .model();
+    let mut closing = by(&model, &["A"]);
+    assert!(closing.is_explicit());
+    let rows: usize = closing.blocks().iter().map(|b| b.rows.len()).sum();
+    assert_eq!((model.size().rows, rows), (4, 3));
+    let mut q = model.initial();
+    for angle in [0.3, -0.4, 0.9] {
+        q[0] = angle;
+        closing.close(0.0, &mut q).unwrap();
+        assert_closed(&model, 0.0, &q, "parallelogram");
+    }
+}
+
+/// Targets are met in one go, on the branch of the walk, whole turns counted.
+#[test]
+fn placing_equals_walking() {
+    let model = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0).model();
+    let q = model.initial();
+    let at = coordinate(&model, "A");
+    for target in [1.0, -2.0, 9.0] {
+        let placed = model.place(0.0, &q, &[(at, target)]).unwrap();
+        let mut walked = q.clone();
+        partita_system::kinematics::assembly::move_to(&model, 0.0, &mut walked, &[(at, target)], 1e-12).unwrap();
+        for (a, b) in placed.iter().zip(&walked) {
+            assert!((a - b).abs() < 1e-10, "{placed:?} {walked:?}");
+        }
+    }
+    // out of reach, or not a set of inputs: not its business
+    let rocker = coordinate(&model, "D");
+    assert_eq!(model.place(0.0, &q, &[(rocker, 3.0)]), None);
+    assert_eq!(model.place(0.0, &q, &[(at, 1.0), (rocker, 0.1)]), None);
+    assert_eq!(model.place(0.0, &q, &[]), None);
+    assert_eq!(model.place(0.0, &q, &[(at, f64::NAN)]), None);
+}
+
+#[test]
+fn what_cannot_be_is_refused_in_words() {
+    let spec = four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0).0;
+    let absolute = Model::new(
+        spec.clone(),
+        std::sync::Arc::new(partita_model::value::NoFunctions),
+        partita_model::place::Coordinates::Absolute,
+    )
+    .unwrap();
+    let refused = absolute.loop_closing(0.0, &absolute.initial(), None).err().unwrap().to_string();
+    assert!(refused.contains("use relative coordinates"), "{refused}");
+    let model = Drawing(spec).model();
+    let mut open = model.initial();
+    open[1] += 0.1;
+    let refused = model.loop_closing(0.0, &open, None).err().unwrap().to_string();
+    assert!(refused.contains("assemble first"), "{refused}");
+    let refused = model.loop_closing(0.0, &model.initial(), Some(&[7])).err().unwrap().to_string();
+    assert!(refused.contains("different numbers of velocities below 3"), "{refused}");
+    let mut closing = by(&model, &["A"]);
+    let mut q = model.initial();
+    q[0] = f64::NAN;
+    assert!(matches!(closing.close(0.0, &mut q), Err(SystemError::NotFinite { .. })));
+    assert_eq!(model.closing(0.0, &model.initial(), None).unwrap().blocks().len(), 1);
+}

@@ -1,0 +1,281 @@
+//! Explicit closing in space: characteristic pairs, planar loops in spatial mechanisms, implicit blocks.
+
+mod linkages;
+
+use linkages::*;
+use partita_math::spatial::{Mat3, Vec3};
+use partita_model::loop_closure::LoopClosing;
+use partita_model::spec::JointKind::{Prismatic, Revolute, Spherical, Universal};
+use partita_model::Model;
+use partita_system::kinematics::closing::Closing;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::f64::consts::TAU;
+
+fn by<'m>(model: &'m Model, names: &[&str]) -> LoopClosing<'m> {
+    let inputs: Vec<usize> = names.iter().map(|n| velocity(model, n)).collect();
+    model.loop_closing(0.0, &model.initial(), Some(&inputs)).unwrap()
+}
+
+fn words(closing: &LoopClosing) -> Vec<String> {
+    closing.blocks().iter().map(|b| b.words.clone()).collect()
+}
+
+const ROCKER: [f64; 3] = [0.2, 1.0, 0.3];
+const CRANK_AT: [f64; 3] = [0.3, 0.0, 0.1];
+const ROCKER_AT: [f64; 3] = [0.9, 0.2, 1.1];
+const PIVOT: [f64; 3] = [1.2, 0.0, 0.2];
+
+/// RSSR, or RSUR: crank about z in the origin, rocker about a skew axis.
+fn rssr(last: &str) -> Drawing {
+    let d = drawing("RSSR")
+        .joint("crank", Revolute, "ground", "crank", [0.0; 3], Z)
+        .joint("A", Spherical, "crank", "rod", CRANK_AT, Z);
+    let d = if last == "U" {
+        d.joint("B", Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
+    } else {
+        d.joint("B", Spherical, "rod", "rocker", ROCKER_AT, Z)
+    };
+    d.joint("rocker", Revolute, "ground", "rocker", PIVOT, ROCKER)
+}
+
+/// The rocker's angle by the characteristic equation written down for RSSR:                             (39)
+/// `r = O₂ − P`, `s₂` the arm: `a = 2(r + par)·per`, `b = 2(r + par)·(u₂×s₂)`, `c = |r + par|² + |per|² − L²`.
+fn rocker_angles(crank: f64) -> [f64; 2] {
+    let p = Mat3::about(Vec3(Z), crank.sin(), crank.cos()).apply(Vec3(CRANK_AT));
+    let u2 = Vec3(ROCKER).unit().unwrap();
+    let (o2, q) = (Vec3(PIVOT), Vec3(ROCKER_AT));
+    let s2 = q - o2;
+    let length = (q - Vec3(CRANK_AT)).norm();
+    let par = u2.times(u2.dot(s2));
+    let per = s2 - par;
+    let r = o2 - p;
+    let a = 2.0 * (r + par).dot(per);
+    let b = 2.0 * (r + par).dot(u2.cross(s2));
+    let c = (r + par).dot(r + par) + per.dot(per) - length * length;
+    [1.0, -1.0].map(|sign| b.atan2(a) + sign * (-c / a.hypot(b)).acos())
+}
+
+#[test]
+fn rssr_turns_fully_and_follows_its_characteristic_equation() {
+    for cut in ["A", "B", "rocker"] {
+        let model = rssr("S").cut(cut).model();
+        // the spin of the rod is the second degree of freedom: the velocity of a ball in the tree
+        let spin = if cut == "A" { "B.wx" } else { "A.wx" };
+        let mut closing = by(&model, &["crank", spin]);
+        assert!(closing.is_explicit(), "{:?}", words(&closing));
+        assert_eq!(closing.blocks().iter().filter(|b| !b.rows.is_empty()).count(), 1);
+        sweep(&model, &mut closing, "crank", TAU, 40);
+        if cut == "rocker" {
+            continue;
+        }
+        let (mut q, at) = (model.initial(), coordinate(&model, "crank"));
+        for k in 0..12 {
+            q[at] = 0.5 * f64::from(k);
+            closing.close(0.0, &mut q).unwrap();
+            let rocker = q[coordinate(&model, "rocker")];
+            let near = rocker_angles(q[at]).iter().fold(f64::INFINITY, |m: f64, x| {
+                let d = x - rocker;
+                m.min((d - (d / TAU).round() * TAU).abs())
+            });
+            assert!(near < 1e-13, "{near}");
+        }
+    }
+}
+
+/// Twice the sign: of the characteristic equation and of the universal joint. All four assemblies close.
+#[test]
+fn rsur_has_four_assemblies() {
+    for cut in ["A", "B", "crank"] {
+        let model = rssr("U").cut(cut).model();
+        // a cut crank has no velocity: the rocker leads then, as far as it swings
+        let (input, angle) = if cut == "crank" { ("rocker", -0.5) } else { ("crank", TAU) };
+        let mut closing = by(&model, &[input]);
+        assert!(closing.is_explicit(), "{:?}", words(&closing));
+        let w = words(&closing);
+        assert!(w[0].ends_with("characteristic equation") && w[1].ends_with("universal joint"), "{w:?}");
+        if cut == "A" || cut == "crank" {
+            sweep(&model, &mut closing, input, 0.3 * angle, 20);
+        }
+        let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, input)])).unwrap();
+        assert_eq!(all.found.len(), 4, "{:?}", all.notes);
+        for a in &all.found {
+            assert!(a.residual < 2e-15, "{}", a.residual);
+        }
+        // all different
+        for (i, a) in all.found.iter().enumerate() {
+            for b in &all.found[..i] {
+                assert!(a.q.iter().zip(&b.q).any(|(x, y)| (x - y).abs() > 1e-3));
+            }
+        }
+    }
+}
+
+/// Spatial slider-crank: crank about x, rod on a ball, universal joint at the slider.
+fn slider_crank(balls: bool) -> Drawing {
+    let d = drawing("spatial slider-crank")
+        .joint("crank", Revolute, "ground", "crank", [0.0, 0.1, 0.12], [1.0, 0.0, 0.0])
+        .joint("pin", Spherical, "crank", "rod", [0.0, 0.1, 0.2], Z);
+    let d = if balls {
+        d.joint("wrist", Spherical, "rod", "slider", [0.2, 0.0, 0.0], Z)
+    } else {
+        // the axis on the rod stays square to the slide
+        let rod = Vec3([0.2, -0.1, -0.2]).unit().unwrap();
+        let across = Vec3([1.0, 0.0, 0.0]).cross(rod).unit().unwrap();
+        d.joint("wrist", Universal, "slider", "rod", [0.2, 0.0, 0.0], [1.0, 0.0, 0.0]).and(across.0)
+    };
+    d.joint("slide", Prismatic, "ground", "slider", [0.2, 0.0, 0.0], [1.0, 0.0, 0.0])
+}
+
+/// Closed form: x = √(L² − y² − z²) of the crank pin's y and z.
+#[test]
+fn spatial_slider_crank() {
+    for balls in [false, true] {
+        for cut in ["pin", "wrist", "slide"] {
+            let model = slider_crank(balls).cut(cut).model();
+            let inputs: Vec<&str> = match (balls, cut) {
+                (false, _) => vec!["crank"],
+                (true, "pin") => vec!["crank", "wrist.wx"],
+                (true, _) => vec!["crank", "pin.wx"],
+            };
+            let mut closing = by(&model, &inputs);
+            assert!(closing.is_explicit(), "{:?}", words(&closing));
+            sweep(&model, &mut closing, "crank", TAU, 40);
+            if cut == "slide" {
+                continue;
+            }
+            let mut q = model.initial();
+            q[coordinate(&model, "crank")] = 2.0;
+            closing.close(0.0, &mut q).unwrap();
+            let (y, z) = (0.1 - 0.08 * 2.0_f64.sin(), 0.12 + 0.08 * 2.0_f64.cos());
+            let x = (0.09 - y * y - z * z).sqrt();
+            assert!((q[coordinate(&model, "slide")] - (x - 0.2)).abs() < 1e-15);
+        }
+    }
+}
+
+#[test]
+fn spatial_limits_tell_the_shortfall() {
+    // a rod too short for the far side of the crank
+    let model = drawing("short")
+        .joint("crank", Revolute, "ground", "crank", [0.0; 3], [1.0, 0.0, 0.0])
+        .joint("pin", Spherical, "crank", "rod", [0.0, 0.3, 0.0], Z)
+        .joint("wrist", Universal, "slider", "rod", [0.2, 0.2, 0.0], [1.0, 0.0, 0.0])
+        .and([0.0, 0.3, 1.0])
+        .joint("slide", Prismatic, "ground", "slider", [0.2, 0.2, 0.0], [1.0, 0.0, 0.0])
+        .model();
+    let mut closing = by(&model, &["crank"]);
+    let mut q = model.initial();
+    q[coordinate(&model, "crank")] = 3.0;
+    let length = 0.05_f64.sqrt();
+    let off = (0.3 * 3.0_f64.cos() - 0.2).hypot(0.3 * 3.0_f64.sin());
+    match closing.close(0.0, &mut q) {
+        Err(SystemError::Limit { block, shortfall, .. }) => {
+            assert!(block.contains("\"pin\"") && (shortfall - (off - length)).abs() < 1e-14, "{block} {shortfall}")
+        }
+        other => panic!("{other:?}"),
+    }
+    // RSSR the other way round: the rocker as input has limits, measured by the distance the rod misses
+    let model = rssr("S").model();
+    let mut closing = by(&model, &["rocker", "A.wx"]);
+    let mut q = model.initial();
+    q[coordinate(&model, "rocker")] = 2.5;
+    let u2 = Vec3(ROCKER).unit().unwrap();
+    let b = Vec3(PIVOT) + Mat3::about(u2, 2.5_f64.sin(), 2.5_f64.cos()).apply(Vec3(ROCKER_AT) - Vec3(PIVOT));
+    let rod = (Vec3(ROCKER_AT) - Vec3(CRANK_AT)).norm();
+    let radius = CRANK_AT[0].hypot(CRANK_AT[1]);
+    let r = b.0[0].hypot(b.0[1]);
+    let nearest = (r - radius).hypot(b.0[2] - CRANK_AT[2]);
+    let farthest = (r + radius).hypot(b.0[2] - CRANK_AT[2]);
+    let missing = (nearest - rod).max(rod - farthest);
+    assert!(missing > 0.0);
+    match closing.close(0.0, &mut q) {
+        Err(SystemError::Limit { shortfall, .. }) => {
+            assert!((shortfall - missing).abs() < 1e-14, "{shortfall} {missing}")
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A planar four-bar whose rocker carries a spatial loop: the plane's dyad first, then the characteristic pair.
+#[test]
+fn planar_loop_in_a_spatial_mechanism() {
+    let model = drawing("mixed")
+        .pin("A", "ground", "crank", [0.0, 0.0])
+        .pin("B", "crank", "coupler", [0.3, 0.4])
+        .pin("C", "coupler", "rocker", [1.2, 0.9])
+        .pin("D", "ground", "rocker", [1.0, 0.0])
+        .joint("E", Spherical, "rocker", "rod", [1.3, 0.6, 0.4], Z)
+        .joint("F", Universal, "rod", "slider", [1.8, 0.2, 1.0], [0.0, 1.0, 0.1])
+        .and([1.0, 0.1, 0.0])
+        .joint("G", Prismatic, "ground", "slider", [1.8, 0.2, 1.0], [0.3, 0.2, 1.0])
+        .model();
+    assert!(!model.is_planar());
+    let mut closing = by(&model, &["A"]);
+    assert!(closing.is_explicit());
+    let w = words(&closing);
+    assert!(w[0].starts_with("RRR dyad") && w.last().unwrap().contains("loop"), "{w:?}");
+    // the plane's loop brings three rows too many
+    let rows: usize = closing.blocks().iter().map(|b| b.rows.len()).sum();
+    assert_eq!(model.size().nv, rows + 1);
+    sweep(&model, &mut closing, "A", 0.3, 10);
+    // free choice: everything explicit as well
+    assert!(model.loop_closing(0.0, &model.initial(), None).unwrap().is_explicit());
+}
+
+/// Seven revolutes in space: no closed form, one implicit block of six.
+#[test]
+fn seven_revolutes_are_one_implicit_block() {
+    let mut rng = fastrand::Rng::with_seed(23);
+    let mut d = drawing("7R");
+    let name = |i: usize| if i % 7 == 0 { "ground".to_string() } else { format!("link{i}") };
+    for i in 0..7 {
+        let angle = TAU * i as f64 / 7.0;
+        let axis = [rng.f64() - 0.5, rng.f64() - 0.5, rng.f64() - 0.5];
+        let at = [angle.cos(), angle.sin(), 0.4 * rng.f64()];
+        d = d.joint(&format!("J{i}"), Revolute, &name(i), &name(i + 1), at, axis);
+    }
+    let model = d.model();
+    let mut closing = model.loop_closing(0.0, &model.initial(), None).unwrap();
+    assert!(!closing.is_explicit());
+    assert_eq!(closing.inputs().len(), 1);
+    let input = model.velocity_name(closing.inputs()[0]);
+    let unknown: usize = closing.blocks().iter().map(|b| b.unknown.len()).sum();
+    assert_eq!(unknown, 5);
+    sweep(&model, &mut closing, &input, 0.05, 8);
+}
+
+/// Drawn open: a cut joint that sits elsewhere, and turned, on its child. The branch and the closed forms are those of the
+/// assembled position.
+#[test]
+fn open_drawings_close_too() {
+    for planar in [true, false] {
+        let mut d = if planar {
+            drawing("open")
+                .pin("A", "ground", "crank", [0.0, 0.0])
+                .pin("B", "crank", "coupler", [0.3, 0.4])
+                .pin("C", "coupler", "rocker", [1.2, 0.9])
+                .pin("D", "ground", "rocker", [1.0, 0.0])
+                .cut("C")
+        } else {
+            rssr("S").cut("B")
+        };
+        let j = d.0.joints.iter_mut().find(|j| j.name == if planar { "C" } else { "B" }).unwrap();
+        // in the plane the child stays in the plane
+        j.child_point = Some([j.point[0] + 0.03, j.point[1] - 0.02, j.point[2] + if planar { 0.0 } else { 0.04 }]);
+        let model = d.model();
+        let mut q = model.initial();
+        partita_system::kinematics::assembly::close(&model, 0.0, &mut q, 1e-12, &[]).unwrap();
+        let inputs: Vec<usize> = if planar {
+            vec![velocity(&model, "A")]
+        } else {
+            vec![velocity(&model, "crank"), velocity(&model, "A.wx")]
+        };
+        let mut closing = model.loop_closing(0.0, &q, Some(&inputs)).unwrap();
+        assert!(closing.is_explicit());
+        let before = q.clone();
+        closing.close(0.0, &mut q).unwrap();
+        assert_closed(&model, 0.0, &q, "open drawing");
+        assert!(q.iter().zip(&before).all(|(a, b)| (a - b).abs() < 1e-10));
+        assert_tangent(&model, &mut closing, 0.0, &q);
+    }
+}

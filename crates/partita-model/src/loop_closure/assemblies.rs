@@ -1,0 +1,172 @@
+//! Questions to the mechanism that closed forms answer: all assemblies, placing by targets, the closing itself.
+
+use super::instant::Instant;
+use super::{inputs, LoopClosing, Work};
+use crate::model::Model;
+use partita_system::kinematics::closing::Closing;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Most combinations of branches that are looked at.
+const COMBINATIONS: usize = 4096;
+/// Farthest a target is approached at once, in reaches: no angle of a healthy loop turns by π meanwhile.
+const STRIDE: f64 = 0.1;
+/// Largest |Φ| (in reaches) that counts as closed, far above the round-off of a closed form.
+const CLOSED: f64 = 1e-10;
+
+/// One way to put the mechanism together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assembled {
+    /// Coordinates (nq).
+    pub q: Vec<f64>,
+    /// Sign of each block of the closing, 0 where there is none.
+    pub branches: Vec<i8>,
+    /// Largest |Φ|.
+    pub residual: f64,
+}
+
+/// All ways to put the mechanism together for given inputs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Assemblies {
+    /// Those that close.
+    pub found: Vec<Assembled>,
+    /// Words of the blocks, as the branches count them.
+    pub blocks: Vec<String>,
+    /// What the list does not contain, in words.
+    pub notes: Vec<String>,
+}
+
+impl LoopClosing<'_> {
+    /// Do all steps have a closed form?
+    pub fn is_explicit(&self) -> bool {
+        !self.steps.iter().any(|s| matches!(s.work, Work::Implicit(_)))
+    }
+
+    /// Largest |Φ| at (t, q).
+    fn residual(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+        self.model.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
+        Ok(self.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs())))
+    }
+
+    /// Largest |Φ| in reaches at the last [`residual`](Self::residual).
+    fn open(&self) -> f64 {
+        self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_reach(i).unwrap_or(1.0)))
+    }
+}
+
+impl Model {
+    /// Explicit closing for these input velocities, on the branch of the closed position q; see
+    /// [`loop_closure`](crate::loop_closure).
+    ///
+    /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
+    /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
+    pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
+        let at = Instant::new(self, t, q)?;
+        let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
+        let mut sorted = inputs.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        let nv = self.size().nv;
+        if sorted.len() != inputs.len() || sorted.iter().any(|&i| i >= nv) {
+            return Err(SystemError::Request(format!(
+                "the inputs {inputs:?} must be different numbers of velocities below {nv}"
+            )));
+        }
+        let mut plan = LoopClosing::new(&at, q, &sorted)?;
+        plan.close(t, &mut q.to_vec())?;
+        Ok(plan)
+    }
+
+    /// All positions that close for the input values in the closed position q: every combination of branches, those that
+    /// cannot close left out. The first one is q's own.
+    ///
+    /// Of implicit blocks only the solution near q is found; the notes say so. Fails for more than 4096 combinations.
+    /// Cost: one closing for each combination.
+    pub fn assemblies(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<Assemblies, SystemError> {
+        let mut closing = self.loop_closing(t, q, inputs)?;
+        let own: Vec<i8> = closing.state().iter().map(|s| s.branch).collect();
+        let free: Vec<usize> = (0..own.len()).filter(|&i| own[i] != 0).collect();
+        let count = 1usize.checked_shl(free.len() as u32).unwrap_or(usize::MAX);
+        if free.len() >= usize::BITS as usize || count > COMBINATIONS {
+            return Err(SystemError::Request(format!(
+                "{} blocks have two branches each, 2^{} assemblies: more than {COMBINATIONS}; ask for a part of the \
+                 mechanism",
+                free.len(),
+                free.len()
+            )));
+        }
+        let mut all =
+            Assemblies { blocks: closing.blocks().iter().map(|b| b.words.clone()).collect(), ..Assemblies::default() };
+        let implicit: Vec<&str> = closing.blocks().iter().filter(|b| !b.explicit).map(|b| b.words.as_str()).collect();
+        if !implicit.is_empty() {
+            all.notes
+                .push(format!("only the solution near the given position was looked for in {}", implicit.join("; ")));
+        }
+        let mut skipped = 0;
+        for combination in 0..count {
+            let mut branches = own.clone();
+            for (bit, &i) in free.iter().enumerate() {
+                if combination >> bit & 1 == 1 {
+                    branches[i] = -own[i];
+                }
+            }
+            closing.set_branches(&branches);
+            let mut there = q.to_vec();
+            match closing.close(t, &mut there) {
+                Ok(()) => {}
+                Err(SystemError::Limit { .. }) => {
+                    skipped += 1;
+                    continue;
+                }
+                Err(e) => return Err(e),
+            }
+            let residual = closing.residual(t, &there)?;
+            if closing.open() > CLOSED {
+                skipped += 1;
+                continue;
+            }
+            all.found.push(Assembled { q: there, branches, residual });
+        }
+        if skipped > 0 {
+            all.notes.push(format!("{skipped} of {count} combinations of branches cannot close"));
+        }
+        Ok(all)
+    }
+
+    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches kept.
+    ///
+    /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit stands in
+    /// the way (the inputs go straight and in steps, so that no limit is jumped and whole turns are counted). The result
+    /// is verified to close.
+    pub fn place(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
+        let mut inputs = Vec::with_capacity(targets.len());
+        for &(i, value) in targets {
+            if i >= self.size().nq || !value.is_finite() {
+                return None;
+            }
+            inputs.push(self.velocity_of_coordinate(i)?);
+        }
+        let mut closing = self.loop_closing(t, q, Some(&inputs)).ok()?;
+        if !closing.is_explicit() {
+            return None;
+        }
+        let far = targets
+            .iter()
+            .zip(&inputs)
+            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.reach(v)));
+        let strides = (far / STRIDE).ceil().max(1.0);
+        // a target a hundred thousand strides away is a slip of the pen, as for the walk
+        if strides > 1e5 {
+            return None;
+        }
+        let mut there = q.to_vec();
+        for k in 1..=strides as usize {
+            let part = k as f64 / strides;
+            for &(i, value) in targets {
+                there[i] = if part == 1.0 { value } else { q[i] + (value - q[i]) * part };
+            }
+            closing.close(t, &mut there).ok()?;
+        }
+        closing.residual(t, &there).ok()?;
+        (closing.open() <= CLOSED).then_some(there)
+    }
+}

@@ -1,0 +1,247 @@
+//! Following the plan: positions, branches and pivots for given inputs.                                      (37)
+
+use super::arm::{rotated, turn_of, FlatArm};
+use super::graph::{Home, Kind};
+use super::implicit::Field;
+use super::planar::{self, FlatJoint, Shortfall};
+use super::polygon::{turn_in, Polygon};
+use super::{spatial, Graph, LoopClosing, Work};
+use crate::model::Engine;
+use crate::tree::{Closing as CutJoint, LinkMotion};
+use crate::value;
+use partita_math::spatial::{Mat3, Planar, Quaternion};
+use partita_system::kinematics::closing::{Block, BlockState, Closing};
+use partita_system::SystemError;
+use std::f64::consts::TAU;
+
+impl LoopClosing<'_> {
+    /// Edge coordinates of the tree from q.
+    pub(super) fn read(&mut self, q: &[f64]) {
+        for (i, e) in self.graph.edges.iter().enumerate() {
+            let Home::Tree { q: at, .. } = e.home else { continue };
+            if e.kind == Kind::Ball {
+                let p = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]);
+                self.balls[i] = p.normalised().matrix();
+            } else {
+                self.x[i] = q[at];
+            }
+        }
+    }
+
+    /// Edge coordinates to q: the angle and the sign of the quaternion nearest to what stands there.
+    fn write(&mut self, step: usize, q: &mut [f64]) {
+        for &i in &self.steps[step].edges {
+            let e = &self.graph.edges[i];
+            let Home::Tree { q: at, .. } = e.home else { continue };
+            match e.kind {
+                Kind::Turn => {
+                    self.x[i] += ((q[at] - self.x[i]) / TAU).round() * TAU;
+                    q[at] = self.x[i];
+                }
+                Kind::Ball => {
+                    let p = Quaternion::from_matrix(&self.balls[i]).0;
+                    let same = (0..4).map(|k| p[k] * q[at + k]).sum::<f64>() >= 0.0;
+                    for k in 0..4 {
+                        q[at + k] = if same { p[k] } else { -p[k] };
+                    }
+                }
+                _ => q[at] = self.x[i],
+            }
+        }
+    }
+
+    /// One step; the coordinates of its edges go to `x` and `balls`, and to q where they belong to it.
+    pub(super) fn advance(&mut self, i: usize, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        match &self.steps[i].work {
+            Work::Drive(d, edge) => {
+                let drive = &self.model.drives[*d];
+                let [p, _, _] = value::motion_at(&drive.motion, &*self.model.functions, t, &drive.name)?;
+                self.x[*edge] = p;
+                q[drive.q] = p;
+                return Ok(());
+            }
+            Work::Implicit(block) => {
+                let mut field = Field {
+                    model: self.model,
+                    scratch: &mut self.scratch,
+                    phi: &mut self.phi,
+                    c: &mut self.c,
+                    a: &mut self.a,
+                    dv: &mut self.dv,
+                    room: &mut self.newton,
+                };
+                let pivot = block.solve(&mut field, t, q, &self.steps[i].words)?;
+                self.steps[i].pivots[0] = pivot;
+                for k in 0..self.steps[i].edges.len() {
+                    let edge = self.steps[i].edges[k];
+                    if let Home::Tree { q: at, .. } = self.graph.edges[edge].home {
+                        if self.graph.edges[edge].kind == Kind::Ball {
+                            self.balls[edge] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).matrix();
+                        } else {
+                            self.x[edge] = q[at];
+                        }
+                    }
+                }
+                return Ok(());
+            }
+            Work::Plane(..) | Work::Space(_) => {}
+        }
+        self.solve(i).map_err(|Shortfall(shortfall)| {
+            let words = &self.steps[i].words;
+            match shortfall.is_finite() {
+                true => SystemError::Limit { block: words.clone(), t, shortfall },
+                false => SystemError::NotFinite { what: words.clone(), t },
+            }
+        })?;
+        self.write(i, q);
+        Ok(())
+    }
+
+    /// The closed form of step i for the coordinates known so far.
+    pub(super) fn solve(&mut self, i: usize) -> Result<(), Shortfall> {
+        let step = &mut self.steps[i];
+        match &step.work {
+            Work::Plane(p, joints) => {
+                let mut sides = [planar_side(p, 0, &self.graph, &self.x, &self.balls); 3];
+                for (k, side) in sides.iter_mut().enumerate().take(joints.len()).skip(1) {
+                    *side = planar_side(p, k, &self.graph, &self.x, &self.balls);
+                }
+                let sides = &sides[..joints.len()];
+                if !sides.iter().all(|s| s.turn.is_finite() && s.vector[0].is_finite() && s.vector[1].is_finite()) {
+                    return Err(Shortfall(f64::NAN));
+                }
+                let (x, pivot) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance)?;
+                for (j, x) in joints.iter().zip(x) {
+                    self.x[j.edge] = x;
+                }
+                step.pivots[0] = pivot;
+            }
+            Work::Space(p) => {
+                step.pivots = spatial::solve(&self.graph, p, step.signs, &mut self.x, &mut self.balls)?;
+            }
+            Work::Drive(..) | Work::Implicit(_) => {}
+        }
+        Ok(())
+    }
+
+    /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is given
+    /// to the angle that has moved the most.
+    fn whole_turns(&self, q: &mut [f64]) -> Result<(), SystemError> {
+        let Engine::Flat(tree) = &self.model.engine else { return Ok(()) };
+        let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());
+        let missing = |k: &CutJoint<Planar<f64>>, q: &[f64]| {
+            let mut angle = -k.locks[0];
+            for p in &k.path {
+                if let LinkMotion::Turn(axis) = tree.links[p.link].motion {
+                    angle += if p.on_b { axis * q[tree.links[p.link].q] } else { -axis * q[tree.links[p.link].q] };
+                }
+            }
+            (angle / TAU).round()
+        };
+        // a correction of one closing may open another through a shared angle: as many passes as closings suffice for
+        // any order
+        for _ in 0..=tree.closings.len() {
+            let mut changed = false;
+            for k in locked() {
+                let turns = missing(k, q);
+                if turns == 0.0 {
+                    continue;
+                }
+                let mut best: Option<(usize, f64, f64)> = None;
+                for p in &k.path {
+                    let link = &tree.links[p.link];
+                    let LinkMotion::Turn(axis) = link.motion else { continue };
+                    if self.inputs.binary_search(&link.v).is_ok() || self.model.drives.iter().any(|d| d.v == link.v) {
+                        continue;
+                    }
+                    let by = turns * if p.on_b { axis } else { -axis };
+                    let moved = (q[link.q] - self.old[link.q]) * by.signum();
+                    if best.is_none_or(|b| moved > b.2) {
+                        best = Some((link.q, by, moved));
+                    }
+                }
+                let Some((at, by, _)) = best else { continue };
+                q[at] -= by * TAU;
+                changed = true;
+            }
+            if !changed {
+                return Ok(());
+            }
+        }
+        Err(SystemError::Request(
+            "the whole turns of the joints between slides contradict each other; give inputs within a turn of a closed \
+             position"
+                .into(),
+        ))
+    }
+}
+
+/// Side k of a polygon in its plane.
+fn planar_side(p: &Polygon, k: usize, g: &Graph, x: &[f64], balls: &[Mat3<f64>]) -> FlatArm {
+    match &p.plane {
+        None => p.sides[k].flat(g, x),
+        Some(plane) => {
+            let (r, v) = p.sides[k].spatial(g, x, balls);
+            FlatArm { vector: [v.dot(plane[1]), v.dot(plane[2])], turn: turn_in(plane, &r) }
+        }
+    }
+}
+
+/// The joints of a polygon as its plane sees them.
+pub(super) fn flat_joints(p: &Polygon, g: &Graph) -> Vec<FlatJoint> {
+    p.joints
+        .iter()
+        .map(|j| {
+            let (i, forward) = j.edges[0];
+            let e = &g.edges[i];
+            let (axis, normal, rest) = match &p.plane {
+                None => ([e.axis.0[0], e.axis.0[1]], e.axis.0[2], turn_of(&e.rest)),
+                Some(plane) => {
+                    ([e.axis.dot(plane[1]), e.axis.dot(plane[2])], e.axis.dot(plane[0]), turn_in(plane, &e.rest))
+                }
+            };
+            let (sense, rest) = if forward { (1.0, rest) } else { (-1.0, -rest) };
+            // going backward the axis is met behind the constant turn
+            let along = if forward { axis } else { rotated([-axis[0], -axis[1]], rest) };
+            FlatJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
+        })
+        .collect()
+}
+
+impl Closing for LoopClosing<'_> {
+    fn inputs(&self) -> &[usize] {
+        &self.inputs
+    }
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Cost: one sine and cosine for each known turn between the joints of a polygon, three arc tangents a triangle; an
+    /// implicit block of n unknowns takes n³/3 multiply-adds and one evaluation of the positions an iteration.
+    fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        self.old.copy_from_slice(q);
+        self.read(q);
+        for i in 0..self.steps.len() {
+            self.advance(i, t, q)?;
+        }
+        self.whole_turns(q)?;
+        for (state, &(step, k)) in self.states.iter_mut().zip(&self.entries) {
+            let step = &self.steps[step];
+            *state = BlockState { branch: step.signs[k], pivot: step.pivots[k] };
+        }
+        Ok(())
+    }
+
+    fn state(&self) -> &[BlockState] {
+        &self.states
+    }
+
+    fn set_branches(&mut self, branches: &[i8]) {
+        for (&(step, k), &sign) in self.entries.iter().zip(branches) {
+            let current = &mut self.steps[step].signs[k];
+            if *current != 0 && sign != 0 {
+                *current = sign.signum();
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Which velocities to take as inputs when nobody says.
+
+use super::graph::{Graph, Kind};
+use super::instant::Instant;
+use super::order::Order;
+use super::plan::Task;
+use super::LoopClosing;
+use crate::model::Model;
+use crate::spec::Force;
+use partita_system::kinematics::closing::Closing;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones.
+const SETS: usize = 2000;
+/// Motions up to which all sets within [`SETS`] are looked at.
+const SMALL: usize = 40;
+
+/// A velocity that may be an input, the better the smaller its rank.
+struct Candidate {
+    v: usize,
+    rank: (u8, u8, usize),
+}
+
+/// Inputs first taken: of joints that something drives or turns, then at the ground, then others; the spin of a link
+/// between two balls after them.
+fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
+    let loaded = |j: Option<usize>| {
+        j.is_some_and(|j| {
+            let name = &model.spec.joints[j].name;
+            model.spec.forces.iter().any(|f| matches!(f, Force::Torque { joint, .. } if joint == name))
+        })
+    };
+    let mut found: Vec<Candidate> = Vec::new();
+    for e in graph.edges.iter().filter(|e| e.in_tree()) {
+        for v in e.velocities() {
+            if model.drives.iter().any(|d| d.v == v) {
+                continue;
+            }
+            let kind = u8::from(e.kind == Kind::Ball);
+            let place = if loaded(e.joint) { 0 } else { 1 + u8::from(e.from != 0) };
+            found.push(Candidate { v, rank: (kind, place, v) });
+        }
+    }
+    found.sort_by_key(|c| c.rank);
+    found.into_iter().map(|c| c.v).collect()
+}
+
+/// All sets of k out of `from`, in the order of their members, until `put` has enough.
+fn each_set(from: &[usize], k: usize, set: &mut Vec<usize>, put: &mut impl FnMut(&[usize]) -> bool) -> bool {
+    if set.len() == k {
+        return put(set);
+    }
+    for (i, &v) in from.iter().enumerate() {
+        if from.len() - i < k - set.len() {
+            break;
+        }
+        set.push(v);
+        let go_on = each_set(&from[i + 1..], k, set, put);
+        set.pop();
+        if !go_on {
+            return false;
+        }
+    }
+    true
+}
+
+/// How many velocities are left to implicit blocks (those found after them included).
+fn implicit_count(model: &Model, graph: &Graph, inputs: &[usize]) -> usize {
+    let task = Task::new(model, graph, inputs);
+    let mut order = Order::new(graph, model.is_planar(), &task.given, &task.ball_inputs);
+    while order.next_polygon().is_some() {}
+    let missing = graph.edges.iter().enumerate().filter(|(i, e)| e.in_tree() && !order.is_known(*i));
+    missing.map(|(_, e)| e.velocities().filter(|v| inputs.binary_search(v).is_err()).count()).sum()
+}
+
+/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of the
+/// pivots.
+pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
+    let model = at.model;
+    let graph = Graph::new(model);
+    let k = at.mobility();
+    let all = candidates(model, &graph);
+    let budget = (SETS * SMALL / graph.edges.len().max(SMALL)).max(20);
+    let mut ranked: Vec<(usize, Vec<usize>)> = Vec::new();
+    each_set(&all, k, &mut Vec::new(), &mut |set| {
+        let mut inputs = set.to_vec();
+        inputs.sort_unstable();
+        ranked.push((implicit_count(model, &graph, &inputs), inputs));
+        ranked.len() < budget
+    });
+    // equal counts stay in the order of preference
+    ranked.sort_by_key(|r| r.0);
+    let mut best: Option<(usize, f64, LoopClosing<'m>)> = None;
+    let mut tried = 0;
+    for (count, inputs) in ranked {
+        if best.as_ref().is_some_and(|b| b.0 < count) || tried == SMALL {
+            break;
+        }
+        let Ok(mut plan) = LoopClosing::new(at, q, &inputs) else { continue };
+        let mut there = q.to_vec();
+        if plan.close(t, &mut there).is_err() {
+            continue;
+        }
+        tried += 1;
+        // log of the product, so that a thousand blocks do not vanish
+        let volume: f64 = plan.state().iter().map(|s| s.pivot.max(f64::MIN_POSITIVE).ln()).sum();
+        if best.as_ref().is_none_or(|b| volume > b.1 + 1e-6) {
+            best = Some((count, volume, plan));
+        }
+    }
+    best.map(|b| b.2).ok_or_else(|| {
+        SystemError::Request(format!(
+            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or start \
+             a little away from this position",
+            model.size().nv
+        ))
+    })
+}

@@ -1,0 +1,94 @@
+//! C at the position a closing is planned at: independent rows, and which row goes with which unknown.
+
+use super::btf;
+use crate::model::Model;
+use crate::place::Coordinates;
+use partita_math::elimination::Pattern;
+use partita_math::rank::independent_rows;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Squared sine below which a row counts as a combination of the others, as in the analysis of the start.
+const REDUNDANT: f64 = 1e-9;
+/// Closing residual (in reaches) up to which a position counts as closed.
+pub(super) const CLOSED: f64 = 1e-6;
+
+/// C at a position.
+pub(super) struct Instant<'m> {
+    pub model: &'m Model,
+    pub pattern: &'m Pattern,
+    pub c: Vec<f64>,
+}
+
+impl<'m> Instant<'m> {
+    /// Fails where the position is not closed.
+    pub fn new(model: &'m Model, t: f64, q: &[f64]) -> Result<Self, SystemError> {
+        if model.coordinates() == Coordinates::Absolute {
+            return Err(SystemError::Request(
+                "explicit closing follows the joints, absolute coordinates know none of them: use relative coordinates"
+                    .into(),
+            ));
+        }
+        let size = model.size();
+        if q.len() != size.nq {
+            let message = format!("{} coordinates were given, but the mechanism has {}", q.len(), size.nq);
+            return Err(SystemError::Request(message));
+        }
+        let (mut phi, mut a) = (vec![0.0; size.holonomic], vec![0.0; size.rows]);
+        let mut c = vec![0.0; model.pattern().nnz()];
+        model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
+        for (i, x) in phi.iter().enumerate() {
+            let open = x.abs() / model.row_reach(i).unwrap_or(1.0);
+            if !open.is_finite() {
+                return Err(SystemError::NotFinite { what: model.row_words(i), t });
+            }
+            if open > CLOSED {
+                let message = format!(
+                    "{} is open by {:.3e}: explicit closing starts from a closed position, assemble first",
+                    model.row_words(i),
+                    x.abs()
+                );
+                return Err(SystemError::Request(message));
+            }
+        }
+        Ok(Self { model, pattern: model.pattern(), c })
+    }
+
+    /// Independent rows of the columns that `within` names; rows that are nearly nothing there do not count.
+    pub fn rows(&self, within: &[bool]) -> Vec<usize> {
+        let scale: Vec<f64> =
+            within.iter().enumerate().map(|(v, &w)| if w { self.model.reach(v) } else { 0.0 }).collect();
+        let mut c = self.c.clone();
+        for i in 0..self.pattern.rows {
+            let size = self.model.row_reach(i).unwrap_or(1.0);
+            let sum: f64 = self.pattern.row(i).map(|e| (c[e] * scale[self.pattern.col_idx[e]] / size).powi(2)).sum();
+            if sum < REDUNDANT {
+                self.pattern.row(i).for_each(|e| c[e] = 0.0);
+            }
+        }
+        let mut rows = independent_rows(self.pattern, &c, &scale, REDUNDANT).kept;
+        rows.sort_unstable();
+        rows
+    }
+
+    /// Degrees of freedom here.
+    pub fn mobility(&self) -> usize {
+        let nv = self.model.size().nv;
+        nv - self.rows(&vec![true; nv]).len()
+    }
+
+    /// Rows and, for each unknown, the row matched to it and the unknowns in that row.
+    pub(super) fn structure(&self, rows: &[usize], unknown: &[usize]) -> Option<(Vec<usize>, Vec<Vec<usize>>)> {
+        let mut place = vec![usize::MAX; self.model.size().nv];
+        unknown.iter().enumerate().for_each(|(i, &u)| place[u] = i);
+        let columns: Vec<Vec<usize>> = rows
+            .iter()
+            .map(|&r| {
+                let all = self.pattern.row(r).map(|e| place[self.pattern.col_idx[e]]);
+                all.filter(|&p| p != usize::MAX).collect()
+            })
+            .collect();
+        let row_of = btf::matching(&columns, unknown.len())?;
+        let needs = row_of.iter().map(|&r| columns[r].clone()).collect();
+        Some((row_of.iter().map(|&r| rows[r]).collect(), needs))
+    }
+}

@@ -1,0 +1,90 @@
+//! Explicit closing of loops by inverse kinematics: the dependent coordinates as functions of the inputs.  (37), (8)
+//!
+//! ```text
+//! q_D = g(q_I, t; ε)       ε: branch signs, constants of the motion between dead points
+//! ```
+//!
+//! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
+//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What cannot be
+//! ordered is solved in the smallest implicit blocks there are (`btf`, `implicit`). The order depends on the inputs
+//! alone; it is found once (`plan`) and then followed without searching and without allocation (`close`).
+//!
+//! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to round-off by
+//! construction and the branch is always known. At a dead point of its inputs it ends with [`SystemError::Limit`].
+//!
+//! [`SystemError::Limit`]: partita_system::SystemError::Limit
+
+mod arm;
+mod assemblies;
+mod btf;
+mod close;
+mod graph;
+mod implicit;
+mod inputs;
+mod instant;
+mod order;
+mod plan;
+mod planar;
+mod polygon;
+mod spatial;
+
+pub use assemblies::{Assembled, Assemblies};
+
+use crate::model::{Model, ModelScratch};
+use graph::Graph;
+use implicit::Implicit;
+use partita_math::spatial::Mat3;
+use partita_system::kinematics::closing::{Block, BlockState};
+use planar::FlatJoint;
+use polygon::Polygon;
+
+/// How one step finds its coordinates.
+#[derive(Clone, Debug)]
+enum Work {
+    /// A driven coordinate: the number of the drive, its edge.
+    Drive(usize, usize),
+    /// A polygon in a plane.
+    Plane(Polygon, Vec<FlatJoint>),
+    /// A characteristic pair.
+    Space(Polygon),
+    /// Newton's method.
+    Implicit(Implicit),
+}
+
+/// One step of the closing, in the order of solution.
+#[derive(Clone, Debug)]
+struct Step {
+    work: Work,
+    words: String,
+    /// Signs of its pivots, 0 where there is only one solution.
+    signs: [i8; 2],
+    /// How many of them count.
+    states: usize,
+    pivots: [f64; 2],
+    /// Edges whose coordinates it finds.
+    edges: Vec<usize>,
+}
+
+/// Loops closed by inverse kinematics, for one choice of inputs and one branch: see [`Model::loop_closing`].
+pub struct LoopClosing<'m> {
+    model: &'m Model,
+    graph: Graph,
+    steps: Vec<Step>,
+    inputs: Vec<usize>,
+    blocks: Vec<Block>,
+    states: Vec<BlockState>,
+    /// Step and number of the sign of each block.
+    entries: Vec<(usize, usize)>,
+    /// Largest mismatch [m] a redundant loop may show.
+    tolerance: f64,
+    // scratch
+    x: Vec<f64>,
+    balls: Vec<Mat3<f64>>,
+    old: Vec<f64>,
+    scratch: ModelScratch,
+    phi: Vec<f64>,
+    c: Vec<f64>,
+    a: Vec<f64>,
+    dv: Vec<f64>,
+    newton: implicit::Room,
+}

@@ -1,0 +1,275 @@
+//! In which order the loops can be closed: rigid clusters that grow by triangles.                             (8.3)
+//!
+//! Every node starts as a cluster of its own. Joints whose coordinates are known merge the clusters they join. Three
+//! clusters joined pairwise by one unknown joint each are a triangle: where its closed form is known, all three joints
+//! become known and the clusters one. This does not depend on which joint of a loop is cut, nor on the ground. Two
+//! clusters joined by two unknown joints (or one, twice over) close likewise. What remains is left to the implicit
+//! blocks, after each of which further triangles may be found.
+
+use super::graph::{Graph, Kind};
+use super::polygon::{Freedom, Polygon, Unknown};
+use std::collections::VecDeque;
+
+/// The clusters while they grow.
+pub(super) struct Order<'g> {
+    pub(super) graph: &'g Graph,
+    pub(super) planar: bool,
+    pub(super) joints: Vec<Unknown>,
+    settled: Vec<bool>,
+    known: Vec<bool>,
+    /// Known edges at each node.
+    pub(super) known_at: Vec<Vec<usize>>,
+    root: Vec<usize>,
+    /// Unknown joints at each cluster.
+    at: Vec<Vec<usize>>,
+    queue: VecDeque<usize>,
+    deferred: VecDeque<usize>,
+    /// When each node was last met by a search, and the number of the search.
+    pub(super) stamp: Vec<u32>,
+    pub(super) now: u32,
+}
+
+impl<'g> Order<'g> {
+    /// With the edges whose coordinates are given, and the numbers of inputs among the velocities of balls.
+    pub fn new(graph: &'g Graph, planar: bool, given: &[bool], ball_inputs: &[u8]) -> Self {
+        let mut order = Self {
+            graph,
+            planar,
+            joints: Vec::new(),
+            settled: Vec::new(),
+            known: vec![false; graph.edges.len()],
+            known_at: vec![Vec::new(); graph.nodes],
+            root: (0..graph.nodes).collect(),
+            at: vec![Vec::new(); graph.nodes],
+            queue: VecDeque::new(),
+            deferred: VecDeque::new(),
+            stamp: vec![0; graph.nodes],
+            now: 0,
+        };
+        order.group(given, ball_inputs);
+        order.settled = vec![false; order.joints.len()];
+        for (i, j) in order.joints.iter().enumerate() {
+            order.at[j.ends.0].push(i);
+            order.at[j.ends.1].push(i);
+            order.queue.push_back(i);
+        }
+        for e in 0..graph.edges.len() {
+            if given[e] || graph.edges[e].kind == Kind::Rigid {
+                order.learn(e);
+            }
+        }
+        order
+    }
+
+    /// Unknown joints: in space the two turns of a universal joint are taken as one, if neither is given.
+    fn group(&mut self, given: &[bool], ball_inputs: &[u8]) {
+        let g = self.graph;
+        let mut e = 0;
+        while e < g.edges.len() {
+            let edge = &g.edges[e];
+            if given[e] || edge.kind == Kind::Rigid {
+                e += 1;
+                continue;
+            }
+            let next = g.edges.get(e + 1);
+            let universal = !self.planar
+                && next.is_some_and(|n| {
+                    edge.joint.is_some()
+                        && n.joint == edge.joint
+                        && n.from == edge.to
+                        && n.in_tree() == edge.in_tree()
+                        && (edge.kind, n.kind) == (Kind::Turn, Kind::Turn)
+                        && !given[e + 1]
+                        // nothing else may be held by the part between them
+                        && g.edges.iter().filter(|x| x.from == edge.to || x.to == edge.to).count() == 2
+                });
+            let freedom = match edge.kind {
+                _ if universal => Freedom::Universal,
+                Kind::Slide => Freedom::Slide,
+                Kind::Ball => Freedom::Ball { inputs: ball_inputs[e] },
+                _ => Freedom::Turn,
+            };
+            let edges: Vec<usize> = if universal { vec![e, e + 1] } else { vec![e] };
+            let last = edges[edges.len() - 1];
+            e = last + 1;
+            self.joints.push(Unknown { ends: (g.edges[edges[0]].from, g.edges[last].to), edges, freedom });
+        }
+    }
+
+    pub(super) fn find(&mut self, mut i: usize) -> usize {
+        while self.root[i] != i {
+            self.root[i] = self.root[self.root[i]];
+            i = self.root[i];
+        }
+        i
+    }
+
+    pub(super) fn ends(&mut self, j: usize) -> (usize, usize) {
+        let (a, b) = self.joints[j].ends;
+        (self.find(a), self.find(b))
+    }
+
+    /// An edge has become known: its nodes are one cluster.
+    fn learn(&mut self, e: usize) {
+        if std::mem::replace(&mut self.known[e], true) {
+            return;
+        }
+        let edge = &self.graph.edges[e];
+        self.known_at[edge.from].push(e);
+        self.known_at[edge.to].push(e);
+        let (a, b) = (self.find(edge.from), self.find(edge.to));
+        if a == b {
+            return;
+        }
+        let (big, small) = if self.at[a].len() >= self.at[b].len() { (a, b) } else { (b, a) };
+        self.root[small] = big;
+        for j in std::mem::take(&mut self.at[small]) {
+            if !self.settled[j] {
+                self.at[big].push(j);
+                self.queue.push_back(j);
+            }
+        }
+        if self.at[big].len() > 32 {
+            // joints inside count no longer
+            let settled = &self.settled;
+            self.at[big].retain(|&j| !settled[j]);
+        }
+    }
+
+    /// Joint j is known as a whole.
+    fn settle(&mut self, j: usize) {
+        self.settled[j] = true;
+        for e in self.joints[j].edges.clone() {
+            self.learn(e);
+        }
+    }
+
+    /// Edges whose coordinates were found by other means.
+    pub fn learned(&mut self, edges: &[usize]) {
+        for j in 0..self.joints.len() {
+            if !self.settled[j] && self.joints[j].edges.iter().all(|e| edges.contains(e)) {
+                self.settle(j);
+            }
+        }
+        edges.iter().for_each(|&e| self.learn(e));
+    }
+
+    /// Is the coordinate of this edge known by now?
+    pub fn is_known(&self, e: usize) -> bool {
+        self.known[e]
+    }
+
+    /// The next polygon that closes in closed form.
+    pub fn next_polygon(&mut self) -> Option<Polygon> {
+        while let Some(j) = self.queue.pop_front() {
+            if self.settled[j] {
+                continue;
+            }
+            let (x, y) = self.ends(j);
+            let cut = self.joints[j].edges.iter().all(|&e| !self.graph.edges[e].in_tree());
+            if x == y && cut {
+                self.settled[j] = true; // a cut joint between parts that are in place: nobody needs its coordinate
+                continue;
+            }
+            if let Some(found) = self.triangle_with(j) {
+                self.queue.push_front(j);
+                return Some(found);
+            }
+            self.deferred.push_back(j);
+        }
+        while let Some(j) = self.deferred.pop_front() {
+            if self.settled[j] || !self.is_elementary(j) {
+                continue;
+            }
+            if let Some(found) = self.pair_with(j) {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    fn is_elementary(&self, j: usize) -> bool {
+        matches!(self.joints[j].freedom, Freedom::Turn | Freedom::Slide)
+    }
+
+    fn triangle_with(&mut self, j: usize) -> Option<Polygon> {
+        let (x, y) = self.ends(j);
+        if x == y {
+            return None;
+        }
+        let (near, far) = if self.at[x].len() <= self.at[y].len() { (x, y) } else { (y, x) };
+        for second in self.at[near].clone() {
+            if second == j || self.settled[second] {
+                continue;
+            }
+            let (a, b) = self.ends(second);
+            let z = if a == near { b } else { a };
+            if z == near || z == far {
+                continue;
+            }
+            let meeting = if self.at[z].len() <= self.at[far].len() { z } else { far };
+            for third in self.at[meeting].clone() {
+                if third == j || third == second || self.settled[third] {
+                    continue;
+                }
+                let (a, b) = self.ends(third);
+                if (a, b) != (z, far) && (b, a) != (z, far) {
+                    continue;
+                }
+                if let Some(found) = self.recognised([j, second, third]) {
+                    for i in [j, second, third] {
+                        self.settle(i);
+                    }
+                    return Some(found);
+                }
+            }
+        }
+        None
+    }
+
+    /// Two joints between two clusters, or one within a cluster, in the plane.
+    fn pair_with(&mut self, j: usize) -> Option<Polygon> {
+        let (x, y) = self.ends(j);
+        let mut joints = vec![j];
+        if x != y {
+            let (near, far) = if self.at[x].len() <= self.at[y].len() { (x, y) } else { (y, x) };
+            let mut second = None;
+            for i in self.at[near].clone() {
+                if i != j && !self.settled[i] && self.is_elementary(i) {
+                    let (a, b) = self.ends(i);
+                    if (a, b) == (near, far) || (b, a) == (near, far) {
+                        second = Some(i);
+                        break;
+                    }
+                }
+            }
+            joints.push(second?);
+        }
+        let mut found = self.polygon(&joints);
+        self.fits_a_plane(&mut found).then(|| {
+            joints.iter().for_each(|&i| self.settle(i));
+            found
+        })
+    }
+
+    /// Is there a closed form for this triangle?
+    fn recognised(&mut self, three: [usize; 3]) -> Option<Polygon> {
+        let slides = three.iter().filter(|&&j| self.joints[j].freedom == Freedom::Slide).count();
+        if three.iter().all(|&j| self.is_elementary(j)) {
+            let mut found = self.polygon(&three);
+            return (slides < 3 && self.fits_a_plane(&mut found)).then_some(found);
+        }
+        // the characteristic pair: a link held in two centres, and one joint more
+        let elementary = *three.iter().find(|&&j| self.is_elementary(j))?;
+        let centres: Vec<usize> = three.iter().copied().filter(|&j| j != elementary).collect();
+        let [a, b] = centres[..] else { return None };
+        let (a, b) = if self.joints[a].freedom == Freedom::Universal { (b, a) } else { (a, b) };
+        let closed_form = match (self.joints[a].freedom, self.joints[b].freedom) {
+            // the spin of the link about the line of its centres is an input of one of the balls
+            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i + j == 1,
+            (Freedom::Ball { inputs }, Freedom::Universal) => inputs == 0,
+            _ => false,
+        };
+        closed_form.then(|| self.polygon(&[elementary, a, b]))
+    }
+}

@@ -1,0 +1,370 @@
+//! The plan of a closing: which steps, in which order, on which branch, with which rows of C.
+
+use super::close::flat_joints;
+use super::graph::{Edge, Graph, Home, Kind};
+use super::implicit::{Implicit, Room};
+use super::instant::{Instant, CLOSED};
+use super::order::Order;
+use super::polygon::{Freedom, Polygon};
+use super::{btf, planar, LoopClosing, Step, Work};
+use crate::joint;
+use crate::model::Model;
+use partita_math::spatial::{Mat3, Quaternion};
+use partita_system::kinematics::closing::{Block, BlockState};
+use partita_system::{ConstrainedSystem, SystemError};
+use std::f64::consts::TAU;
+
+/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is closed
+/// to 1e-9 or better, of which a square root near a dead point leaves half the digits.
+const SAME: f64 = 1e-3;
+
+/// What the inputs leave to be found.
+pub(super) struct Task {
+    /// Coordinates of edges that are given or driven.
+    pub given: Vec<bool>,
+    /// Inputs among the velocities of each ball.
+    pub ball_inputs: Vec<u8>,
+    /// Edge of each drive.
+    pub drives: Vec<usize>,
+}
+
+impl Task {
+    pub fn new(model: &Model, graph: &Graph, inputs: &[usize]) -> Self {
+        let is_input = |v: usize| inputs.binary_search(&v).is_ok();
+        let driven = |e: &Edge| model.drives.iter().any(|d| e.velocities().contains(&d.v));
+        let given = graph.edges.iter().map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e))).collect();
+        let ball_inputs = graph
+            .edges
+            .iter()
+            .map(|e| if e.kind == Kind::Ball { e.velocities().filter(|&v| is_input(v)).count() as u8 } else { 0 })
+            .collect();
+        let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
+        Self { given, ball_inputs, drives: model.drives.iter().map(|d| edge_of(d.v)).collect() }
+    }
+}
+
+impl<'m> LoopClosing<'m> {
+    /// Plan for these inputs (ascending) on the branch of the closed position q.
+    pub(super) fn new(at: &Instant<'m>, q: &[f64], inputs: &[usize]) -> Result<Self, SystemError> {
+        let model = at.model;
+        let size = model.size();
+        let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
+        if let Some(d) = model.drives.iter().find(|d| inputs.binary_search(&d.v).is_ok()) {
+            let name = model.velocity_name(d.v);
+            return Err(SystemError::Request(format!("{name} is driven by \"{}\": it cannot be an input", d.name)));
+        }
+        let dependent: Vec<bool> = (0..size.nv).map(|v| inputs.binary_search(&v).is_err()).collect();
+        let rows = at.rows(&dependent);
+        if rows.len() + inputs.len() != size.nv {
+            let k = at.mobility();
+            return Err(SystemError::Request(if k != inputs.len() {
+                format!("{} inputs were asked for, but the mechanism has {k} degrees of freedom", inputs.len())
+            } else {
+                format!("the inputs {} do not determine the others here (C_D is singular); choose others", names())
+            }));
+        }
+        let mut closing = Self::empty(model, inputs, q);
+        let task = Task::new(model, &closing.graph, inputs);
+        let found = match closing.plan_steps(at, &task, true)? {
+            true => true,
+            // a closed form that does not give back the position it is planned at is none for this mechanism
+            false => closing.plan_steps(at, &task, false)?,
+        };
+        if !found {
+            let message = format!("no order of solution was found for the inputs {}; choose others", names());
+            return Err(SystemError::Request(message));
+        }
+        closing.plan_blocks(at, &rows)?;
+        closing.old.copy_from_slice(q);
+        Ok(closing)
+    }
+
+    fn empty(model: &'m Model, inputs: &[usize], q: &[f64]) -> Self {
+        let graph = Graph::new(model);
+        let size = model.size();
+        let mut closing = Self {
+            model,
+            steps: Vec::new(),
+            inputs: inputs.to_vec(),
+            blocks: Vec::new(),
+            states: Vec::new(),
+            entries: Vec::new(),
+            tolerance: CLOSED * 1e-3 * model.placed.size,
+            x: vec![0.0; graph.edges.len()],
+            balls: vec![Mat3::identity(); graph.edges.len()],
+            old: q.to_vec(),
+            scratch: model.scratch(),
+            phi: vec![0.0; size.holonomic],
+            c: vec![0.0; model.pattern().nnz()],
+            a: vec![0.0; size.rows],
+            dv: vec![0.0; size.nv],
+            newton: Room::default(),
+            graph,
+        };
+        closing.read(q);
+        closing.read_cuts(q);
+        closing
+    }
+
+    /// Coordinates of the cut joints, from the poses.
+    fn read_cuts(&mut self, q: &[f64]) {
+        let model = self.model;
+        model.look(q, &self.dv, &mut self.scratch);
+        let state_of = |j: usize| model.joint_state(j, q, &self.dv, &self.scratch).position;
+        let mut last: Option<(usize, Vec<f64>)> = None;
+        for i in 0..self.graph.edges.len() {
+            let e = &self.graph.edges[i];
+            let (Home::Cut(k), Some(j)) = (e.home, e.joint) else { continue };
+            if last.as_ref().is_none_or(|l| l.0 != j) {
+                last = Some((j, state_of(j)));
+            }
+            let Some((_, position)) = &last else { continue };
+            let motions = &model.placed.joints[j].shape.motions;
+            let first: usize = motions[..k.min(motions.len())].iter().map(joint::Motion::coordinates).sum();
+            match (e.kind, motions.get(k)) {
+                (Kind::Ball, _) => {
+                    // seen in the axes of the drawing; the edge wants the axes of the parent's node
+                    let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
+                    let on = &model.placed.joints[j].on_parent;
+                    self.balls[i] = on.mul(&r).mul(&on.transpose());
+                }
+                (Kind::Turn, Some(joint::Motion::Ball)) => {
+                    // a ball in the plane is a pin
+                    let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
+                    let on = &model.placed.joints[j].on_parent;
+                    self.x[i] = super::arm::turn_of(&on.mul(&r).mul(&on.transpose()));
+                }
+                (Kind::Turn | Kind::Slide, Some(_)) => self.x[i] = position[first],
+                _ => {}
+            }
+        }
+    }
+
+    /// Fills the steps; `false` if a closed form fails to give q back, or no order is found.
+    fn plan_steps(&mut self, at: &Instant, task: &Task, closed_forms: bool) -> Result<bool, SystemError> {
+        let model = self.model;
+        self.steps.clear();
+        for (d, drive) in model.drives.iter().enumerate() {
+            let words = format!("drive \"{}\"", drive.name);
+            self.push(Work::Drive(d, task.drives[d]), words, vec![task.drives[d]], 0);
+        }
+        let graph = self.graph.clone();
+        let mut order = Order::new(&graph, model.is_planar(), &task.given, &task.ball_inputs);
+        loop {
+            if closed_forms {
+                while let Some(p) = order.next_polygon() {
+                    if !self.push_polygon(p) {
+                        return Ok(false);
+                    }
+                }
+            }
+            let missing: Vec<usize> =
+                (0..graph.edges.len()).filter(|&e| graph.edges[e].in_tree() && !order.is_known(e)).collect();
+            if missing.is_empty() {
+                break;
+            }
+            let Some((rows, unknown)) = self.next_implicit(at, &missing) else { return Ok(false) };
+            let solved: Vec<usize> =
+                missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
+            order.learned(&solved);
+            let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
+            let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
+            self.push(Work::Implicit(Implicit::new(model, rows, unknown)), words, solved, 0);
+        }
+        let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
+        self.newton = Room::new(largest.max().unwrap_or(0));
+        Ok(true)
+    }
+
+    fn push(&mut self, work: Work, words: String, edges: Vec<usize>, signs: usize) {
+        let signs_of = [0, 1].map(|i| i8::from(i < signs));
+        self.steps.push(Step { work, words, signs: signs_of, states: signs.max(1), pivots: [1.0; 2], edges });
+    }
+
+    /// Adds a polygon on the branch that gives the present coordinates back; `false` if none does.
+    fn push_polygon(&mut self, p: Polygon) -> bool {
+        let edges: Vec<usize> = p.joints.iter().flat_map(|j| j.edges.iter().map(|e| e.0)).collect();
+        let words = self.words(&p);
+        let elementary = p.joints.iter().all(|j| matches!(j.freedom, Freedom::Turn | Freedom::Slide));
+        let (work, signs) = if elementary {
+            let joints = flat_joints(&p, &self.graph);
+            let signs = usize::from(planar::has_branch(&joints));
+            (Work::Plane(p, joints), signs)
+        } else {
+            let universal = p.joints[2].freedom == Freedom::Universal;
+            (Work::Space(p), 1 + usize::from(universal))
+        };
+        self.push(work, words, edges.clone(), signs);
+        let step = self.steps.len() - 1;
+        let here: Vec<(f64, Mat3<f64>)> = edges.iter().map(|&e| (self.x[e], self.balls[e])).collect();
+        let mut best = (f64::INFINITY, [0i8; 2]);
+        for choice in 0..1u8 << signs {
+            let sign = |i: usize| {
+                if i >= signs {
+                    0
+                } else if choice >> i & 1 == 0 {
+                    1i8
+                } else {
+                    -1
+                }
+            };
+            self.steps[step].signs = [sign(0), sign(1)];
+            let apart = match self.solve(step) {
+                Ok(()) => self.apart(&edges, &here),
+                Err(_) => f64::INFINITY,
+            };
+            if apart < best.0 {
+                best = (apart, self.steps[step].signs);
+            }
+            for (&e, h) in edges.iter().zip(&here) {
+                (self.x[e], self.balls[e]) = *h;
+            }
+        }
+        self.steps[step].signs = best.1;
+        best.0 <= SAME
+    }
+
+    /// Largest difference of edge coordinates, in radians and sizes.
+    fn apart(&self, edges: &[usize], here: &[(f64, Mat3<f64>)]) -> f64 {
+        let mut apart = 0.0f64;
+        for (&e, (x, ball)) in edges.iter().zip(here) {
+            let d = self.x[e] - x;
+            apart = apart.max(match self.graph.edges[e].kind {
+                Kind::Turn => (d - (d / TAU).round() * TAU).abs(),
+                Kind::Slide => d.abs() / self.model.placed.size,
+                Kind::Ball => {
+                    (0..9).fold(0.0, |m: f64, i| m.max((self.balls[e].0[i / 3][i % 3] - ball.0[i / 3][i % 3]).abs()))
+                }
+                Kind::Rigid => 0.0,
+            });
+        }
+        apart
+    }
+
+    /// Kind and joints of a polygon in the words of the field.
+    fn words(&self, p: &Polygon) -> String {
+        let letter = |f: Freedom| match f {
+            Freedom::Turn => 'R',
+            Freedom::Slide => 'P',
+            Freedom::Ball { .. } => 'S',
+            Freedom::Universal => 'U',
+        };
+        let n = p.joints.len();
+        // from the frame around to the frame
+        let mut order: Vec<usize> = (1..=n).map(|i| (p.frame + i) % n).collect();
+        let spelled = |order: &[usize]| order.iter().map(|&i| letter(p.joints[i].freedom)).collect::<String>();
+        let backward: Vec<usize> = order.iter().rev().copied().collect();
+        // RRP and RPP rather than PRR and PPR
+        if spelled(&backward) > spelled(&order) {
+            order = backward;
+        }
+        let name = |i: usize| {
+            let e = p.joints[i].edges[0].0;
+            match self.graph.edges[e].joint {
+                Some(j) => format!("\"{}\"", self.model.spec.joints[j].name),
+                None => {
+                    let v = self.graph.edges[e].velocities().start;
+                    format!("\"{}\"", self.model.velocity_name(v))
+                }
+            }
+        };
+        let names: Vec<String> = order.iter().map(|&i| name(i)).collect();
+        let kind = match n {
+            3 if p.joints.iter().all(|j| matches!(j.freedom, Freedom::Turn | Freedom::Slide)) => "dyad",
+            3 => "loop",
+            2 => "pair",
+            _ => "joint",
+        };
+        let plural = if n == 1 { "joint" } else { "joints" };
+        format!("{} {kind} ({plural} {})", spelled(&order), names.join(", "))
+    }
+
+    /// The first implicit block of what is missing: rows and velocities.
+    fn next_implicit(&self, at: &Instant, missing: &[usize]) -> Option<(Vec<usize>, Vec<usize>)> {
+        let nv = self.model.size().nv;
+        let mut within = vec![false; nv];
+        for &e in missing {
+            for v in self.graph.edges[e].velocities() {
+                within[v] = self.inputs.binary_search(&v).is_err();
+            }
+        }
+        let unknown: Vec<usize> = (0..nv).filter(|&v| within[v]).collect();
+        let rows = at.rows(&within);
+        if rows.len() != unknown.len() {
+            return None;
+        }
+        let (row_of, mut needs) = at.structure(&rows, &unknown)?;
+        let place = |v: usize| unknown.binary_search(&v).ok();
+        for &e in missing {
+            // the velocities of a ball are found together
+            tie(&mut needs, &self.graph.edges[e].velocities().filter_map(place).collect::<Vec<_>>());
+        }
+        let first = btf::components(&needs).into_iter().next()?;
+        Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))
+    }
+
+    /// Rows and unknowns of C for the steps: block triangular, steps that C cannot tell apart in one block.
+    fn plan_blocks(&mut self, at: &Instant, rows: &[usize]) -> Result<(), SystemError> {
+        let nv = self.model.size().nv;
+        let unknown: Vec<usize> = (0..nv).filter(|v| self.inputs.binary_search(v).is_err()).collect();
+        let Some((row_of, mut needs)) = at.structure(rows, &unknown) else {
+            return Err(SystemError::Request("the rows of the loops cannot be told apart; choose other inputs".into()));
+        };
+        let mut step_of = vec![usize::MAX; unknown.len()];
+        let mut own: Vec<Vec<usize>> = Vec::new();
+        for (s, step) in self.steps.iter().enumerate() {
+            let mine: Vec<usize> = step
+                .edges
+                .iter()
+                .flat_map(|&e| self.graph.edges[e].velocities())
+                .filter_map(|v| unknown.binary_search(&v).ok())
+                .collect();
+            mine.iter().for_each(|&i| step_of[i] = s);
+            tie(&mut needs, &mine);
+            own.push(mine);
+        }
+        let mut listed: Vec<(usize, Vec<usize>, Vec<usize>)> = Vec::new();
+        // steps that find only coordinates of cut joints have nothing at the level of C
+        for (s, mine) in own.iter().enumerate() {
+            if mine.is_empty() {
+                listed.push((s, Vec::new(), Vec::new()));
+            }
+        }
+        for component in btf::components(&needs) {
+            let mut steps: Vec<usize> = component.iter().map(|&i| step_of[i]).filter(|&s| s != usize::MAX).collect();
+            steps.sort_unstable();
+            steps.dedup();
+            let Some((&last, earlier)) = steps.split_last() else { continue };
+            listed.extend(earlier.iter().map(|&s| (s, Vec::new(), Vec::new())));
+            let mut block_rows: Vec<usize> = component.iter().map(|&i| row_of[i]).collect();
+            block_rows.sort_unstable();
+            listed.push((last, block_rows, component.iter().map(|&i| unknown[i]).collect()));
+        }
+        self.blocks.clear();
+        self.entries.clear();
+        for (s, rows, unknown) in listed {
+            let step = &self.steps[s];
+            let explicit = !matches!(step.work, Work::Implicit(_));
+            for k in 0..step.states {
+                let last = k + 1 == step.states;
+                let words = if step.states > 1 {
+                    format!("{}, {}", step.words, if k == 0 { "characteristic equation" } else { "universal joint" })
+                } else {
+                    step.words.clone()
+                };
+                self.entries.push((s, k));
+                let (rows, unknown) = if last { (rows.clone(), unknown.clone()) } else { (Vec::new(), Vec::new()) };
+                self.blocks.push(Block { rows, unknown, explicit, words });
+            }
+        }
+        self.states = vec![BlockState { branch: 0, pivot: 1.0 }; self.blocks.len()];
+        Ok(())
+    }
+}
+
+/// Make these nodes one component.
+fn tie(needs: &mut [Vec<usize>], nodes: &[usize]) {
+    for (i, &a) in nodes.iter().enumerate() {
+        needs[a].push(nodes[(i + 1) % nodes.len()]);
+    }
+}

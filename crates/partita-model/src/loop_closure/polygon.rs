@@ -1,0 +1,172 @@
+//! Polygons: unknown joints and the rigid sides between them, out of clusters.
+
+use super::arm::Arm;
+use super::graph::{Graph, Kind};
+use super::order::Order;
+use partita_math::spatial::{Mat3, Vec3};
+
+/// What an unknown joint lets free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Freedom {
+    Turn,
+    Slide,
+    /// So many of its velocities are inputs.
+    Ball {
+        inputs: u8,
+    },
+    /// Two turns about axes through one point.
+    Universal,
+}
+
+/// A joint with unknown coordinates: edges one behind the other, from the first node to the second.
+#[derive(Clone, Debug)]
+pub(super) struct Unknown {
+    pub ends: (usize, usize),
+    pub edges: Vec<usize>,
+    pub freedom: Freedom,
+}
+
+/// A joint as the walk around a polygon crosses it.
+#[derive(Clone, Debug)]
+pub(super) struct Crossed {
+    /// Edges and their senses, in the order of the walk.
+    pub edges: Vec<(usize, bool)>,
+    pub freedom: Freedom,
+}
+
+/// Joints and the sides between them: side i leads from joint i to joint i + 1.
+#[derive(Clone, Debug)]
+pub(super) struct Polygon {
+    pub joints: Vec<Crossed>,
+    pub sides: Vec<Arm>,
+    /// The side that is called the frame.
+    pub frame: usize,
+    /// Normal and two axes of its plane, where a planar polygon stands in space.
+    pub plane: Option<[Vec3<f64>; 3]>,
+}
+
+impl Order<'_> {
+    /// The polygon of these joints in this order.
+    pub(super) fn polygon(&mut self, joints: &[usize]) -> Polygon {
+        let n = joints.len();
+        let ends: Vec<(usize, usize)> = joints.iter().map(|&j| self.ends(j)).collect();
+        let shared = |a: (usize, usize), b: (usize, usize)| if a.0 == b.0 || a.0 == b.1 { a.0 } else { a.1 };
+        // the cluster behind joint i
+        let cluster: Vec<usize> = match n {
+            3 => (0..3).map(|i| shared(ends[i], ends[(i + 1) % 3])).collect(),
+            2 => vec![ends[0].1, ends[0].0],
+            _ => vec![ends[0].1],
+        };
+        let forward: Vec<bool> = (0..n).map(|i| ends[i].1 == cluster[i]).collect();
+        let crossed: Vec<Crossed> = joints
+            .iter()
+            .zip(&forward)
+            .map(|(&j, &forward)| {
+                let u = &self.joints[j];
+                let mut edges: Vec<(usize, bool)> = u.edges.iter().map(|&e| (e, forward)).collect();
+                if !forward {
+                    edges.reverse();
+                }
+                Crossed { edges, freedom: u.freedom }
+            })
+            .collect();
+        let sides = (0..n)
+            .map(|i| {
+                let (from, start) = side_of(self.graph, crossed[i].edges[crossed[i].edges.len() - 1], true);
+                let (to, end) = side_of(self.graph, crossed[(i + 1) % n].edges[0], false);
+                Arm { start, path: self.path(from, to), end }
+            })
+            .collect();
+        let ground = self.find(0);
+        let frame = (0..n).find(|&i| cluster[i] == ground).unwrap_or(0);
+        Polygon { joints: crossed, sides, frame, plane: None }
+    }
+
+    /// Shortest way through known joints from one node of a cluster to another.
+    fn path(&mut self, from: usize, to: usize) -> Vec<(usize, bool)> {
+        if from == to {
+            return Vec::new();
+        }
+        // away from the ground, which may have a thousand neighbours
+        let (start, goal) = if from == 0 { (to, from) } else { (from, to) };
+        self.now += 1;
+        self.stamp[start] = self.now;
+        // node, entry it was reached from, forward
+        let mut tail = vec![(start, usize::MAX, 0usize, true)];
+        let mut head = 0;
+        'search: while head < tail.len() {
+            let node = tail[head].0;
+            for &e in &self.known_at[node] {
+                let edge = &self.graph.edges[e];
+                let (next, forward) = if edge.from == node { (edge.to, true) } else { (edge.from, false) };
+                if self.stamp[next] == self.now {
+                    continue;
+                }
+                self.stamp[next] = self.now;
+                tail.push((next, head, e, forward));
+                if next == goal {
+                    break 'search;
+                }
+            }
+            head += 1;
+        }
+        let mut back = Vec::new();
+        let mut i = tail.len() - 1;
+        while tail[i].1 != usize::MAX {
+            back.push((tail[i].2, tail[i].3));
+            i = tail[i].1;
+        }
+        if start == from {
+            back.reverse();
+        } else {
+            back.iter_mut().for_each(|e| e.1 = !e.1);
+        }
+        back
+    }
+
+    /// Do all joints of the polygon and of its sides move in one plane? (They do in a planar mechanism.)
+    pub(super) fn fits_a_plane(&self, p: &mut Polygon) -> bool {
+        if self.planar {
+            return true;
+        }
+        let g = self.graph;
+        let mut edges: Vec<usize> = p.joints.iter().flat_map(|j| j.edges.iter().map(|e| e.0)).collect();
+        edges.extend(p.sides.iter().flat_map(|s| s.path.iter().map(|e| e.0)));
+        let turn = edges.iter().find(|&&e| g.edges[e].kind == Kind::Turn);
+        let slides: Vec<Vec3<f64>> =
+            edges.iter().filter(|&&e| g.edges[e].kind == Kind::Slide).map(|&e| g.edges[e].axis).collect();
+        let across =
+            || slides.iter().find_map(|a| slides[0].cross(*a).unit().filter(|_| slides[0].cross(*a).norm() > 1e-6));
+        let Some(n) = turn.map(|&e| g.edges[e].axis).or_else(across) else { return false };
+        // 1e-12: axes are given in double precision and turned a few times
+        let fits = edges.iter().all(|&e| {
+            let e = &g.edges[e];
+            let moves = match e.kind {
+                Kind::Turn => e.axis.cross(n).norm() < 1e-12,
+                Kind::Slide => e.axis.dot(n).abs() < 1e-12,
+                Kind::Rigid => true,
+                Kind::Ball => false,
+            };
+            moves && (e.rest.apply(n) - n).norm() < 1e-12
+        });
+        let (e1, e2) = n.complement();
+        p.plane = Some([n, e1, e2]);
+        fits
+    }
+}
+
+/// Node and point at the near or far side of a crossed edge.
+fn side_of(g: &Graph, (e, forward): (usize, bool), far: bool) -> (usize, Vec3<f64>) {
+    let edge = &g.edges[e];
+    if forward == far {
+        (edge.to, edge.at_to)
+    } else {
+        (edge.from, edge.at_from)
+    }
+}
+
+/// Angle of a turn about the normal of a plane.
+pub(super) fn turn_in(plane: &[Vec3<f64>; 3], r: &Mat3<f64>) -> f64 {
+    let x = r.apply(plane[1]);
+    x.dot(plane[2]).atan2(x.dot(plane[1]))
+}
