@@ -17,6 +17,7 @@ from typing import Any
 from . import errors, partition, units
 from ._core import version as _version
 from .builder import Mechanism
+from .comparison import compare
 from .io import load
 from .state import State
 from .system import System, simulate
@@ -31,6 +32,7 @@ __all__ = [
     "TangentVelocities",
     "__version__",
     "catalogue",
+    "compare",
     "errors",
     "load",
     "partition",

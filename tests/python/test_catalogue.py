@@ -5,7 +5,7 @@ import pytest
 from catalogue_runs import column, entry_of, extent, run_of
 
 import partita as pt
-from partita.catalogue import spring_four_bar
+from partita.catalogue import spring_four_bar, three_rrr
 
 NAMES = pt.catalogue.names()
 
@@ -49,6 +49,11 @@ def test_energy_and_work(name: str) -> None:
         ("n-four-bar", 605, 485, 1),
         ("andrews-squeezer", 50, 41, 1),
         ("bricard", 30, 29, 1),
+        ("watt-six-bar", 35, 29, 1),
+        ("stephenson-six-bar", 35, 29, 1),
+        ("three-rrr", 45, 39, 3),
+        ("rssr", 16, 16, 2),
+        ("spatial-slider-crank", 17, 17, 1),
     ],
 )
 def test_joint_rows_and_their_rank(name: str, rows: int, rank: int, mobility: int) -> None:
@@ -88,6 +93,30 @@ def test_spring_four_bar_and_its_linearisation() -> None:
     assert mass == pytest.approx(spring_four_bar.MASS, rel=1e-12)
     assert damping == pytest.approx(spring_four_bar.DAMPING, rel=1e-6)
     assert stiffness == pytest.approx(spring_four_bar.STIFFNESS, rel=1e-6)
+
+
+def test_three_rrr_and_its_parallel_singularity() -> None:
+    """The inner links are the three most mobile coordinates, and together they move nothing (known to 3 digits)."""
+    m = pt.catalogue.load("three-rrr")
+    pose = np.array([0.44480746107270663, -0.28272813748931336, -0.2492938366933924])
+    model = m.compile()
+    inner = [f"A{i + 1}" for i in range(3)]
+    turns = three_rrr.base_angles(pose) - three_rrr.base_angles(np.zeros(3))
+    elbows, pins = three_rrr.points(pose)
+    outer, drawn = pins - elbows, np.subtract(*reversed(three_rrr.points(np.zeros(3))))
+    bends = np.arctan2(outer[:, 1], outer[:, 0]) - np.arctan2(drawn[:, 1], drawn[:, 0]) - turns
+    assert model.names == [*inner, "B1", "B2", "B3", "C1"]
+    q = np.array([*turns, *bends, pose[2] - turns[0] - bends[0]])
+    assert float(np.max(np.abs(model.constraints(q)))) < 1e-12
+    rho = dict(zip(model.velocity_names, model.measure(q), strict=True))
+    assert sorted(rho[name] for name in inner) == pytest.approx([0.643, 0.709, 0.837], abs=1e-3)
+    assert set(sorted(rho, key=rho.__getitem__)[-3:]) == set(inner)
+    columns = [i for i, name in enumerate(model.velocity_names) if name not in inner]
+    block = np.linalg.svd(model.jacobian(q)[:, columns], compute_uv=False)
+    whole = np.linalg.svd(model.jacobian(q), compute_uv=False)
+    assert block[-1] < 1e-3 * whole[-1]
+    choice = pt.partition.choose(model.mass_matrix(q), model.jacobian(q))
+    assert choice.sigma >= 0.46
 
 
 def test_names_are_sorted_and_loadable() -> None:

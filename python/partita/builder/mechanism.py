@@ -7,6 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..comparison import compare_mechanism
 from ..state import Layout
 from . import bodies as body_room
 from . import drives as drive_room
@@ -113,6 +114,7 @@ class Mechanism:
     assemble = solve.assemble
     convert = solve.convert
     simulate = solve.simulate
+    compare = compare_mechanism
     report = report_room.report
 
     def to_spec(self) -> dict[str, Any]:

@@ -26,9 +26,14 @@ from . import (
     four_bar,
     n_four_bar,
     planar_pendulum,
+    rssr,
     slider_crank,
     spatial_four_bar,
+    spatial_slider_crank,
     spring_four_bar,
+    stephenson_six_bar,
+    three_rrr,
+    watt_six_bar,
 )
 from .entry import Check, Entry, Measurement
 
@@ -47,8 +52,13 @@ _ENTRIES: dict[str, Callable[..., Entry]] = {
     "grashof-four-bar": branch_four_bar.entry,
     "n-four-bar": n_four_bar.entry,
     "planar-pendulum": planar_pendulum.entry,
+    "rssr": rssr.entry,
     "slider-crank": slider_crank.entry,
     "spatial-four-bar": spatial_four_bar.entry,
+    "spatial-slider-crank": spatial_slider_crank.entry,
+    "stephenson-six-bar": stephenson_six_bar.entry,
+    "three-rrr": three_rrr.entry,
+    "watt-six-bar": watt_six_bar.entry,
 }
 
 

@@ -1,4 +1,4 @@
-"""Closing a planar four-bar with ruler and compass: the answer its motion is checked against."""
+"""Closing planar loops with ruler and compass: the answers that motions are checked against."""
 
 from __future__ import annotations
 
@@ -8,6 +8,42 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+
+
+def meet(p: ArrayLike, q: ArrayLike, to_p: float, to_q: float, side: int) -> FloatArray:
+    """The point (..., 2) at the distances `to_p` from p and `to_q` from q (..., 2) [m].
+
+    Two circles meet twice: `side` 1 takes the point to the left of the way from p to q, -1 that to its right. Circles
+    that do not meet give NaN.
+    """
+    first, second = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    way = second - first
+    square = np.sum(way**2, axis=-1, keepdims=True)
+    along = (square + to_p**2 - to_q**2) / (2.0 * square)
+    height = to_p**2 / square - along**2
+    across = side * np.sqrt(np.where(height >= 0.0, height, np.nan))
+    return np.asarray(first + along * way + across * turned(way))
+
+
+def turned(vector: FloatArray, angle: float = np.pi / 2) -> FloatArray:
+    """Plane vectors (..., 2) turned counter-clockwise by `angle` [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+def arms(*ends: ArrayLike) -> tuple[float, FloatArray, FloatArray]:
+    """Mass, centre of mass (3,), inertia about it (3, 3) of slender arms of 1 kg/m from the origin to `ends` (3,)."""
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for end in ends:
+        p = np.asarray(end, dtype=float)
+        length = float(np.linalg.norm(p))
+        mass += length
+        first += length * p / 2.0
+        second += length * np.outer(p, p) / 3.0
+    com = first / mass
+    about_com = second - mass * np.outer(com, com)
+    return mass, com, np.trace(about_com) * np.eye(3) - about_com
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import NoReturn
 
-from ..options import COORDINATES, FORMULATIONS, METHODS
+from ..options import COORDINATES, FORMULATIONS, METHODS, SELECTIONS
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
 
@@ -15,6 +15,7 @@ def parser() -> argparse.ArgumentParser:
     """The parser; every command stores the function that carries it out in `run`."""
     from .. import __version__
     from . import commands
+    from .compare import compare
     from .simulate import simulate
 
     top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
@@ -22,6 +23,8 @@ def parser() -> argparse.ArgumentParser:
     words = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     _simulate(_command(words, "simulate", simulate, "compute a motion, and tell what was found"))
+
+    _compare(_command(words, "compare", compare, "run every formulation on one mechanism, and tell what each costs"))
 
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
@@ -82,6 +85,24 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--quiet", action="store_true", help="print nothing but errors")
 
 
+def _compare(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE|NAME", help=MODEL)
+    add("--time", metavar="S", type=positive, help="length of the runs [s]; default for a NAME: that of its problem")
+    add("--rtol", metavar="X", type=positive, default=1e-8, help="relative tolerance (default 1e-8)")
+    add("--atol", metavar="X", type=positive, default=1e-10, help="absolute tolerance (default 1e-10)")
+    add("--method", choices=METHODS, default="dop853", help="integrator (default dop853)")
+    known = ", ".join(FORMULATIONS)
+    add("--formulations", metavar="A,B", type=listed, help=f"which ones, with commas (default all: {known})")
+    rules = ", ".join(SELECTIONS)
+    add("--selections", metavar="A,B", type=listed, help=f"rules of projective (default all: {rules})")
+    add("--baumgarte", metavar="ALPHA,BETA", type=pair, help="the two numbers [1/s] that this formulation needs")
+    add("--window", metavar="S", type=positive, help="time [s] over which the rule persistence averages")
+    add("--plot", metavar="FILE", help="write a figure of errors and costs (.png, .pdf, .svg)")
+    add("--work-precision", metavar="FILE", help="run over several tolerances, and write the figure of error over work")
+    add("--csv", metavar="FILE", help="write the rows")
+
+
 def _command(words: argparse._SubParsersAction, name: str, run: object, text: str) -> argparse.ArgumentParser:  # type: ignore[type-arg]
     command: argparse.ArgumentParser = words.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     command.set_defaults(run=run)
@@ -125,6 +146,22 @@ def count(text: str) -> int:
     if value < 2:
         raise argparse.ArgumentTypeError(f"{text!r} is too few: the start and the end are two outputs")
     return value
+
+
+def listed(text: str) -> list[str]:
+    """Names with commas between them."""
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise argparse.ArgumentTypeError(f"{text!r} does not read A,B,C")
+    return names
+
+
+def pair(text: str) -> tuple[float, float]:
+    """Two finite numbers with a comma between them."""
+    values = [number(part) for part in text.split(",")]
+    if len(values) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r} are not two numbers with a comma between them")
+    return values[0], values[1]
 
 
 def setting(text: str) -> tuple[str, list[float]]:

@@ -1,0 +1,138 @@
+"""What is compared: one mechanism or system, its start, its outputs, and the run that the others are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import PartitaError
+from ..options import SELECTIONS
+from .cases import DEFAULT, Case
+
+if TYPE_CHECKING:
+    from ..builder.compiled import Equations
+    from ..results import Result
+
+Array = NDArray[np.float64]
+Simulate = Callable[..., "Result"]
+OUTPUTS = 101
+REFERENCE_METHOD = "dop853"
+_REPEATS, _PATIENCE = 5, 0.1  # runs of one case at most, and seconds after which no other begins
+# From the tightest at which round-off still leaves room to one that is good for a reference of coarse runs only.
+_TIGHT = ((1e-13, 1e-14), (1e-12, 1e-13), (1e-11, 1e-12), (1e-10, 1e-11))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The run that others are held against, and what it is in words."""
+
+    result: Result | None
+    words: str
+
+
+@dataclass(frozen=True)
+class Bench:
+    """`simulate(**options)` runs it from its start over its length; `equations` are those it marches."""
+
+    title: str
+    simulate: Simulate
+    equations: Equations
+    t_eval: Array
+    duration: float
+    rtol: float
+    atol: float
+    method: str
+    reference: Reference | None = None
+
+    def run(self, case: Case, progress: Any, rtol: float | None = None) -> tuple[Result, float]:
+        """The result of one case and the time it took [s]: set-up, steps and outputs. `rtol` takes atol along.
+
+        The same run takes longer now and then, when the machine does other things: short ones are repeated, and the
+        shortest time counts.
+        """
+        options = {
+            "t_eval": self.t_eval,
+            "rtol": self.rtol if rtol is None else rtol,
+            "atol": self.atol if rtol is None else self.atol * rtol / self.rtol,
+            "method": self.method,
+            "formulation": case.formulation,
+            "progress": progress,
+            **case.options,
+        }
+        times: list[float] = []
+        while True:
+            began = perf_counter()
+            result = self.simulate(**options)
+            times.append(perf_counter() - began)
+            if len(times) == _REPEATS or sum(times) > _PATIENCE or not result.success:
+                return result, min(times)
+
+    def with_reference(self, given: Result | None, progress: Any) -> Bench:
+        """With the run that others are held against: `given`, or the tightest of "projective" that finishes."""
+        if given is not None:
+            options = ", ".join(f"{key} {given.options[key]}" for key in _TOLD if given.options.get(key) is not None)
+            return replace(self, reference=Reference(given, f"the run given ({options or 'options not known'})"))
+        why = ""
+        for rtol, atol in _TIGHT:
+            atol = min(atol, self.atol)
+            try:
+                result = self.simulate(
+                    t_eval=self.t_eval,
+                    rtol=rtol,
+                    atol=atol,
+                    method=REFERENCE_METHOD,
+                    formulation=DEFAULT,
+                    selection=SELECTIONS[0],
+                    progress=progress,
+                )
+            except PartitaError as error:
+                why = str(error)
+                continue
+            if result.status == "interrupted":
+                raise KeyboardInterrupt
+            if result.success:
+                words = f"{DEFAULT}, {REFERENCE_METHOD}, rtol {rtol:g}, atol {atol:g}"
+                return replace(self, reference=Reference(result, words))
+            why = result.message
+        return replace(self, reference=Reference(None, f"none, since no tight run finished ({why})"))
+
+    def error(self, result: Result) -> float | None:
+        """Largest difference from the reference over all outputs: [m] of bodies, or that of q for a `System`.
+
+        A body counts with its origin and with the tips of its three axes drawn as long as the mechanism is large
+        (`size`), so that turns count as well.
+        """
+        if self.reference is None or self.reference.result is None or not result.success:
+            return None
+        expected = self.reference.result
+        if not result.is_mechanism:
+            return float(np.max(np.abs(result.q - expected.q), initial=0.0))
+        gap = _frames(result, self.size) - _frames(expected, self.size)
+        return float(np.sqrt(np.max(np.sum(gap**2, axis=-1), initial=0.0)))
+
+    @property
+    def size(self) -> float:
+        """Largest distance of a body or a joint from their middle at the start of the reference [m]; 1 if they are all
+        in one point."""
+        if self.reference is None or self.reference.result is None or not self.reference.result.is_mechanism:
+            return 1.0
+        seen = self.reference.result.observed
+        points = np.concatenate([seen["body_position"][0], seen["joint_point"][0]])
+        far = float(np.max(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+        return far if far > 0.0 else 1.0
+
+
+_TOLD = ("formulation", "method", "rtol", "atol")
+
+
+def _frames(result: Result, size: float) -> Array:
+    """Origins of all bodies and tips of their axes (nt, bodies, 4, 3)."""
+    seen: Mapping[str, Array] = result.observed
+    origin = seen["body_position"][:, :, None, :]
+    tips = np.swapaxes(seen["body_rotation"], -1, -2)
+    return np.concatenate([origin, origin + size * tips], axis=2)

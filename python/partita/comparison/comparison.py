@@ -1,0 +1,181 @@
+"""All runs, their table, and what can be done with it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import PartitaError
+from .bench import Bench
+from .cases import Case
+from .row import FAILED, INTERRUPTED, NOT_RUN, Row, measured, not_run
+from .table import CONDITION_NOTE, aligned, notes, write_csv
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from ..results import Result
+    from .work_precision import WorkPrecision
+
+PathLike = str | os.PathLike[str]
+TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+
+
+class Comparison:
+    """Formulations and rules side by side: `rows`, one for each, and `caption`, which says what was run.
+
+    `print(comparison)` shows the table. `interrupted` tells whether Ctrl-C ended it before the last run; the rows up to
+    there are kept, the others are "not run".
+    """
+
+    def __init__(self, bench: Bench, cases: Sequence[Case], rows: Sequence[Row], interrupted: bool) -> None:
+        self._bench, self._cases = bench, tuple(cases)
+        self.rows: tuple[Row, ...] = tuple(rows)
+        self.interrupted = interrupted
+
+    @property
+    def title(self) -> str:
+        """Name of the mechanism, or "system"."""
+        return self._bench.title
+
+    @property
+    def reference(self) -> Result | None:
+        """The run that the others were held against; None if none finished."""
+        return self._bench.reference.result if self._bench.reference is not None else None
+
+    @property
+    def caption(self) -> str:
+        """What was run, and what the errors are measured against, in two sentences."""
+        bench = self._bench
+        against = bench.reference.words if bench.reference is not None else "none: interrupted"
+        what = "largest difference of a coordinate"
+        if self.reference is not None and self.reference.is_mechanism:
+            what = f"largest displacement of a body's frame with axes of {bench.size:.3g} m, [m]"
+        return (
+            f"{bench.title}: {bench.duration:g} s, {bench.method}, rtol {bench.rtol:g}, atol {bench.atol:g}, "
+            f"{len(bench.t_eval)} outputs. Error: {what}; reference: {against}."
+        )
+
+    def row(self, name: str) -> Row:
+        """The row of this name. `UnknownNameError` with the nearest names."""
+        from ..results.names import index_of
+
+        return self.rows[index_of(name, [row.name for row in self.rows], "row")]
+
+    def to_text(self) -> str:
+        """The caption, the table, and below it why runs are missing or stopped."""
+        shown = [row for row in self.rows if row.status not in (NOT_RUN, FAILED)]
+        table = [aligned(shown), CONDITION_NOTE] if shown else []
+        return "\n".join([self.caption, *table, *notes(self.rows)])
+
+    def __str__(self) -> str:
+        return self.to_text()
+
+    def __repr__(self) -> str:
+        done = sum(row.finished for row in self.rows)
+        return f"<Comparison of {self.title!r}: {done} of {len(self.rows)} runs finished>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """One line per row, one column per number. `MissingDependencyError` without pandas."""
+        from .table import to_pandas
+
+        return to_pandas(self.rows, self.caption)
+
+    def to_csv(self, path: PathLike) -> Path:
+        """Write the rows as comma-separated values; what is not known is empty. Returns the path."""
+        return write_csv(self.rows, path)
+
+    def plot(self, path: PathLike | None = None) -> Figure:
+        """A matplotlib figure: error, evaluations and time of every row that finished. `path` saves it too."""
+        from ..plots.comparison import plot_comparison
+
+        return plot_comparison(self, path)
+
+    def work_precision(
+        self, tolerances: Sequence[float] = TOLERANCES, *, names: Sequence[str] | None = None, progress: Any = False
+    ) -> WorkPrecision:
+        """Error against evaluations and against time, from runs with each of the `tolerances`.
+
+        Args:
+            tolerances: values of rtol; atol keeps its ratio to it.
+            names: rows to run again; None: every formulation that finished, "projective" with its default rule only
+                unless that is not among the rows.
+            progress: as in `compare`.
+
+        Raises:
+            ArgumentError: no tolerance, or one that is not above zero. UnknownNameError: a name that no row has.
+        """
+        from .work_precision import work_precision
+
+        names = [self.row(name).name for name in names] if names is not None else self._formulations()
+        chosen = [case for case in self._cases if case.name in names and case.missing is None]
+        return work_precision(self._bench, chosen, tolerances, progress)
+
+    def _formulations(self) -> list[str]:
+        """Rows that finished: one for each formulation, the first."""
+        first: dict[str, str] = {}
+        for row in self.rows:
+            if row.finished:
+                first.setdefault(row.formulation, row.name)
+        return list(first.values())
+
+
+def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, progress: Any) -> Comparison:
+    """Every case, one after the other. A typed error of one does not stop the others; Ctrl-C keeps what is there."""
+    rows: list[Row] = []
+    tell = Progress(progress, len(cases) + 1)
+    try:
+        bench = bench.with_reference(reference, tell.part("reference"))
+        for case in cases:
+            part = tell.part(case.name)
+            rows.append(_row(bench, case, part))
+            if rows[-1].status == INTERRUPTED:
+                break
+    except KeyboardInterrupt:
+        pass
+    interrupted = len(rows) < len(cases) or (bool(rows) and rows[-1].status == INTERRUPTED)
+    tell.end()
+    left = [not_run(case, "interrupted before its turn came") for case in cases[len(rows) :]]
+    return Comparison(bench, cases, [*rows, *left], interrupted)
+
+
+def _row(bench: Bench, case: Case, progress: Any) -> Row:
+    if case.missing is not None:
+        return not_run(case, case.missing)
+    try:
+        result, time = bench.run(case, progress)
+    except PartitaError as error:
+        return not_run(case, str(error), FAILED)
+    return measured(case, bench, result, time)
+
+
+class Progress:
+    """Hands the fraction done of many runs on: to nobody, to a line on stderr, or to a function of 0 to 1."""
+
+    def __init__(self, progress: Any, total: int) -> None:
+        self._target: Any = progress
+        self._total, self._done = total, -1
+
+    def part(self, name: str) -> Callable[[float], None] | None:
+        """What the next run calls with its own fraction."""
+        self._done += 1
+        if self._target is None or self._target is False:
+            return None
+        begun = self._done
+        if self._target is True:
+            sys.stderr.write(f"\r{begun + 1:>3} of {self._total}: {name:<40}")
+            sys.stderr.flush()
+            return None
+        return lambda fraction: self._target((begun + min(max(fraction, 0.0), 1.0)) / self._total)
+
+    def end(self) -> None:
+        """Close the line."""
+        if self._target is True:
+            sys.stderr.write("\n")
+            sys.stderr.flush()
+        elif callable(self._target) and self._done + 1 >= self._total:
+            self._target(1.0)

@@ -1,0 +1,171 @@
+"""How a comparison is asked for: `Mechanism.compare`, and `partita.compare` for a `System`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ArgumentError
+from ..options import METHODS, one_of, output_times, positive
+from ..state import State
+from .bench import OUTPUTS, Bench
+from .cases import cases
+from .comparison import Comparison, carry_out
+
+if TYPE_CHECKING:
+    from ..builder import Mechanism
+    from ..builder.compiled import Equations
+    from ..results import Result
+    from ..system import System
+    from ..tangent import TangentVelocities
+
+
+def compare_mechanism(
+    self: Mechanism,
+    duration: float | None = None,
+    *,
+    initial: State | None = None,
+    formulations: Iterable[str] | None = None,
+    selections: Iterable[str] | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    method: str = "dop853",
+    baumgarte: tuple[float, float] | None = None,
+    window: float | None = None,
+    tangent: TangentVelocities | None = None,
+    coordinates: str = "relative",
+    reference: Result | None = None,
+    progress: Any = False,
+) -> Comparison:
+    """Run every formulation, and "projective" with every rule of choice, from one start; a row of numbers for each.
+
+    Takes as long as all runs together; the dense formulations cost O(n^3) per evaluation. Ctrl-C keeps the rows that
+    are there. A run that fails has its reason in its row and does not stop the others.
+
+    Args:
+        duration: length of the runs [s]; None: that of `reference`.
+        initial: state to start from, as for `simulate`; None: the drawing, assembled, at rest.
+        formulations: names as for `simulate`; None: all. Those that need something not given are listed as not run.
+        selections: rules for "projective"; None: all.
+        rtol, atol, method, coordinates: as for `simulate`, for all runs.
+        baumgarte, window, tangent: what "baumgarte", the rule "persistence" and "user-tangent" need.
+        reference: a finished run of this mechanism, from the same start, to measure errors against; its outputs are
+            used. None: "projective" with "dop853" at rtol 1e-13, or the tightest that finishes.
+        progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
+
+    Raises:
+        ArgumentError: an unknown name, no duration, or a reference that did not finish. Errors of `assemble`.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> found = m.compare(0.1, formulations=["projective"], selections=["collective"])
+    >>> found.row("projective").status
+    'finished'
+    """
+    start = initial if initial is not None else self.assemble(coordinates=coordinates)
+    simulate = partial(self.simulate, initial=start, coordinates=coordinates)
+    given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
+    chosen = cases(formulations, selections, given)
+    model = self.compile(coordinates)
+    bench = _bench(self.name, simulate, model, start, duration, reference, rtol, atol, method)
+    return carry_out(bench, chosen, reference, progress)
+
+
+def compare(
+    system: System,
+    duration: float | None = None,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    *,
+    initial: State | None = None,
+    t0: float = 0.0,
+    formulations: Iterable[str] | None = None,
+    selections: Iterable[str] | None = None,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    method: str = "dop853",
+    baumgarte: tuple[float, float] | None = None,
+    window: float | None = None,
+    tangent: TangentVelocities | None = None,
+    reference: Result | None = None,
+    progress: Any = False,
+) -> Comparison:
+    """The same for a `System`, from q0 and v0 (n,) at t0 or from `initial`; for a mechanism call its own `compare`.
+
+    Errors are largest differences of a coordinate; energies are not known. Other options, result and errors are those
+    of `Mechanism.compare`.
+
+    >>> import numpy as np
+    >>> import partita as pt
+    >>> ring = pt.System(
+    ...     n=2,
+    ...     mass=np.eye(2),
+    ...     forces=(0.0, -9.81),
+    ...     constraints=lambda t, q: [0.5 * (q @ q - 1.0)],
+    ...     jacobian=lambda t, q: [q],
+    ...     bias=lambda t, q, v: [v @ v],
+    ... )
+    >>> found = pt.compare(ring, 0.5, [1.0, 0.0], [0.0, 0.0], formulations=["projective"], selections=["collective"])
+    >>> found.row("projective").error < 1e-7
+    True
+    """
+    from ..system import System, simulate
+
+    if not isinstance(system, System):
+        hint = "; call its own method: mechanism.compare(duration)" if hasattr(system, "compare") else ""
+        raise ArgumentError(f"compare works on a System, not on {type(system).__name__}{hint}", argument="system")
+    if initial is not None:
+        start, run = initial, partial(simulate, system, initial=initial)
+    else:
+        if q0 is None or v0 is None:
+            missing = "q0" if q0 is None else "v0"
+            raise ArgumentError(
+                f"{missing} is missing: the runs need coordinates and velocities to start", argument=missing
+            )
+        start = State(t0, q0, v0, names=system.names)
+        run = partial(simulate, system, q0=q0, v0=v0, t0=t0)
+    given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
+    chosen = cases(formulations, selections, given)
+    bench = _bench("system", run, system, start, duration, reference, rtol, atol, method)
+    return carry_out(bench, chosen, reference, progress)
+
+
+def _bench(
+    title: str,
+    simulate: Any,
+    equations: Equations,
+    start: State,
+    duration: float | None,
+    reference: Result | None,
+    rtol: float,
+    atol: float,
+    method: str,
+) -> Bench:
+    """Checked once for all runs, so that a wrong argument is an error and not a table of failures."""
+    if reference is not None and not reference.success:
+        raise ArgumentError(
+            f"reference must be a run that finished; this one ended with {reference.status!r}: {reference.message}",
+            argument="reference",
+        )
+    if duration is None:
+        if reference is None:
+            raise ArgumentError("give a duration [s], such as 10.0", argument="duration")
+        duration = float(reference.t[-1]) - start.t
+    span = positive("duration", duration)
+    wanted = np.linspace(start.t, start.t + span, OUTPUTS) if reference is None else reference.t
+    return Bench(
+        title=title,
+        simulate=partial(simulate, duration=span),
+        equations=equations,
+        t_eval=output_times(wanted, start.t, start.t + span),
+        duration=span,
+        rtol=positive("rtol", rtol),
+        atol=positive("atol", atol),
+        method=one_of("method", method, METHODS),
+    )

@@ -1,0 +1,125 @@
+"""One line of a comparison, and how its numbers are found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .bench import Array, Bench
+from .cases import Case
+
+if TYPE_CHECKING:
+    from ..results import Result
+
+FINISHED, FAILED, NOT_RUN, INTERRUPTED = "finished", "failed", "not run", "interrupted"
+# Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
+_CHOOSING = ("projective", "wehage-haug", "explicit-closing")
+_WHOLE = ("multipliers", "range-space", "proximal", "baumgarte")
+# Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
+_WORK = 3e8
+
+
+@dataclass(frozen=True)
+class Row:
+    """One formulation on the common mechanism. Numbers are `None` where a run cannot know them.
+
+    `error` is told for runs that reached the end; the other numbers of one that stopped early hold up to there.
+    """
+
+    name: str
+    formulation: str
+    selection: str | None
+    """Rule that chose the coordinates of "projective"; None for other formulations."""
+    status: str
+    """"finished", "not run", "failed" (an error before the first step), or why it stopped: see `Result.status`."""
+    message: str = ""
+    """Why it did not run or did not reach the end; else empty."""
+    evaluations: int | None = None
+    """Of accelerations, for the steps; those for dense output are left out."""
+    steps: int | None = None
+    rejected: int | None = None
+    switches: int | None = None
+    """Exchanges of independent coordinates, or renewals of frozen tangent velocities."""
+    closure: float | None = None
+    """Largest |Phi| over the outputs."""
+    velocity_closure: float | None = None
+    """Largest |C v + a| over the outputs."""
+    energy_drift: float | None = None
+    """Largest |total - total[0] - work| over the largest energy exchanged; None for a `System`."""
+    error: float | None = None
+    """Largest difference from the reference: see `Comparison.caption`."""
+    condition: float | None = None
+    """Largest condition number of C_D, the dependent columns of the constraint Jacobian, over the outputs; in the
+    units of the coordinates. None where no coordinates are dependent."""
+    sigma: float | None = None
+    """Smallest sigma of the choice; None where nothing is chosen."""
+    sqrt_mu: float | None = None
+    """Smallest sqrt(mu) of the choice, or of the tangent velocities; None where nothing is chosen."""
+    time_per_evaluation: float | None = None
+    """Time of the run over all evaluations, those for dense output included [s]."""
+    time: float | None = None
+    """Of the whole run: set-up, steps, outputs [s]; the shortest of several where it is short."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == FINISHED
+
+
+def not_run(case: Case, why: str, status: str = NOT_RUN) -> Row:
+    """The line of a run that did not happen."""
+    return Row(case.name, case.formulation, case.selection, status, why)
+
+
+def measured(case: Case, bench: Bench, result: Result, time: float) -> Row:
+    """The line of a run that happened, to its end or not."""
+    counters = result.counters
+    evaluations = counters.get("evaluations", 0)
+    every = evaluations + counters.get("dense_evaluations", 0)
+    return Row(
+        name=case.name,
+        formulation=case.formulation,
+        selection=case.selection,
+        status=FINISHED if result.success else result.status,
+        message="" if result.success else result.message,
+        evaluations=evaluations,
+        steps=counters.get("steps"),
+        rejected=counters.get("rejected"),
+        switches=max(0, len(result.partitions) - 1),
+        closure=_largest(result.closure),
+        velocity_closure=_largest(result.velocity_closure),
+        energy_drift=result.energy.relative_balance if result.has_energy and len(result.t) else None,
+        error=bench.error(result),
+        condition=_condition(bench, result) if case.formulation in _CHOOSING else None,
+        sigma=None if case.formulation in _WHOLE else _smallest(result.sigma),
+        sqrt_mu=None if case.formulation in _WHOLE else _smallest(result.sqrt_mu),
+        time_per_evaluation=time / every if every else None,
+        time=time,
+    )
+
+
+def _condition(bench: Bench, result: Result) -> float | None:
+    """Worst condition of C_D over the outputs, or over as many evenly spread ones as `_WORK` allows."""
+    nt, n = result.v.shape
+    k = result.independent.shape[1]
+    if nt == 0 or k == 0 or k == n or np.any(result.independent < 0):
+        return None
+    stride = max(1, int(np.ceil(nt * n**3 / _WORK)))
+    worst = 0.0
+    for row in range(0, nt, stride):
+        jacobian = bench.equations.jacobian(result.q[row], t=float(result.t[row]))
+        block = np.delete(jacobian, result.independent[row], axis=1)
+        worst = max(worst, float(np.linalg.cond(block)))
+    return worst
+
+
+def _largest(values: Array) -> float | None:
+    return float(np.max(np.abs(values))) if len(values) else None
+
+
+def _smallest(values: Array) -> float | None:
+    """Smallest finite value; None where there is none."""
+    finite = values[np.isfinite(values)]
+    return float(np.min(finite)) if len(finite) else None

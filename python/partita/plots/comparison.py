@@ -1,0 +1,112 @@
+"""Figures of comparisons: what each formulation costs and how far off it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from .style import COLOURS, FLOOR, dressed, empty, new_figure
+
+if TYPE_CHECKING:
+    from ..comparison import Comparison, WorkPrecision
+    from . import PathLike
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+
+def plot_comparison(comparison: Comparison, path: PathLike | None = None) -> Figure:
+    """Error, evaluations and time of every row that finished, one line of dots each; `path` saves it too."""
+    from . import save_figure
+
+    rows = [row for row in comparison.rows if row.finished]
+    figure = new_figure(11.0, 1.8 + 0.28 * max(len(rows), 3))
+    figure.suptitle(f"{comparison.title}: formulations compared", fontsize=12, fontweight="bold")
+    axes = figure.subplots(1, 3, sharey=True)
+    columns: tuple[tuple[str, str, list[float | None]], ...] = (
+        ("Error", _error_unit(comparison), [row.error for row in rows]),
+        ("Evaluations", "number", [row.evaluations for row in rows]),
+        ("Time of the run", "[ms]", [None if row.time is None else 1e3 * row.time for row in rows]),
+    )
+    for ax, (title, unit, values) in zip(axes, columns, strict=True):
+        dressed(ax, title, "", time_axis=False)
+        known = [(place, value) for place, value in enumerate(values) if value is not None]
+        if not known:
+            empty(ax, "no run finished" if not rows else "not known")
+            continue
+        for place, value in known:
+            colour = COLOURS[0] if rows[place].formulation == "projective" else COLOURS[1]
+            ax.plot([max(value, FLOOR)], [place], "o", color=colour, ms=5)
+        ax.set_xlabel(unit, fontsize=9)
+        _logarithmic(ax, "x", [max(value, FLOOR) for _, value in known])
+    if rows:
+        axes[0].set_yticks(range(len(rows)), [row.name for row in rows], fontsize=8)
+        axes[0].set_ylim(len(rows) - 0.5, -0.5)
+    if path is not None:
+        save_figure(figure, path)
+    return figure
+
+
+def _error_unit(comparison: Comparison) -> str:
+    """Displacements of bodies are lengths; coordinates of a system have the units of its author."""
+    mechanism = comparison.reference is not None and comparison.reference.is_mechanism
+    return "against the reference [m]" if mechanism else "against the reference"
+
+
+def _logarithmic(ax: Axes, which: str, values: Sequence[float]) -> None:
+    """A logarithmic axis with room around the values, and few labels that do not collide, however near they lie."""
+    low, high = min(values), max(values)
+    middle, half = np.log10(low * high) / 2.0, 0.55 * max(1.0, np.log10(high / low))
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+    (ax.set_xlim if which == "x" else ax.set_ylim)(10.0 ** (middle - half), 10.0 ** (middle + half))
+    near = half < 1.2
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if near else (1.0,), numticks=8))
+    axis.set_minor_formatter(NullFormatter())
+    if near and low > 1e-3:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def plot_work_precision(found: WorkPrecision, path: PathLike | None = None) -> Figure:
+    """Error over evaluations and over time, a line for each formulation; `path` saves it too."""
+    from . import save_figure
+
+    figure = new_figure(11.0, 4.6)
+    figure.suptitle(f"{found.title}: error against work", fontsize=12, fontweight="bold")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, title, unit in ((left, "Evaluations", "number"), (right, "Time of the run", "[ms]")):
+        dressed(ax, title, "error against the reference" if ax is left else "", time_axis=False)
+        ax.set_xlabel(unit, fontsize=9)
+    errors: list[float] = []
+    work: tuple[list[float], list[float]] = ([], [])
+    for number, name in enumerate(found.names):
+        points = [p for p in found.of(name) if p.error is not None and p.evaluations and p.time]
+        if points:
+            error = [max(p.error or 0.0, FLOOR) for p in points]
+            errors += error
+            both = [float(p.evaluations or 0) for p in points], [1e3 * (p.time or 0.0) for p in points]
+            for ax, every, values in zip((left, right), work, both, strict=True):
+                every += values
+                _line(ax, values, error, number, name)
+    if errors:
+        for ax, every in zip((left, right), work, strict=True):
+            _logarithmic(ax, "x", every)
+            _logarithmic(ax, "y", errors)
+        right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+    else:
+        empty(left, "no run finished")
+        empty(right, "no run finished")
+    if path is not None:
+        save_figure(figure, path)
+    return figure
+
+
+def _line(ax: Axes, x: list[float], y: list[float], number: int, label: str) -> None:
+    """Colour and mark go through their lists; the second time round the line is dashed."""
+    style = "-" if number < len(COLOURS) else "--"
+    marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
+    ax.plot(x, y, style, color=COLOURS[number % len(COLOURS)], marker=marker, ms=4, lw=1.1, label=label)

@@ -1,0 +1,271 @@
+"""Comparisons: equivalence of what is compared, orders of the errors, nothing silent, nothing lost."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import threading
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.cli import main
+from partita.comparison import Comparison, cases
+from partita.options import FORMULATIONS, SELECTIONS
+
+SURE = ["projective", "multipliers"]
+
+
+def pendulum(n: int = 2) -> pt.System:
+    """A point on a circle in x and y."""
+    return pt.System(
+        n=n,
+        mass=np.eye(n),
+        forces=(0.0, -9.81),
+        constraints=lambda t, q: [0.5 * (q @ q - 1.0)],
+        jacobian=lambda t, q: [q],
+        bias=lambda t, q, v: [v @ v],
+        names=["x", "y"],
+    )
+
+
+@cache
+def four_bar() -> Comparison:
+    """Every formulation and every rule on one turn of the standing example."""
+    m = pt.catalogue.load("four-bar")
+    return m.compare(2.0, initial=pt.catalogue.entry("four-bar").initial(m), baumgarte=(10.0, 10.0), window=0.5)
+
+
+def test_every_formulation_and_every_rule_has_a_row() -> None:
+    names = [row.name for row in four_bar().rows]
+    assert len(set(names)) == len(names) == len(FORMULATIONS) - 1 + len(SELECTIONS)
+    assert {row.formulation for row in four_bar().rows} == set(FORMULATIONS)
+    assert {row.selection for row in four_bar().rows} - {None} == set(SELECTIONS)
+    assert names[0] == "projective"
+
+
+def test_all_that_finish_compute_the_same_motion() -> None:
+    """Errors of integration at rtol 1e-8 grow a hundredfold over the top of the crank; Baumgarte's loops stay open."""
+    finished = [row for row in four_bar().rows if row.finished]
+    assert {"projective", "multipliers"} <= {row.name for row in finished}
+    for row in finished:
+        assert row.error is not None and row.error < (1e-2 if row.name == "baumgarte" else 1e-4), row
+        assert row.energy_drift is not None and row.energy_drift < (1e-2 if row.name == "baumgarte" else 1e-6), row
+        if row.name != "baumgarte":
+            assert row.closure is not None and row.closure < 1e-11, row
+            assert row.velocity_closure is not None and row.velocity_closure < 1e-10, row
+
+
+def test_nothing_is_missing_without_a_reason() -> None:
+    for row in four_bar().rows:
+        assert row.finished or row.message, row
+        if row.finished:
+            assert row.evaluations and row.steps and row.time and row.time_per_evaluation
+            assert row.time_per_evaluation * row.evaluations <= row.time
+        assert row.name in four_bar().to_text()
+    reasons = {row.name: row for row in four_bar().rows if row.status == "not run"}
+    assert list(reasons) == ["user-tangent"] and "TangentVelocities" in reasons["user-tangent"].message
+
+
+@pytest.mark.parametrize(
+    ("formulation", "rule", "option"),
+    [("baumgarte", None, "baumgarte="), ("user-tangent", None, "tangent="), ("projective", "persistence", "window=")],
+)
+def test_what_only_the_user_knows_is_asked_for(formulation: str, rule: str | None, option: str) -> None:
+    (case,) = cases.cases([formulation], None if rule is None else [rule], {})
+    assert case.missing is not None and option in case.missing
+    given = {"baumgarte": (1.0, 1.0), "window": 0.1, "tangent": object()}
+    (case,) = cases.cases([formulation], None if rule is None else [rule], given)
+    assert case.missing is None and given[option[:-1]] in case.options.values()
+
+
+def test_condition_of_the_dependent_block_is_that_of_the_worst_output() -> None:
+    """One equation: C_D is a number, of condition 1, whatever is chosen."""
+    found = pt.compare(pendulum(), 1.0, [0.6, -0.8], [0.0, 0.0], formulations=SURE, selections=["collective"])
+    assert found.row("projective").condition == 1.0
+    # k = 1 and two coordinates: the chosen one has rho = max(|x|, |y|) up to the margin of the exchange
+    assert found.row("projective").sigma == found.row("projective").sqrt_mu >= np.sqrt(0.5) / 1.25
+    whole = found.row("multipliers")
+    assert (whole.condition, whole.sigma, whole.sqrt_mu) == (None, None, None)
+    assert all(row.energy_drift is None and row.error is not None and row.error < 1e-6 for row in found.rows)
+
+
+def test_error_is_the_distance_to_the_reference_given() -> None:
+    """Against itself a run has no error; against a coarse one every run has the error of that one."""
+    m = pt.catalogue.load("planar-pendulum")
+    times = np.linspace(0.0, 1.0, 11)
+    same = m.simulate(1.0, t_eval=times)
+    found = m.compare(reference=same, formulations=["projective"], selections=["collective"])
+    assert found.row("projective").error == 0.0 and len(found.rows) == 1
+    coarse = m.simulate(1.0, t_eval=times, method="rk4", step=0.05)
+    off = m.compare(reference=coarse, formulations=["projective"], selections=["collective"]).row("projective").error
+    gap = np.linalg.norm(coarse.body("bob").position - same.body("bob").position, axis=1).max()
+    # The axes of the frame are 0.5 m long, the distance of bob and pivot from their middle, and drawn parallel to the
+    # world with the bob at (-1, 0): the tip of y is farthest from the pivot, and a small turn moves it the most.
+    assert off == pytest.approx(np.hypot(1.0, 0.5) * gap, rel=1e-3)
+
+
+def test_work_and_precision_of_a_method_of_order_five() -> None:
+    """Error in proportion to the tolerance, evaluations to its fifth root: slope -5 on logarithmic axes.
+
+    Over four decades the steps follow the tolerance to a tenth or two.
+    """
+    found = pt.compare(
+        pendulum(), 2.0, [1.0, 0.0], [0.0, 0.0], formulations=SURE, selections=["collective"], method="dopri5"
+    )
+    ladder = found.work_precision((1e-5, 1e-7, 1e-9))
+    assert ladder.names == SURE and all(point.status == "finished" for point in ladder.points)
+    for name in SURE:
+        first, _, last = ladder.of(name)
+        assert first.error and last.error and first.evaluations and last.evaluations
+        slope = np.log(last.error / first.error) / np.log(last.evaluations / first.evaluations)
+        assert -7.0 < slope < -4.0, name
+        assert name in ladder.to_text()
+
+
+def test_absolute_and_relative_coordinates_have_the_same_error() -> None:
+    """The error is told in metres of bodies, which know nothing of coordinates: both are those of rtol 1e-8."""
+    m = pt.catalogue.load("four-bar-spring")
+    for coordinates in ("relative", "absolute"):
+        start = m.assemble(coordinates=coordinates)
+        found = m.compare(
+            0.5, initial=start, coordinates=coordinates, formulations=["projective"], selections=["collective"]
+        )
+        assert found.rows[0].error is not None and found.rows[0].error < 1e-7
+
+
+def test_a_run_that_fails_leaves_the_others() -> None:
+    """Tangent velocities that break the constraints: one row tells, the others finish."""
+    wrong = pt.TangentVelocities(lambda t, q: [[q[0], q[1]]])
+    words = [*SURE, "user-tangent"]
+    found = pt.compare(
+        pendulum(), 0.5, [1.0, 0.0], [0.0, 0.0], formulations=words, selections=["collective"], tangent=wrong
+    )
+    assert [row.finished for row in found.rows] == [True, True, False]
+    assert found.rows[2].status == "failed" and found.rows[2].message in found.to_text()
+
+
+def test_rows_go_to_csv_and_pandas(tmp_path: Path) -> None:
+    found = four_bar()
+    path = found.to_csv(tmp_path / "rows.csv")
+    with path.open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert [line["name"] for line in lines] == [row.name for row in found.rows]
+    assert float(lines[0]["error"]) == found.rows[0].error
+    pytest.importorskip("pandas")
+    frame = found.to_pandas()
+    assert list(frame.index) == [row.name for row in found.rows]
+    assert frame.loc["projective", "steps"] == found.row("projective").steps
+
+
+def test_figures_show_every_run_that_finished(tmp_path: Path) -> None:
+    found = four_bar()
+    figure = found.plot(tmp_path / "rows.png")
+    labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert labels == [row.name for row in found.rows if row.finished]
+    ladder = found.work_precision((1e-5, 1e-6), names=SURE)
+    drawn = ladder.plot(tmp_path / "work.svg")
+    assert len(drawn.axes[0].lines) == len(SURE)
+    assert (tmp_path / "rows.png").stat().st_size and (tmp_path / "work.svg").stat().st_size
+
+
+def test_progress_goes_from_nought_to_one() -> None:
+    heard: list[float] = []
+    pt.catalogue.load("planar-pendulum").compare(200.0, formulations=SURE, progress=heard.append)
+    assert heard == sorted(heard) and heard[-1] == 1.0
+
+
+def test_interrupt_keeps_the_rows_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first run ends, the second meets Ctrl-C."""
+    m = pt.catalogue.load("planar-pendulum")
+    simulate, done = pt.Mechanism.simulate, []
+
+    def impatient(self: pt.Mechanism, *arguments: object, **options: object) -> object:
+        if options["formulation"] == "multipliers":
+            raise KeyboardInterrupt
+        done.append(options["formulation"])
+        return simulate(self, *arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pt.Mechanism, "simulate", impatient)
+    found = m.compare(0.5, formulations=[*SURE, "projective"], selections=["collective"])
+    assert found.interrupted and found.rows[0].finished
+    assert found.rows[1].status == "not run" and "interrupted" in found.rows[1].message
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_signal_ends_a_long_run_and_the_command_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Thread(target=lambda: (time.sleep(1.0), signal.raise_signal(signal.SIGINT)), daemon=True).start()
+        code = main(["compare", "planar-pendulum", "--time", "1e6", "--formulations", "projective"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert code == 130
+    assert "interrupted" in capsys.readouterr().out
+
+
+def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / name for name in ("rows.csv", "rows.png", "work.png")]
+    code = main(
+        [
+            "compare", "four-bar", "--time", "0.5", "--formulations", "projective,multipliers",
+            "--selections", "collective,greedy",
+            "--csv", str(files[0]), "--plot", str(files[1]), "--work-precision", str(files[2]),
+        ]
+    )  # fmt: skip
+    said = capsys.readouterr().out
+    assert code == 0
+    for word in ("projective: greedy", "multipliers", "cond C_D", "reference: projective, dop853", *map(str, files)):
+        assert word in said
+    assert all(file.stat().st_size for file in files)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["compare"],
+        ["compare", "forbar"],
+        ["compare", "nothing.toml", "--time", "1"],
+        ["compare", "four-bar", "--formulations", "magic"],
+        ["compare", "four-bar", "--formulations", "projective,,svd"],
+        ["compare", "four-bar", "--selections", "by-dice"],
+        ["compare", "four-bar", "--baumgarte", "3"],
+        ["compare", "four-bar", "--time", "0"],
+        ["compare", "four-bar", "--plot", "nowhere/a.png"],
+        ["compare", "four-bar", "--work-precision", "a.doc"],
+        ["compare", "four-bar", "--csv", "nowhere/a.csv"],
+    ],
+)
+def test_impossible_request_is_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith("partita: error: ") and said.err.count("\n") == 1
+
+
+def test_impossible_arguments_are_refused() -> None:
+    m = pt.catalogue.load("planar-pendulum")
+    for match, arguments in (
+        ("duration", {}),
+        ("magic", {"duration": 1.0, "formulations": ["magic"]}),
+        ("list", {"duration": 1.0, "formulations": "projective"}),
+        ("empty", {"duration": 1.0, "selections": []}),
+        ("rtol", {"duration": 1.0, "rtol": -1.0}),
+        ("method", {"duration": 1.0, "method": "euler"}),
+        ("duration", {"duration": float("nan")}),
+        ("finished", {"reference": m.simulate(1.0, max_steps=1)}),
+    ):
+        with pytest.raises(pt.errors.ArgumentError, match=match):
+            m.compare(**arguments)  # type: ignore[arg-type]
+    with pytest.raises(pt.errors.ArgumentError, match="its own method"):
+        pt.compare(m, 1.0)  # type: ignore[arg-type]
+    with pytest.raises(pt.errors.ArgumentError, match="v0"):
+        pt.compare(pendulum(), 1.0, [1.0, 0.0])
+    with pytest.raises(pt.errors.UnknownNameError, match="multipliers"):
+        four_bar().row("multiplier")
+    with pytest.raises(pt.errors.ArgumentError, match="tolerances"):
+        four_bar().work_precision(())
