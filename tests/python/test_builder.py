@@ -517,7 +517,7 @@ def test_bad_arguments_of_assemble(arguments: dict[str, Any], error: type[Except
         ({"rtol": -1e-8}, "rtol"),
         ({"atol": 0.0}, "atol"),
         ({"method": "dop583"}, "'dop853'"),
-        ({"formulation": "lagrange"}, "'projective', 'multipliers'"),
+        ({"formulation": "lagrange"}, "'projective', 'fixed', 'wehage-haug'"),
         ({"coordinates": "joint"}, "'relative', 'absolute'"),
         ({"correction": "Partition"}, "'partition'"),
         ({"exchange": 0.5}, "1.25 is usual"),
