@@ -11,6 +11,7 @@ pub mod selector;
 pub mod svd;
 pub mod tangent;
 pub mod tangent_space;
+pub mod user_tangent;
 pub mod zero_eigenvalue;
 
 use crate::partition::criterion::Quality;

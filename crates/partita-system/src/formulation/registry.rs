@@ -8,13 +8,14 @@ use super::qr::OrthogonalTriangular;
 use super::svd::SingularValues;
 use super::tangent::TangentVelocities;
 use super::tangent_space::TangentSpace;
+use super::user_tangent::UserTangent;
 use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Names, the default first.
 pub const NAMES: &[&str] =
-    &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"];
+    &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space", "user-tangent"];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
@@ -46,6 +47,14 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         "qr" => frozen(Box::new(OrthogonalTriangular)),
         "gram-schmidt" => frozen(Box::new(GramSchmidt)),
         "tangent-space" => Box::new(TangentSpace::new(system, rank, o.renew)?),
+        "user-tangent" => match &o.tangent {
+            Some(map) => Box::new(UserTangent::new(system, rank, map.clone(), o.correction)),
+            None => {
+                let message =
+                    "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
+                return Err(SystemError::Request(message.into()));
+            }
+        },
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::Request(message));

@@ -114,7 +114,10 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             self.iterations = iteration;
             let turned = self.largest_turn();
             if turned > TOO_FAR_TURN {
-                return Err(self.bent(t, format!("a ball has turned by {turned:.2} rad from where its chart was made")));
+                return Err(self.bent(t, format!(
+                    "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
+                     shorter steps"
+                )));
             }
             self.q.copy_from_slice(&self.base);
             self.x.r.system.step(&mut self.q, &self.delta);
@@ -144,7 +147,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             dense::axpy(1.0, &self.rhs, &mut self.delta);
         }
         let reason = format!(
-            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e})",
+            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e}); let it \
+             be renewed earlier (a larger renew, at most 1), or take shorter steps",
             self.iterations
         );
         Err(self.bent(t, reason))
