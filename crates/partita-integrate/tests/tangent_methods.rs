@@ -253,7 +253,7 @@ fn tangent_velocities_of_the_user() {
             let slope = slope(&STEPS, &errors);
             assert!((slope - 4.0).abs() < 0.2, "{bias}, {correction:?}: order {slope} from {errors:?}");
             if correction == Correction::None {
-                continue; // Dᵀ breaks C Dᵀ = 0 as the loop opens
+                continue; // the loop opens with the drift
             }
             let samples = march(&mut make(), &q, &v, &at, &reference(2.0));
             // differences leave 1e-14 of a velocity over 1e-2 of a move in each evaluation
