@@ -277,6 +277,152 @@ fn tangent_velocities_of_the_user() {
     }
 }
 
+/// A mass on a line whose place is prescribed, sin(ω t): nothing is free to move.
+struct Prescribed {
+    frequency: f64,
+}
+
+impl Equations for Prescribed {
+    fn n(&self) -> usize {
+        1
+    }
+    fn rows(&self) -> usize {
+        1
+    }
+    fn holonomic(&self) -> usize {
+        1
+    }
+    fn name(&self, _: usize) -> String {
+        "x".into()
+    }
+    fn rheonomic(&self) -> bool {
+        self.frequency != 0.0
+    }
+    fn mass(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = 2.0;
+        Ok(())
+    }
+    fn forces(&self, _: f64, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = -3.0;
+        Ok(())
+    }
+    fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = q[0] - (self.frequency * t).sin();
+        Ok(())
+    }
+    fn jacobian(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = 1.0;
+        Ok(())
+    }
+    fn rate(&self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = -self.frequency * (self.frequency * t).cos();
+        Ok(())
+    }
+    fn bias(&self, t: f64, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = self.frequency * self.frequency * (self.frequency * t).sin();
+        Ok(())
+    }
+}
+
+/// Its tangent: none, and the velocity that is prescribed.
+impl TangentMap for Prescribed {
+    fn tangent(&self, _: f64, _: &[f64], _: &mut [f64]) -> Result<(), SystemError> {
+        Ok(())
+    }
+    fn offset(&self, t: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma[0] = self.frequency * (self.frequency * t).cos();
+        Ok(())
+    }
+}
+
+/// No degree of freedom at all: the motion is the drive's, or rest, and λ holds it there.
+#[test]
+fn without_a_degree_of_freedom() {
+    for frequency in [2.0, 0.0] {
+        let system = ByHand::new(Prescribed { frequency });
+        let tangent: Arc<dyn TangentMap> = Arc::new(Prescribed { frequency });
+        let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
+        let at = times(0.1, 10);
+        for name in NAMES.into_iter().chain(["user-tangent"]) {
+            let mut f = registry::by_name(name, &system, 1, &options).unwrap();
+            for s in march(&mut f, &[0.0], &[frequency], &at, &reference(1.0)) {
+                let (sin, cos) = (frequency * s.t).sin_cos();
+                assert!((s.q[0] - sin).abs() < 1e-13 && (s.v[0] - frequency * cos).abs() < 1e-13, "{name}");
+                // M x'' = h + λ; the bias by differences is good to 1e-10
+                let force = 3.0 - 2.0 * frequency * frequency * sin;
+                assert!((s.multipliers[0] - force).abs() < 1e-9, "{name}: {} {force}", s.multipliers[0]);
+            }
+        }
+    }
+}
+
+/// A pendulum whose rod is written down twice: one of the rows is dropped, the motion is the same.
+#[test]
+fn a_redundant_row() {
+    struct Twice(Pendulum);
+    impl Equations for Twice {
+        fn n(&self) -> usize {
+            2
+        }
+        fn rows(&self) -> usize {
+            2
+        }
+        fn holonomic(&self) -> usize {
+            2
+        }
+        fn name(&self, i: usize) -> String {
+            self.0.name(i)
+        }
+        fn rheonomic(&self) -> bool {
+            false
+        }
+        fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.mass(t, q, out)
+        }
+        fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.forces(t, q, v, out)
+        }
+        fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.constraints(t, q, &mut out[..1])?;
+            out[1] = -3.0 * out[0];
+            Ok(())
+        }
+        fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.jacobian(t, q, &mut out[..2])?;
+            (out[2], out[3]) = (-3.0 * out[0], -3.0 * out[1]);
+            Ok(())
+        }
+        fn rate(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            out.fill(0.0);
+            Ok(())
+        }
+        fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.bias(t, q, v, &mut out[..1])?;
+            out[1] = -3.0 * out[0];
+            Ok(())
+        }
+    }
+    let once = ByHand::new(Pendulum::RESTING_PIVOT);
+    let twice = ByHand::new(Twice(Pendulum::RESTING_PIVOT));
+    let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
+    let at = times(0.2, 10);
+    let exact = run(&once, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let tangent: Arc<dyn TangentMap> = Arc::new(AboutThePivot { pendulum: Pendulum::RESTING_PIVOT, bias: false });
+    let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
+    for name in NAMES.into_iter().chain(["user-tangent"]) {
+        let mut f = registry::by_name(name, &twice, 1, &options).unwrap();
+        let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+        assert_eq!(f.rows().len(), 1);
+        assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
+        for (x, y) in samples.iter().zip(&exact) {
+            // one of the rows carries it all
+            let carried = x.multipliers[0] - 3.0 * x.multipliers[1];
+            assert!((carried - y.multipliers[0]).abs() < 1e-8, "{name}");
+            assert!(x.closure < 1e-14);
+        }
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused_in_words() {
     let system = ByHand::new(FourBar);
