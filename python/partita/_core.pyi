@@ -152,7 +152,14 @@ class System:
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""
 
-def choose(mass: Array, jacobian: Array, threshold: float, weights: Array | None) -> dict[str, Any]:
+def choose(
+    mass: Array,
+    jacobian: Array,
+    threshold: float,
+    weights: Array | None,
+    selection: str = "collective",
+    fixed: list[int] | None = None,
+) -> dict[str, Any]:
     """independent, dependent, A, D, rho, sigma, sqrt_mu, rows."""
 
 def parse_toml(text: str, path: str) -> tuple[str, str]:

@@ -124,6 +124,21 @@ pub enum SystemError {
         /// What was seen, with numbers.
         reason: String,
     },
+    /// A rule chose coordinates that cannot be independent.
+    #[error(
+        "selection \"{rule}\" takes {coordinates} as independent at t = {t}, from which the others do not follow: {reason}; \
+         take selection \"collective\", which heeds what was chosen before"
+    )]
+    Choice {
+        /// Name of the rule.
+        rule: &'static str,
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// Why not.
+        reason: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
@@ -139,6 +154,7 @@ impl SystemError {
                 | Self::Mass { .. }
                 | Self::Limit { .. }
                 | Self::Basis { .. }
+                | Self::Choice { .. }
         )
     }
 }

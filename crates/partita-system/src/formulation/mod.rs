@@ -3,6 +3,7 @@
 pub mod acceleration;
 pub mod baumgarte;
 mod blocks;
+pub mod chooser;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod gram_schmidt;

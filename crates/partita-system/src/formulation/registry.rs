@@ -52,6 +52,8 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         correction: o.correction,
         fixed: o.independent.clone(),
         weights: o.weights.clone(),
+        selection: o.selection,
+        window: o.window,
     };
     let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o.correction, o.renew));
     Ok(match name {
