@@ -20,6 +20,7 @@ from .builder import Mechanism
 from .io import load
 from .state import State
 from .system import System, simulate
+from .tangent import TangentVelocities
 
 __version__ = _version()
 
@@ -27,6 +28,7 @@ __all__ = [
     "Mechanism",
     "State",
     "System",
+    "TangentVelocities",
     "__version__",
     "catalogue",
     "errors",

@@ -50,6 +50,9 @@ class Model:
         """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
         index v."""
 
+    def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
+        """(q, v) of this model where every body is and moves as in another one of the same description."""
+
     def mass_matrix(self, t: float, q: Array) -> Array:
         """M (nv, nv)."""
 
@@ -75,7 +78,13 @@ class Model:
         """rho (nv,)."""
 
     def simulate(
-        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+        self,
+        options: str,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        tangent: Any = None,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
@@ -84,6 +93,9 @@ class Model:
 
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
+
+    def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
     def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:
         """(nj, 6): which of fx fy fz mx my mz follow from the motion alone."""
@@ -104,6 +116,7 @@ class System:
         constraint_rate: Callable[[float, Array], Array] | None,
         bias: Callable[[float, Array, Array], Array],
         names: list[str],
+        closing: tuple[Callable[[float, Array], Array], list[int]] | None = None,
     ) -> None: ...
     @property
     def nq(self) -> int: ...
@@ -127,13 +140,26 @@ class System:
     def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]: ...
     def measure(self, t: float, q: Array) -> Array: ...
     def simulate(
-        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+        self,
+        options: str,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        tangent: Any = None,
     ) -> dict[str, Any]: ...
 
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""
 
-def choose(mass: Array, jacobian: Array, threshold: float, weights: Array | None) -> dict[str, Any]:
+def choose(
+    mass: Array,
+    jacobian: Array,
+    threshold: float,
+    weights: Array | None,
+    selection: str = "collective",
+    fixed: list[int] | None = None,
+) -> dict[str, Any]:
     """independent, dependent, A, D, rho, sigma, sqrt_mu, rows."""
 
 def parse_toml(text: str, path: str) -> tuple[str, str]:

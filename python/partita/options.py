@@ -5,17 +5,41 @@ from __future__ import annotations
 import difflib
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
+from .tangent import TangentVelocities
 
 Array = NDArray[np.float64]
 METHODS = ("dop853", "dopri5", "tsit5", "rk4")
-FORMULATIONS = ("projective", "multipliers")
+FORMULATIONS = (
+    "projective",
+    "wehage-haug",
+    "explicit-closing",
+    "zero-eigenvalue",
+    "svd",
+    "qr",
+    "gram-schmidt",
+    "tangent-space",
+    "user-tangent",
+    "multipliers",
+    "range-space",
+    "proximal",
+    "baumgarte",
+)
+SELECTIONS = (
+    "collective",
+    "greedy",
+    "individual",
+    "determinant",
+    "normalised-determinant",
+    "complete-pivoting",
+    "persistence",
+)
 CORRECTIONS = ("partition", "mass-orthogonal", "none")
 COORDINATES = ("relative", "absolute")
 OUTPUTS = 201
@@ -27,7 +51,13 @@ class Core(Protocol):
     """What marches: a compiled mechanism or system."""
 
     def simulate(
-        self, options: str, t_eval: Array, q: Array, v: Array, progress: Callable[[float], None] | None
+        self,
+        options: str,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        tangent: Any = None,
     ) -> dict[str, Any]:
         """Outputs, logs and counters of a run."""
 
@@ -48,6 +78,11 @@ def options(
     max_step: float | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[Any] | None = None,
+    selection: str = "collective",
+    weights: Mapping[Any, float] | None = None,
+    window: float | None = None,
+    baumgarte: tuple[float, float] | None = None,
+    renew: float = 0.5,
 ) -> dict[str, Any]:
     """Checked options of a run from t0, as the core reads them. Raises `ArgumentError`."""
     if len(list(events)) > 0:
@@ -74,6 +109,11 @@ def options(
         "exchange": _exchange(exchange),
         "max_steps": _count(max_steps),
         "independent": None if independent is None else _independent(independent, velocity_names),
+        "selection": one_of("selection", selection, SELECTIONS),
+        "weights": None if weights is None else _weights(weights, velocity_names),
+        "window": None if window is None else positive("window", window),
+        "baumgarte": None if baumgarte is None else _baumgarte(baumgarte),
+        "renew": _fraction("renew", renew),
     }
 
 
@@ -110,10 +150,19 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
     return np.clip(times, t0, t_end)
 
 
-def run(core: Core, chosen: dict[str, Any], t_eval: Array, q: Array, v: Array, progress: Any) -> dict[str, Any]:
+def run(
+    core: Core,
+    chosen: dict[str, Any],
+    t_eval: Array,
+    q: Array,
+    v: Array,
+    progress: Any,
+    tangent: TangentVelocities | None = None,
+) -> dict[str, Any]:
     """March in the core; what it returns."""
+    own = None if tangent is None else _tangent(tangent, v.size)
     return core.simulate(
-        json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), _progress(progress)
+        json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), _progress(progress), own
     )
 
 
@@ -148,26 +197,66 @@ def _exchange(value: Any) -> float:
     return number
 
 
+def _fraction(what: str, value: Any) -> float:
+    """A number from 0 to 1."""
+    number = float(value) if isinstance(value, int | float | np.number) else np.nan
+    if not 0.0 <= number <= 1.0:
+        raise ArgumentError(f"{what} is {value!r}; it must be a number from 0 to 1", argument=what)
+    return number
+
+
+def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tuple[str, float]]:
+    """Preferences by name, above zero."""
+    if not isinstance(weights, Mapping):
+        raise ArgumentError(f"weights must be a dict such as {{'A': 10.0}}, not {weights!r}", argument="weights")
+    names = _independent(weights, velocity_names, "weights")
+    return [
+        (name, positive(f"weights[{name!r}]", weight)) for name, weight in zip(names, weights.values(), strict=True)
+    ]
+
+
+def _baumgarte(value: Any) -> tuple[float, float]:
+    """alpha and beta [1/s]."""
+    try:
+        alpha, beta = (float(item) for item in value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(
+            f"baumgarte must be the two numbers (alpha, beta) [1/s], not {value!r}", argument="baumgarte"
+        ) from error
+    if not (np.isfinite([alpha, beta]).all() and alpha >= 0.0 and beta >= 0.0):
+        raise ArgumentError(
+            f"baumgarte is ({alpha:g}, {beta:g}); both must be finite and not negative", argument="baumgarte"
+        )
+    return alpha, beta
+
+
+def _tangent(value: Any, n: int) -> TangentVelocities:
+    if not isinstance(value, TangentVelocities):
+        raise ArgumentError(
+            f"tangent must be a TangentVelocities(directions, offset, bias), not {type(value).__name__}",
+            argument="tangent",
+        )
+    return value.checked(n)
+
+
 def _count(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ArgumentError(f"max_steps is {value!r}; it must be an integer above zero", argument="max_steps")
     return int(value)
 
 
-def _independent(independent: Iterable[Any], velocity_names: list[str]) -> list[str]:
+def _independent(independent: Iterable[Any], velocity_names: list[str], what: str = "independent") -> list[str]:
     """Names of velocities; a user's fixed choice of the independent ones."""
     if isinstance(independent, str):
-        raise ArgumentError(f"independent must be a list of names such as [{independent!r}]", argument="independent")
+        raise ArgumentError(f"{what} must be a list of names such as [{independent!r}]", argument=what)
     names = [str(item) for item in independent]
     for name in names:
         if name not in velocity_names:
             close = difflib.get_close_matches(name, velocity_names, n=1)
             hint = f'did you mean "{close[0]}"?' if close else f"known velocities: {', '.join(velocity_names)}"
-            raise UnknownNameError(
-                f'independent: there is no velocity "{name}"; {hint}', name=name, known=velocity_names
-            )
+            raise UnknownNameError(f'{what}: there is no velocity "{name}"; {hint}', name=name, known=velocity_names)
     if len(set(names)) < len(names):
-        raise ArgumentError(f"independent names a velocity twice: {', '.join(names)}", argument="independent")
+        raise ArgumentError(f"{what} names a velocity twice: {', '.join(names)}", argument=what)
     return names
 
 

@@ -6,7 +6,9 @@ A mechanism chooses by itself; these functions are for looking at the criterion 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import index
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +20,15 @@ from .options import positive
 __all__ = ["Partition", "choose", "measure"]
 
 Array = NDArray[np.float64]
+# Rules that need one instant only.
+SELECTIONS = (
+    "collective",
+    "greedy",
+    "individual",
+    "determinant",
+    "normalised-determinant",
+    "complete-pivoting",
+)
 # Entries of a mass matrix computed in two ways agree to round-off; a larger difference is a mistake in the
 # formulas.
 _SYMMETRY = 1e-10
@@ -72,24 +83,57 @@ def measure(M: ArrayLike, C: ArrayLike) -> Array:
     return _core.measure(mass, jacobian)
 
 
-def choose(M: ArrayLike, C: ArrayLike, *, threshold: float = 1.0, weights: ArrayLike | None = None) -> Partition:
-    """Choose independent coordinates: greedily by the measure (P5), then by exchanges (P6).
+def choose(
+    M: ArrayLike,
+    C: ArrayLike,
+    *,
+    selection: str = "collective",
+    threshold: float = 1.0,
+    weights: ArrayLike | None = None,
+    fixed: Iterable[int] | None = None,
+) -> Partition:
+    """Choose independent coordinates by a rule, at one instant.
 
     Args:
         M: mass matrix (n, n), symmetric and positive definite.
         C: constraint Jacobian (m, n).
-        threshold: a dependent coordinate replaces an independent one when this multiplies the volume of the
-            choice by more than `threshold`; at least 1. With 1 no single exchange can improve the choice any
-            more.
-        weights: preference (n,) for coordinates, positive: the measure is multiplied by it; None: all equal.
+        selection: the rule. Free of units:
+
+            * "collective": greedily by the measure (P5), then by exchanges (P6). The one to take.
+            * "greedy": by the measure, each choice locked before the next (P5), without exchanges.
+            * "normalised-determinant": largest volume of the choice. All partitions are compared up to 50 000 of
+              them (some milliseconds); beyond, no single exchange improves the answer.
+            * "individual": the k largest measures, one by one; with k > 1 they may contradict each other.
+
+            To compare with, decided by the units at hand:
+
+            * "determinant": largest \|det C_D\|, searched as above.
+            * "complete-pivoting": Gauss elimination with complete pivoting; the columns of the pivots are dependent.
+        threshold: for "collective": a dependent coordinate replaces an independent one when this multiplies the
+            volume of the choice by more than `threshold`; at least 1. With 1 no single exchange can improve the
+            choice any more.
+        weights: preference (n,) for coordinates, positive: the measure is multiplied by it; None: all equal. Not
+            for "determinant" and "complete-pivoting", which do not measure.
+        fixed: the k independent coordinates themselves, by index, instead of a rule.
 
     Raises:
-        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, threshold below 1.
+        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, threshold below 1, options that
+            contradict each other, `fixed` coordinates that cannot be independent.
+        SingularityError: the rule takes coordinates that cannot be independent; it names them.
 
     >>> import partita as pt
     >>> choice = pt.partition.choose([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]])
     >>> choice.independent.tolist(), choice.A.tolist()
     ([0], [[-0.75]])
+    >>> pt.partition.choose([[1.0, 0.0], [0.0, 1.0]], [[3.0, 4.0]], fixed=[1]).independent.tolist()
+    [1]
+
+    Centimetres for the second coordinate turn the determinant over, and nothing else:
+
+    >>> M, C = [[1.0, 0.0], [0.0, 1e-4]], [[3.0, 0.04]]
+    >>> rules = ["collective", "determinant", "complete-pivoting"]
+    >>> [pt.partition.choose(M, C, selection=rule).independent.tolist() for rule in rules]
+    [[0], [1], [1]]
     """
     mass, jacobian = _checked(M, C)
     limit = positive("threshold", threshold)
@@ -98,8 +142,30 @@ def choose(M: ArrayLike, C: ArrayLike, *, threshold: float = 1.0, weights: Array
             f"threshold is {limit:g}; below 1 two choices would replace each other for ever",
             argument="threshold",
         )
+    if selection not in SELECTIONS:
+        more = "; persistence needs a history, so it serves runs only" if selection == "persistence" else ""
+        raise ArgumentError(
+            f"there is no selection {selection!r} for one instant; choose among {', '.join(SELECTIONS)}{more}",
+            argument="selection",
+        )
+    if limit > 1.0 and selection != "collective":
+        raise ArgumentError(
+            f'threshold has no meaning for selection "{selection}", which makes no exchanges; leave it out',
+            argument="threshold",
+        )
     preference = None if weights is None else _weights(weights, mass.shape[0])
-    found = _core.choose(mass, jacobian, limit, preference)
+    if preference is not None and selection in ("determinant", "complete-pivoting"):
+        raise ArgumentError(
+            f'selection "{selection}" measures no coordinates and has no use for weights; leave them out',
+            argument="weights",
+        )
+    own = None if fixed is None else _fixed(fixed, mass.shape[0])
+    if own is not None and (selection != "collective" or preference is not None):
+        raise ArgumentError(
+            "fixed names the independent coordinates, so no rule and no weights choose any; give one or the other",
+            argument="fixed",
+        )
+    found = _core.choose(mass, jacobian, limit, preference, selection, own)
     return Partition(
         independent=np.asarray(found["independent"], dtype=np.int64),
         dependent=np.asarray(found["dependent"], dtype=np.int64),
@@ -154,3 +220,17 @@ def _weights(weights: ArrayLike, n: int) -> Array:
             argument="weights",
         )
     return array
+
+
+def _fixed(fixed: Iterable[int], n: int) -> list[int]:
+    try:
+        indices = [index(i) for i in fixed]
+    except TypeError as error:
+        raise ArgumentError(f"fixed must be indices of coordinates, not {fixed!r}", argument="fixed") from error
+    wrong = [i for i in indices if not 0 <= i < n]
+    if wrong or len(set(indices)) < len(indices):
+        raise ArgumentError(
+            f"fixed must be different indices from 0 to {n - 1}, not {indices}",
+            argument="fixed",
+        )
+    return indices

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -14,6 +14,7 @@ from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
 from .state import Layout, State
+from .tangent import TangentVelocities
 
 if TYPE_CHECKING:
     from .results import Result
@@ -38,6 +39,8 @@ class System(Equations):
         constraint_rate: f(t, q) -> a (m,), dPhi/dt for the first p rows; None: zero.
         bias: f(t, q, v) -> b (m,) of C v' + b = 0 (S5): b = (dC/dt) v + da/dt.
         names: of the coordinates (n,); None: q0, q1, ...
+        closing: for the formulation "explicit-closing": a pair (dependent, f) of coordinate names and a
+            function f(t, q) -> values (m,) of these coordinates that close the loops for the others in q.
 
     Without `jacobian` the system is unconstrained. Each array is checked at every evaluation: a wrong shape
     or NaN raises `EvaluationError` with the time and the name of the function.
@@ -71,6 +74,7 @@ class System(Equations):
         constraint_rate: Function | None = None,
         bias: Function | None = None,
         names: Iterable[str] | None = None,
+        closing: tuple[Iterable[str], Function] | None = None,
     ) -> None:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
             _refuse(f"n is {n!r}; it must be an integer above zero")
@@ -95,6 +99,7 @@ class System(Equations):
             else _checked("constraint_rate", constraint_rate, lambda t, q: (self._rows.count(t, q),)),
             _checked("bias", bias if bias is not None else np.zeros(0), lambda t, q, v: (self._rows.count(t, q),)),
             labels,
+            None if closing is None else _closing(closing, labels),
         )
         super().__init__(core, labels, labels)
         self.core = core
@@ -184,6 +189,12 @@ def simulate(
     max_step: float | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
+    selection: str = "collective",
+    weights: Mapping[str, float] | None = None,
+    window: float | None = None,
+    baumgarte: tuple[float, float] | None = None,
+    renew: float = 0.5,
+    tangent: TangentVelocities | None = None,
 ) -> Result:
     """Compute the motion of a `System` over `duration` seconds; for a mechanism call its own `simulate`.
 
@@ -224,10 +235,15 @@ def simulate(
         max_step=max_step,
         max_steps=max_steps,
         independent=independent,
+        selection=selection,
+        weights=weights,
+        window=window,
+        baumgarte=baumgarte,
+        renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     summary = system.summary(start.t, start.q)
-    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress)
+    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, tangent)
     return Result.from_run(raw, model=system.core, summary=summary, mechanism=None, options=chosen)
 
 
@@ -320,6 +336,23 @@ def _checked(what: str, function: Function | ArrayLike, shape: Function, test: F
         return array
 
     return call
+
+
+def _closing(closing: Any, labels: list[str]) -> tuple[Function, list[int]]:
+    """The function of an explicit closing, checked, and the indices of the coordinates that it gives."""
+    try:
+        names, function = closing
+    except (TypeError, ValueError):
+        _refuse(f"closing must be a pair (names of dependent coordinates, function), not {closing!r}")
+    dependent = [names] if isinstance(names, str) else [str(name) for name in names]
+    unknown = [name for name in dependent if name not in labels]
+    if unknown or len(set(dependent)) != len(dependent) or not dependent or not callable(function):
+        _refuse(
+            f"closing names {', '.join(dependent) or 'no coordinates'}; they must be different ones of "
+            f"{', '.join(labels)}, followed by a function of (t, q)"
+        )
+    count = len(dependent)
+    return _checked("closing", function, lambda t, q: (count,)), [labels.index(name) for name in dependent]
 
 
 def _constant(what: str, values: Any) -> Array:

@@ -672,6 +672,42 @@ def test_bad_options_of_the_choice() -> None:
         pt.partition.choose(np.eye(2), np.ones((1, 2)), weights=[1.0, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"selection": "largest"}, "no selection 'largest'"),
+        ({"selection": "persistence"}, "needs a history"),
+        ({"selection": "greedy", "threshold": 1.5}, "makes no exchanges"),
+        ({"selection": "determinant", "weights": [1.0, 2.0]}, "no use for weights"),
+        ({"selection": "greedy", "fixed": [0]}, "no rule"),
+        ({"fixed": [0], "weights": [1.0, 2.0]}, "no weights"),
+        ({"fixed": [2]}, "from 0 to 1"),
+        ({"fixed": [0, 0]}, "different indices"),
+        ({"fixed": ["x"]}, "must be indices"),
+        ({"fixed": [0, 1]}, "1 degrees of freedom"),
+    ],
+)
+def test_contradictory_options_of_the_choice(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        pt.partition.choose(np.eye(2), np.ones((1, 2)), **options)
+
+
+def test_rules_of_choice() -> None:
+    # a pendulum at 45 degrees beside three coupled carts: one by one, the two largest measures are both the pendulum's
+    d = math.sqrt(0.5)
+    rows = [[d, -d, 0, 0, 0], [0, 0, 1, -1, 0], [0, 0, 0, 1, -1]]
+    for rule in ("collective", "greedy", "normalised-determinant", "determinant", "complete-pivoting"):
+        choice = pt.partition.choose(np.eye(5), rows, selection=rule)
+        assert len(set(choice.independent) & {0, 1}) == 1
+        assert choice.sigma == pytest.approx(1 / math.sqrt(3))
+        assert np.abs(choice.D @ np.transpose(rows)).max() < 1e-14
+    with pytest.raises(pt.errors.SingularityError, match="coordinate 0, coordinate 1.*C_D is singular"):
+        pt.partition.choose(np.eye(5), rows, selection="individual")
+    with pytest.raises(ArgumentError, match="coordinate 0, coordinate 1 cannot be independent"):
+        pt.partition.choose(np.eye(5), rows, fixed=[0, 1])
+    assert pt.partition.choose(np.eye(5), rows, fixed=[4, 1]).independent.tolist() == [1, 4]
+
+
 # ---------------------------------------------------------------- units and errors
 
 

@@ -2,7 +2,7 @@
 
 mod mechanisms;
 
-use mechanisms::{bodies, carried_over, compile, empty, joint};
+use mechanisms::{bodies, compile, empty, joint};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{Tableau, DOP853, RK4};
@@ -65,7 +65,7 @@ type State = (Vec<f64>, Vec<f64>);
 /// Tumbling: carried over, and in joint coordinates.
 fn start(absolute: &Model, relative: &Model) -> (State, State) {
     let (q, v) = (relative.initial(), vec![3.0, -4.0, 5.0]);
-    (carried_over(relative, &q, &v, absolute), (q, v))
+    (absolute.carried_over(relative, &q, &v), (q, v))
 }
 
 /// Turn, position of the origin and angular velocity at the samples.

@@ -6,8 +6,10 @@ mod mechanisms;
 use mechanisms::{compile, empty, joint};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Body, Cut, JointKind, Spec};
+use partita_system::formulation::chooser;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::partition::Selection;
+use partita_system::{start, ConstrainedSystem, SystemError};
 
 const BASE: f64 = 1.5;
 const PLATFORM: f64 = 0.5;
@@ -103,6 +105,16 @@ fn the_largest_measures_are_collectively_singular() {
     // the pose is given with sixteen digits, so what should be singular is so to round-off
     let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&top)).unwrap_err().to_string();
     assert!(refused.contains("cannot be independent here"), "{refused}");
+    // the rule itself says so, and no other comes to its help
+    let refused = chooser::choose_by(&mut r, 0.0, &q, Selection::Individual, None).unwrap_err();
+    assert!(matches!(refused, SystemError::Choice { rule: "individual", .. }), "{refused}");
+    assert!(refused.to_string().contains("base0, base1, base2"), "{refused}");
+    for rule in [Selection::Greedy, Selection::NormalisedDeterminant, Selection::Collective] {
+        chooser::choose_by(&mut r, 0.0, &q, rule, None).unwrap();
+        r.evaluate(0.0, &q, &[0.0; 3]).unwrap();
+        let sigma = r.quality(0.0, &q).unwrap().sigma;
+        assert!(sigma >= 0.46, "{}: {sigma}", rule.name());
+    }
 }
 
 /// Over random poses: the collective choice stays good where the other one fails now and then.

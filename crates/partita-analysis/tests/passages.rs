@@ -6,32 +6,19 @@
 //!    P0      P1      P2
 //! ```
 
+mod planar;
+
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau;
-use partita_model::place::Coordinates;
-use partita_model::spec::Spec;
-use partita_model::value::NoFunctions;
 use partita_model::Model;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::reduction::Reduction;
+use partita_system::formulation::turns;
 use partita_system::kinematics::velocity;
 use partita_system::{start, ConstrainedSystem};
-use serde_json::{json, Value};
+use planar::{link, model, pin};
 use std::ops::ControlFlow;
-use std::sync::Arc;
-
-fn link(name: &str, from: [f64; 2], to: [f64; 2]) -> Value {
-    let (c, s) = (to[0] - from[0], to[1] - from[1]);
-    json!({ "name": name, "mass": 1.0, "com": [0.5, 0.0, 0.0], "position": [from[0], from[1], 0.0],
-            "inertia": [[0.0, 0.0, 0.0], [0.0, 1.0 / 12.0, 0.0], [0.0, 0.0, 1.0 / 12.0]],
-            "orientation": [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]] })
-}
-
-fn pin(name: &str, parent: &str, child: &str, at: [f64; 2]) -> Value {
-    json!({ "name": name, "kind": "revolute", "parent": parent, "child": child, "point": [at[0], at[1], 0.0],
-            "axis": [0.0, 0.0, 1.0] })
-}
 
 fn chain(loops: usize) -> Model {
     let (mut bodies, mut joints) = (Vec::new(), Vec::new());
@@ -46,11 +33,7 @@ fn chain(loops: usize) -> Model {
         joints.push(pin(&format!("L{i}"), &format!("u{}", i - 1), &format!("c{i}"), [x - 1.0, 1.0]));
         joints.push(pin(&format!("R{i}"), &format!("c{i}"), &format!("u{i}"), [x, 1.0]));
     }
-    let spec: Spec = serde_json::from_value(json!({
-        "partita": 1, "name": "chain", "gravity": [0.0, -9.81, 0.0], "bodies": bodies, "joints": joints
-    }))
-    .unwrap();
-    Model::new(spec, Arc::new(NoFunctions), Coordinates::Relative).unwrap()
+    model(&bodies, &joints, [0.0, -9.81, 0.0])
 }
 
 /// ((N+1)/3 + N) phi'' = ((N+1)/2 + N) g sin phi, by fine steps of the classical method of order four.
@@ -107,7 +90,7 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
                     &[t_end],
                     &settings,
                     &mut |s| {
-                        last = (s.q[upright], s.closure);
+                        last = (turns::whole(s.q[upright], s.turns[upright]), s.closure);
                         Ok(())
                     },
                     &mut |_| ControlFlow::Continue(()),

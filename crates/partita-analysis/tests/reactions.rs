@@ -3,7 +3,7 @@
 
 mod mechanisms;
 
-use mechanisms::{accelerations, apart, bodies, carried_over, compile, drawing, on_random_mechanisms, Moment, Wishes};
+use mechanisms::{accelerations, apart, bodies, compile, drawing, on_random_mechanisms, Moment, Wishes};
 use partita_math::dense;
 use partita_math::spatial::Vec3;
 use partita_model::place::Coordinates;
@@ -93,7 +93,7 @@ fn cut_elsewhere(spec: &Spec, joint: usize) -> Spec {
 /// The moment in the coordinates of another model of the same mechanism, with its own accelerations and multipliers.
 #[track_caller]
 fn in_coordinates(model: &Model, m: &Moment, other: &Model) -> Option<Moment> {
-    let (q, v) = carried_over(model, &m.q, &m.v, other);
+    let (q, v) = other.carried_over(model, &m.q, &m.v);
     for (a, b) in bodies(model, &m.q, &m.v).iter().zip(&bodies(other, &q, &v)) {
         // positions read off poses: an angle loses half the digits nowhere, a frame is rebuilt a few times
         assert!((a.position - b.position).norm() < 1e-9, "{} {:?} {:?}", other.spec.name, a.position, b.position);
@@ -199,4 +199,22 @@ fn drawings_are_rich() {
     }
     let mut rng = fastrand::Rng::with_seed(7);
     assert!((0..20).all(|_| !drawing(&mut rng, UNBOUND).forces.is_empty()));
+}
+
+/// Augmented joint coordinates (45) and the Newton-Euler recursion (R3) share no formula beyond what each body needs, and
+/// give the same wrenches of all joints, efforts of drives included.
+#[test]
+fn augmented_joint_coordinates_give_the_reactions_of_the_recursion() {
+    for planar in [false, true] {
+        on_random_mechanisms(27, COUNT, Wishes { planar, ..ALL }, |_, model, m| {
+            let recursion = reactions(model, m);
+            let augmented =
+                model.augmented_reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, &mut model.scratch()).unwrap();
+            let flat =
+                |x: &[Wrench]| -> Vec<f64> { x.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect() };
+            let off = apart(&flat(&recursion.joints), &flat(&augmented));
+            // round-off of sums over the bodies outboard
+            assert!(off < 1e-11, "{off:e}");
+        });
+    }
 }

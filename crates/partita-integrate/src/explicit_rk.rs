@@ -86,6 +86,7 @@ pub struct Stepper {
     error: f64,
     /// Errors up to this many tolerances are accepted; 1 but for passages.
     lenience: f64,
+    floor: f64,
     norm: ErrorNorm,
     controller: StepController,
     dense: DenseOutput,
@@ -121,6 +122,7 @@ impl Stepper {
             attempted_h: 0.0,
             error: 0.0,
             lenience: 1.0,
+            floor: 0.0,
             norm: ErrorNorm::new(&options, dim, stride),
             controller: controller(tableau),
             dense: DenseOutput::new(tableau, stride),
@@ -239,7 +241,7 @@ impl Stepper {
                 continue;
             }
             if error <= self.lenience {
-                self.counters.lenient += u64::from(error > 1.0);
+                self.counters.lenient += u64::from(self.exceeds_tolerance(error, h));
                 self.t_new = t_new;
                 self.attempted_h = h;
                 self.error = error;
@@ -252,6 +254,18 @@ impl Stepper {
             self.step = h.abs() * self.controller.rejected(error);
             self.check_length(h, None)?;
         }
+    }
+
+    /// Was this accepted error above the tolerances as they were asked for?
+    fn exceeds_tolerance(&mut self, error: f64, h: f64) -> bool {
+        if error > 1.0 || !self.norm.has_floor() {
+            return error > 1.0;
+        }
+        let floor = self.floor;
+        self.norm.set_floor(0.0);
+        let error = self.method.error(&self.norm, h, &self.stages, &self.y_old, &self.y_new);
+        self.norm.set_floor(floor);
+        error > 1.0
     }
 
     /// Signed step and its end: `t_end` or the next grid point if within reach, so that they are met exactly.

@@ -105,9 +105,10 @@ pub fn simulate<F: Formulation>(
         buffer: vec![0.0; dim],
         slope: vec![0.0; dim],
         sample: Sample::default(),
+        turns: vec![0; q.len()],
         next: 0,
         t_eval,
-        passage: Passage::new(settings.tableau, settings.options.rtol),
+        passage: Passage::new(settings.tableau),
         distance: None,
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
@@ -178,8 +179,6 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
 struct Passage {
     /// Length of the crossing step in units of the distance to the singular position.
     stretch: f64,
-    /// So many tolerances are accepted around a passage.
-    lenience: f64,
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
@@ -193,20 +192,20 @@ struct Passage {
 impl Passage {
     /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
     const PART: f64 = 0.6;
-    /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, about 1e-12 for
-    /// a comfortable crossing, and shorter steps make it worse: errors up to this are accepted there.
-    const ROUND_OFF: f64 = 2e-11;
+    /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, and shorter steps
+    /// make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand passages of forty loops.
+    /// Errors up to this (radians, metres) are accepted there.
+    const ROUND_OFF: f64 = 1e-10;
     /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close to
     /// it. So many tolerances are accepted; its own error is small by its length.
     const CROSSING: f64 = 1e3;
 
-    fn new(tableau: &Tableau, rtol: f64) -> Self {
+    fn new(tableau: &Tableau) -> Self {
         // the stretch that keeps all nodes as far as can be from the position passed
         let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
         let stretch =
             (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b });
-        let lenience = (Self::ROUND_OFF / rtol).max(1.0);
-        Self { stretch, lenience, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
+        Self { stretch, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
@@ -223,7 +222,7 @@ impl Passage {
         let Some(zero) = self.expected else {
             // leaving: as long as it is as close behind as a usual step, the estimate is not to be trusted yet
             let leaving = self.times.last().is_some_and(|passed| t - passed < 2.0 * self.usual);
-            stepper.set_lenience(if leaving { self.lenience } else { 1.0 });
+            stepper.set_lenience(if leaving { Self::ROUND_OFF } else { 0.0 }, 1.0);
             if leaving {
                 stepper.set_step_size(stepper.step_size().min(self.usual));
             } else {
@@ -234,14 +233,14 @@ impl Passage {
         };
         let ahead = zero - t;
         if ahead <= 0.0 || ahead > 3.0 * self.usual {
-            stepper.set_lenience(1.0);
+            stepper.set_lenience(0.0, 1.0);
             self.expected = self.expected.filter(|_| ahead > 0.0);
             return false;
         }
-        stepper.set_lenience(self.lenience);
+        stepper.set_lenience(Self::ROUND_OFF, 1.0);
         let crossing = self.stretch * ahead;
         if crossing <= Self::PART * self.usual {
-            stepper.set_lenience(self.lenience.max(Self::CROSSING));
+            stepper.set_lenience(Self::ROUND_OFF, Self::CROSSING);
             stepper.set_step_size(crossing);
             self.times.push(zero);
             self.expected = None;
@@ -276,6 +275,7 @@ struct March<'t> {
     buffer: Vec<f64>,
     slope: Vec<f64>,
     sample: Sample,
+    turns: Vec<i32>,
     next: usize,
     t_eval: &'t [f64],
     passage: Passage,
@@ -287,6 +287,7 @@ type Sink<'s> = &'s mut dyn FnMut(&Sample) -> Result<(), SystemError>;
 impl March<'_> {
     fn emit<F: Formulation>(&mut self, formulation: &mut F, t: f64, y: &[f64], sink: Sink) -> Result<(), SystemError> {
         formulation.sample(t, y, &mut self.sample)?;
+        self.sample.turns.clone_from(&self.turns);
         sink(&self.sample)?;
         self.next += 1;
         Ok(())
@@ -361,6 +362,11 @@ impl March<'_> {
                 self.buffer.copy_from_slice(stepper.y_new());
                 self.slope.copy_from_slice(stepper.dy_new());
                 formulation.change(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
+                stepper.replace(&self.buffer, &self.slope);
+            }
+            self.buffer.copy_from_slice(stepper.y_new());
+            if formulation.wrap(&mut self.buffer, &mut self.turns) {
+                self.slope.copy_from_slice(stepper.dy_new());
                 stepper.replace(&self.buffer, &self.slope);
             }
             stepper.commit();

@@ -77,6 +77,8 @@ pub const MARGIN: f64 = 4.0;
 pub(crate) struct ErrorNorm {
     rtol: f64,
     atol: Vec<f64>,
+    /// No tolerance is smaller.
+    floor: f64,
     controlled: usize,
 }
 
@@ -89,7 +91,17 @@ impl ErrorNorm {
             AbsoluteTolerance::Same(value) => atol[..controlled].fill(*value),
             AbsoluteTolerance::Each(values) => atol[..controlled].copy_from_slice(values),
         }
-        Self { rtol: options.rtol, atol, controlled }
+        Self { rtol: options.rtol, atol, floor: f64::MIN_POSITIVE, controlled }
+    }
+
+    /// Take no tolerance for smaller than `floor`.
+    pub(crate) fn set_floor(&mut self, floor: f64) {
+        self.floor = floor.max(f64::MIN_POSITIVE);
+    }
+
+    /// Is a floor in force?
+    pub(crate) fn has_floor(&self) -> bool {
+        self.floor > f64::MIN_POSITIVE
     }
 
     /// For each of the rows, the largest `(Σ w_j k_j / tolerance)²` over the controlled components.
@@ -124,7 +136,7 @@ impl ErrorNorm {
         let mut tolerance = [0.0; TILE];
         for lane in 0..TILE {
             let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs());
-            tolerance[lane] = scale.max(f64::MIN_POSITIVE);
+            tolerance[lane] = scale.max(self.floor);
         }
         tolerance
     }

@@ -1,7 +1,6 @@
 //! Closing rows: Φ, C and b of the cut joints.                                            (S3, S4, S5)
 
 use crate::tree::{Closing, LinkMotion, Locked, Tree, TreeScratch};
-use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
 impl<G: Space> Tree<G> {
@@ -161,9 +160,4 @@ impl<G: Space> Tree<G> {
         }
         (moment, force)
     }
-}
-
-/// The largest |x| of plain values.
-pub fn largest<S: Scalar>(x: &[S]) -> f64 {
-    x.iter().fold(0.0, |m: f64, x| m.max(x.value().abs()))
 }

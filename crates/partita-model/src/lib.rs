@@ -1,6 +1,7 @@
 //! Bodies, joints, forces: from a description to a [`partita_system::ConstrainedSystem`].
 
 pub mod articulated;
+mod carry;
 pub mod closing;
 pub mod compile;
 pub mod dynamics;

@@ -80,6 +80,28 @@ pub enum Push {
     Force(Vec3<f64>),
 }
 
+impl Load {
+    /// The coordinate whose whole turns this load counts: a torsion spring winds up, a constant torque does work.
+    pub fn counted(&self) -> Option<usize> {
+        match self {
+            Self::Torsion { q, .. } => Some(*q),
+            Self::Effort { q, .. } => *q,
+            Self::CutEffort { .. } | Self::Force { .. } => None,
+        }
+    }
+
+    /// Does a function of the user's see all coordinates, turns included?
+    pub fn sees_coordinates(&self) -> bool {
+        let function = |v: &Value| matches!(v, Value::Function(_));
+        match self {
+            Self::Torsion { .. } => false,
+            Self::Effort { value, .. } | Self::CutEffort { value, .. } => function(value),
+            Self::Force { value: VectorValue::Whole(v), .. } => function(v),
+            Self::Force { value: VectorValue::Components(v), .. } => v.iter().any(function),
+        }
+    }
+}
+
 impl Push {
     /// For a motion of a joint, of which the coordinate is number `which`.
     fn new(p: &PlacedJoint, motion: Motion, which: usize) -> Self {

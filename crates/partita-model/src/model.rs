@@ -86,19 +86,14 @@ pub struct Model {
     velocity_of: Vec<Option<usize>>,
     /// Coordinates that each velocity changes.
     coordinates_of: Vec<std::ops::Range<usize>>,
+    /// Angles that nothing counts the turns of.
+    turns: Vec<bool>,
     /// Large move of each velocity.
     reach: Vec<f64>,
     /// What a large move can open each row by.
     row_reach: Vec<f64>,
     /// Nodes at the ends of each spring, and where the first end is in the zero position.
     pub(crate) spring_nodes: Vec<(usize, usize, Vec3<f64>)>,
-}
-
-impl ModelScratch {
-    /// The forces in here no longer belong to the last state.
-    pub(crate) fn stale(&mut self) {
-        self.forces_at = false;
-    }
 }
 
 /// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
@@ -113,7 +108,6 @@ macro_rules! with_engine {
         }
     };
 }
-pub(crate) use with_engine;
 
 impl Model {
     /// Compile a description; `functions` are those it names by number.
@@ -189,21 +183,29 @@ impl Model {
             .collect();
         let reference = compile::reference_points(&placed);
         let mut velocity_of = vec![None; placed.nq];
+        let mut turns = vec![false; placed.nq];
         let mut coordinates_of = vec![0..0; placed.nv];
         let mut reach = vec![1.0; placed.nv];
         for l in full.links.iter().skip(1) {
             match l.motion {
                 LinkMotion::Ball => coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
-                _ => coordinates_of[l.v] = l.q..l.q + 1,
-            }
-            match l.motion {
-                LinkMotion::Ball => {}
-                LinkMotion::Turn(_) => velocity_of[l.q] = Some(l.v),
+                LinkMotion::Turn(_) => {
+                    coordinates_of[l.v] = l.q..l.q + 1;
+                    velocity_of[l.q] = Some(l.v);
+                    turns[l.q] = true;
+                }
                 LinkMotion::Slide(_) => {
                     velocity_of[l.q] = Some(l.v);
+                    coordinates_of[l.v] = l.q..l.q + 1;
                     reach[l.v] = placed.size;
                 }
             }
+        }
+        if loads.iter().any(Load::sees_coordinates) {
+            turns.fill(false);
+        }
+        for q in loads.iter().filter_map(Load::counted).chain(drives.iter().map(|d| d.q)) {
+            turns[q] = false;
         }
         let mut row_reach = match &engine {
             Engine::Flat(tree) => closing_reaches(tree, &placed),
@@ -215,6 +217,7 @@ impl Model {
             spring_nodes,
             velocity_of,
             coordinates_of,
+            turns,
             reach,
             row_reach,
             coordinates,
@@ -556,10 +559,12 @@ impl ConstrainedSystem for Model {
         moved
     }
 
+    fn turns(&self, i: usize) -> bool {
+        self.turns[i]
+    }
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         self.coordinates_of[i].clone()
     }
-
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         self.velocity_of[i]
     }

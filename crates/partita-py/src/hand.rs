@@ -3,6 +3,7 @@
 use crate::arrays::{any_vector, array, entries, vector};
 use crate::failure::{self, guarded, raise};
 use crate::run::{self, read_options};
+use crate::tangent::TangentFunctions;
 use numpy::{PyArrayDyn, PyReadonlyArray1, ToPyArray};
 use partita_math::dense;
 use partita_system::equations::{ByHand, Equations};
@@ -24,6 +25,13 @@ struct Callables {
     jacobian: Py<PyAny>,
     constraint_rate: Option<Py<PyAny>>,
     bias: Py<PyAny>,
+    closing: Option<Closing>,
+}
+
+/// The function that closes the loops, and the coordinates that it computes.
+struct Closing {
+    function: Py<PyAny>,
+    dependent: Vec<usize>,
 }
 
 fn fault(what: &str, e: PyErr) -> SystemError {
@@ -41,6 +49,10 @@ impl Callables {
             jacobian: self.jacobian.clone_ref(py),
             constraint_rate: self.constraint_rate.as_ref().map(|x| x.clone_ref(py)),
             bias: self.bias.clone_ref(py),
+            closing: self
+                .closing
+                .as_ref()
+                .map(|c| Closing { function: c.function.clone_ref(py), dependent: c.dependent.clone() }),
         }
     }
 
@@ -125,6 +137,18 @@ impl Equations for Sized {
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
         Callables::fill(&self.f.bias, "bias", t, q, Some(v), out)
     }
+    fn closes(&self) -> Option<&[usize]> {
+        self.f.closing.as_ref().map(|c| c.dependent.as_slice())
+    }
+    fn close(&self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        let Some(closing) = &self.f.closing else { return Ok(()) };
+        let mut values = vec![0.0; closing.dependent.len()];
+        Callables::fill(&closing.function, "closing", t, q, None, &mut values)?;
+        for (&i, x) in closing.dependent.iter().zip(values) {
+            q[i] = x;
+        }
+        Ok(())
+    }
 }
 
 /// Equations (S1)-(S5) given as callables.
@@ -156,7 +180,7 @@ impl System {
 #[pymethods]
 impl System {
     #[new]
-    #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names))]
+    #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names, closing=None))]
     fn new(
         n: usize,
         mass: Py<PyAny>,
@@ -166,8 +190,10 @@ impl System {
         constraint_rate: Option<Py<PyAny>>,
         bias: Py<PyAny>,
         names: Vec<String>,
+        closing: Option<(Py<PyAny>, Vec<usize>)>,
     ) -> Self {
-        Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias } }
+        let closing = closing.map(|(function, dependent)| Closing { function, dependent });
+        Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } }
     }
 
     #[getter]
@@ -268,7 +294,7 @@ impl System {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -277,12 +303,13 @@ impl System {
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
         progress: Option<Py<PyAny>>,
+        tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = self.sized(py, options.t0(), &q)?;
-            run::run(py, &system, &options, &t_eval, (&q, &v), None, progress, |_| Ok(None))
+            run::run(py, &system, &options, &t_eval, (&q, &v), run::tangent(self.f.n, tangent), progress, |_| Ok(None))
         })
     }
 }

@@ -7,6 +7,7 @@ mod hand;
 mod model;
 mod partition;
 mod run;
+mod tangent;
 mod toml;
 
 use pyo3::prelude::*;

@@ -5,6 +5,7 @@ use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::hand;
 use crate::run::{self, read_options};
+use crate::tangent::TangentFunctions;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
@@ -225,6 +226,21 @@ impl Model {
         })
     }
 
+    /// (q, v) of this model where every body is and moves as in another one of the same description.
+    fn carried_over<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Model,
+        q: PyReadonlyArray1<'py, f64>,
+        v: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        guarded(py, || {
+            let (q, v) = other.state(&q, &v)?;
+            let (q, v) = self.inner.carried_over(&other.inner, &q, &v);
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
+        })
+    }
+
     fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let n = self.nv();
@@ -303,7 +319,7 @@ impl Model {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -312,6 +328,7 @@ impl Model {
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
         progress: Option<Py<PyAny>>,
+        tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = read_options(py, options)?;
@@ -325,7 +342,7 @@ impl Model {
                 self.inner.velocity(x.t, &x.q, &x.v, &mut scratch, &mut b)?;
                 self.inner.energy(x.t, &x.q, &x.v, &scratch).map(Some)
             };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), None, progress, energy)
+            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
         })
     }
 
@@ -427,6 +444,40 @@ impl Model {
             d.set_item("joint_rotation", array(py, &[nt, nj, 3, 3], frame))?;
             d.set_item("residual", array(py, &[nt], residual))?;
             Ok(d)
+        })
+    }
+
+    /// Forces and moments of all joints at nt samples, by augmented joint coordinates.
+    fn augmented_reactions<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        guarded(py, || {
+            let m = &self.inner;
+            let size = m.size();
+            let t = any_vector(&t);
+            let (nt, nj) = (q.shape()[0], m.spec.joints.len());
+            let (q, v) = (self.rows_of(&q, size.nq, "q")?, self.rows_of(&v, size.nv, "v")?);
+            let vdot = self.rows_of(&vdot, size.nv, "vdot")?;
+            let lambda = self.rows_of(&multipliers, size.rows, "multipliers")?;
+            let mut s = m.scratch();
+            let (mut force, mut moment) = (Vec::with_capacity(3 * nt * nj), Vec::with_capacity(3 * nt * nj));
+            for i in 0..nt {
+                let (qi, vi) = (&q[i * size.nq..(i + 1) * size.nq], &v[i * size.nv..(i + 1) * size.nv]);
+                let (ai, li) = (&vdot[i * size.nv..(i + 1) * size.nv], &lambda[i * size.rows..(i + 1) * size.rows]);
+                let wrenches =
+                    m.augmented_reactions(t[i], qi, vi, ai, li, &mut s).map_err(|e| failure::system(py, e))?;
+                for w in wrenches {
+                    force.extend(w.force.0);
+                    moment.extend(w.moment.0);
+                }
+            }
+            Ok((array(py, &[nt, nj, 3], force), array(py, &[nt, nj, 3], moment)))
         })
     }
 

@@ -7,7 +7,9 @@ use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_system::equations::{ByHand, Equations};
+use partita_system::formulation::chooser;
 use partita_system::formulation::reduction::Reduction;
+use partita_system::partition::Selection;
 use partita_system::start;
 use partita_system::SystemError;
 use pyo3::prelude::*;
@@ -135,13 +137,15 @@ pub fn measure<'py>(
 
 /// independent, dependent, A, D, rho, sigma, sqrt_mu, rows.
 #[pyfunction]
-#[pyo3(signature = (mass, jacobian, threshold, weights))]
+#[pyo3(signature = (mass, jacobian, threshold, weights, selection="collective", fixed=None))]
 pub fn choose<'py>(
     py: Python<'py>,
     mass: PyReadonlyArray2<'py, f64>,
     jacobian: PyReadonlyArray2<'py, f64>,
     threshold: f64,
     weights: Option<PyReadonlyArray1<'py, f64>>,
+    selection: &str,
+    fixed: Option<Vec<usize>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(py, || {
         let system = frozen(py, &mass, &jacobian)?;
@@ -151,9 +155,27 @@ pub fn choose<'py>(
             let message = format!("threshold = {threshold}; an exchange must gain something, give 1 or more");
             return Err(raise(py, "ArgumentError", &message, &[("argument", "threshold".into())]));
         }
+        let Some(rule) = Selection::by_name(selection) else {
+            let names: Vec<&str> = Selection::ALL.iter().map(|s| s.name()).collect();
+            let message = format!("there is no selection \"{selection}\"; choose among {}", names.join(", "));
+            return Err(raise(py, "ArgumentError", &message, &[("argument", "selection".into())]));
+        };
+        if let Some(i) = fixed.iter().flatten().find(|&&i| i >= n) {
+            let message = format!("fixed names coordinate {i}; there are {n}, numbered from 0");
+            return Err(raise(py, "ArgumentError", &message, &[("argument", "fixed".into())]));
+        }
         let compute = || -> Result<_, SystemError> {
             let (mut r, q) = reduced(&system)?;
-            start::choose_with_threshold(&mut r, 0.0, &q, weights.as_deref(), threshold)?;
+            match (&fixed, rule) {
+                (Some(fixed), _) => start::choose_partition(&mut r, 0.0, &q, None, Some(fixed))?,
+                (None, Selection::Collective) => {
+                    start::choose_with_threshold(&mut r, 0.0, &q, weights.as_deref(), threshold)?;
+                }
+                (None, rule) => {
+                    chooser::check(rule, weights.as_deref(), None)?;
+                    chooser::choose_by(&mut r, 0.0, &q, rule, weights.as_deref())?;
+                }
+            }
             r.evaluate(0.0, &q, &vec![0.0; r.k()])?;
             let mut rho = vec![0.0; n];
             r.measure(0.0, &q, &mut rho)?;

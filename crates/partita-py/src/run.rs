@@ -2,12 +2,13 @@
 
 use crate::arrays::{array, shaped};
 use crate::failure::{self, raise};
+use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::PyReadonlyArray1;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::registry;
+use partita_system::formulation::{registry, turns};
 use partita_system::formulation::{Correction, Formulation, FormulationCounters, PartitionEvent, Sample};
 use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -62,6 +63,11 @@ fn refuse(py: Python<'_>, argument: &str, message: String) -> PyErr {
 /// Read options written by the front.
 pub fn read_options(py: Python<'_>, text: &str) -> PyResult<RunOptions> {
     serde_json::from_str(text).map_err(|e| refuse(py, "options", format!("options: {e}")))
+}
+
+/// The user's tangent velocities for a system of n velocities.
+pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn TangentMap>> {
+    functions.map(|functions| Arc::new(UserTangent { n, functions }) as Arc<dyn TangentMap>)
 }
 
 /// Everything collected during a run.
@@ -279,7 +285,8 @@ fn dictionary<'py, S: ConstrainedSystem>(
         array(py, &[nt, width], samples.iter().flat_map(|s| f(s).iter().copied()).collect())
     };
     d.set_item("t", column(&|s| s.t))?;
-    d.set_item("q", rows(size.nq, &|s| &s.q))?;
+    let q = samples.iter().flat_map(|s| s.q.iter().zip(&s.turns).map(|(q, n)| turns::whole(*q, *n))).collect();
+    d.set_item("q", array(py, &[nt, size.nq], q))?;
     d.set_item("v", rows(size.nv, &|s| &s.v))?;
     d.set_item("vdot", rows(size.nv, &|s| &s.vdot))?;
     d.set_item("multipliers", rows(size.rows, &|s| &s.multipliers))?;

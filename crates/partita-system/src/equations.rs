@@ -1,6 +1,10 @@
 //! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`].
 
+mod closing;
+
+use crate::kinematics::closing::Closing;
 use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};
+use closing::HandClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
@@ -33,6 +37,9 @@ pub trait Equations: Sync {
         None
     }
     /// Replace those coordinates in q by the ones that close the loops, explicitly.              (37)
+    ///
+    /// q holds their last values on entry: an angle should come back as the nearest of its whole turns. Where the loops
+    /// cannot close, fail with [`SystemError::Limit`] or return what is not finite: the step is then shortened.
     fn close(&self, _t: f64, _q: &mut [f64]) -> Result<(), SystemError> {
         Ok(())
     }
@@ -195,6 +202,14 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
             *x = dense::dot(&s.mass[i * n..(i + 1) * n], vdot) - s.h[i];
         }
         Ok(())
+    }
+    fn closing(
+        &self,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
+        Ok(Box::new(HandClosing::new(self, t, q, inputs)?))
     }
     fn inverse_mass_diagonal(
         &self,

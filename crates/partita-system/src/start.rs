@@ -117,7 +117,11 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
 }
 
 /// Any admissible partition: the one a sparse elimination with pivoting arrives at.
-fn first_partition<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<(), SystemError> {
+pub(crate) fn first_partition<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+) -> Result<(), SystemError> {
     use partita_math::elimination::{Plan, PlanOptions};
     r.position(t, q)?;
     r.refresh_scales(t, q)?;

@@ -121,6 +121,21 @@ pub enum SystemError {
         /// What was seen, with numbers, and what to try.
         reason: String,
     },
+    /// A rule chose coordinates that cannot be independent.
+    #[error(
+        "selection \"{rule}\" takes {coordinates} as independent at t = {t}, from which the others do not follow: {reason}; \
+         take selection \"collective\", which heeds what was chosen before"
+    )]
+    Choice {
+        /// Name of the rule.
+        rule: &'static str,
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// Why not.
+        reason: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
@@ -136,6 +151,7 @@ impl SystemError {
                 | Self::Mass { .. }
                 | Self::Limit { .. }
                 | Self::Basis { .. }
+                | Self::Choice { .. }
         )
     }
 }
@@ -263,6 +279,10 @@ pub trait ConstrainedSystem: Sync {
     /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a turn in space.
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         i..i + 1
+    }
+    /// Is coordinate `i` an angle that may lose whole turns without anything in S1-S5 noticing?
+    fn turns(&self, _i: usize) -> bool {
+        false
     }
     /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
     ///

@@ -8,10 +8,10 @@ use partita_math::dense::Matrix;
 use partita_math::factor::FactorError;
 use partita_system::equations::ByHand;
 use partita_system::formulation::gram_schmidt::GramSchmidt;
-use partita_system::formulation::multipliers::Multipliers;
-use partita_system::formulation::options::TangentMap;
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::qr::OrthogonalTriangular;
 use partita_system::formulation::reduction::Reduction;
+use partita_system::formulation::registry::by_name;
 use partita_system::formulation::selector::{Basis, Selector};
 use partita_system::formulation::svd::SingularValues;
 use partita_system::formulation::tangent::TangentVelocities;
@@ -65,6 +65,10 @@ fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &ByHan
 /// √(xᵀ G x).
 fn length(g: &Matrix, x: &[f64]) -> f64 {
     g.matvec(x).iter().zip(x).map(|(a, b)| a * b).sum::<f64>().max(0.0).sqrt()
+}
+
+fn uncorrected() -> FormulationOptions {
+    FormulationOptions { correction: Correction::None, ..FormulationOptions::default() }
 }
 
 fn minus(x: &[f64], y: &[f64]) -> Vec<f64> {
@@ -123,7 +127,7 @@ fn every_rule_moves_alike() {
         let e = &system.equations;
         let (n, m) = (e.mass.rows(), e.c.rows());
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
-        let mut reference = Multipliers::new(system, m, Correction::None);
+        let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
         let (mut y, mut out) = (vec![0.0; reference.dim()], Sample::default());
         reference.start(0.0, q, v, &mut y).unwrap();
         reference.sample(0.0, &y, &mut out).unwrap();
@@ -349,7 +353,7 @@ fn tangent_velocities_of_the_user() {
         };
         let (mut f, y) = start(&good, v).unwrap();
         let (mut reference, mut out, mut s) =
-            (Multipliers::new(system, m, Correction::None), Sample::default(), Sample::default());
+            (by_name("range-space", system, m, &uncorrected()).unwrap(), Sample::default(), Sample::default());
         let mut whole = vec![0.0; reference.dim()];
         reference.start(0.0, q, v, &mut whole).unwrap();
         reference.sample(0.0, &whole, &mut out).unwrap();

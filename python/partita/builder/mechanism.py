@@ -111,6 +111,7 @@ class Mechanism:
 
     compile = solve.compile
     assemble = solve.assemble
+    convert = solve.convert
     simulate = solve.simulate
     report = report_room.report
 

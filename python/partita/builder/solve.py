@@ -13,6 +13,7 @@ from .. import _core
 from .. import options as run_options
 from ..errors import ArgumentError, UnknownNameError
 from ..state import Layout, State
+from ..tangent import TangentVelocities
 from .checks import Element
 from .compiled import CompiledModel
 from .spec import Writer
@@ -112,6 +113,39 @@ def assemble(
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
+def convert(self: Mechanism, state: State, coordinates: str) -> State:
+    """The same state in other coordinates: every body is and moves as before.
+
+    Args:
+        state: as `assemble` returns it, in relative or absolute coordinates.
+        coordinates: "relative" or "absolute", as in `compile`.
+
+    Raises `ArgumentError` if the state belongs to neither model of this mechanism.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.convert(m.assemble(rates={"A": 2.0}), "absolute").v.round(12).tolist()    # centre of mass, then the turn
+    [0.0, 1.0, 2.0]
+    """
+    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    if not isinstance(state, State):
+        raise ArgumentError(f"convert takes a State, not {type(state).__name__}", argument="state")
+    if state.names == model.names:
+        return state
+    for other in run_options.COORDINATES:
+        source = compile(self, other)
+        if other != coordinates and state.names == source.names:
+            q, v = model.core.carried_over(source.core, state.q, state.v)
+            return State(state.t, q, v, layout=layout)
+    raise ArgumentError(
+        f"the state has the coordinates {', '.join(state.names) or state.q.size}, which belong to no model of "
+        f"{self.name!r}; make it with assemble",
+        argument="state",
+    )
+
+
 def _indexed(
     what: str, wanted: Mapping[Any, Any], names: list[str], span: Any, layout: Layout
 ) -> list[tuple[int, float]]:
@@ -196,6 +230,12 @@ def simulate(
     max_step: float | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
+    selection: str = "collective",
+    weights: Mapping[str, float] | None = None,
+    window: float | None = None,
+    baumgarte: tuple[float, float] | None = None,
+    renew: float = 0.5,
+    tangent: TangentVelocities | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -203,11 +243,18 @@ def simulate(
         duration: [s], from the time of the initial state.
         t_eval: increasing times of the outputs (nt,) inside the run; None: 201 evenly spaced ones. Outputs
             satisfy the constraints whatever their spacing and do not change the steps.
-        initial: state to start from, as `assemble` returns it; None: the drawing, assembled, at rest.
+        initial: state to start from, as `assemble` returns it, in whatever coordinates; None: the drawing,
+            assembled, at rest.
         rtol, atol: tolerances of the step control on each integrated quantity.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
-        formulation: "projective" (equations without reactions in independent coordinates) or "multipliers"
-            (the full equations at each evaluation; slower, an independent check).
+        formulation: "projective" (equations without reactions in independent coordinates; the default and
+            the fastest), or one of those it can be held against: "wehage-haug" (2k states, the dependent
+            coordinates solved for at every stage), "explicit-closing" (2k states, the loops closed by inverse
+            kinematics), "zero-eigenvalue", "svd", "qr", "gram-schmidt" (frozen tangent velocities, renewed when
+            they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
+            your own, needs `tangent`), "multipliers" (all accelerations and multipliers from one matrix),
+            "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
+            rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
@@ -219,6 +266,15 @@ def simulate(
         max_steps: the run stops with status "max-steps" after so many.
         independent: names of velocities to be kept independent throughout; None: chosen, and exchanged when
             others serve better. A fixed choice fails where it becomes singular.
+        selection: the rule that chooses the independent coordinates of "projective": "collective" (the
+            projective criterion with lock and repeat, then exchanges), "greedy" (without exchanges),
+            "normalised-determinant", "persistence" (an average over `window`), and those the criterion is held
+            against: "individual", "determinant", "complete-pivoting".
+        weights: preferences, velocity name -> factor on its measure; 1 for those not named.
+        window: length of the window of "persistence" [s].
+        baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.
+        renew: frozen tangent velocities are renewed when their certificate sqrt_mu falls below this; 0: never.
+        tangent: `TangentVelocities` for "user-tangent".
 
     Returns:
         A result, also for a run that stopped early: look at `success` and `message`.
@@ -238,6 +294,12 @@ def simulate(
 
     model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     start = initial if initial is not None else assemble(self, coordinates=coordinates)
+    if (
+        isinstance(start, State)
+        and start.names != model.names
+        and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
+    ):
+        start = convert(self, start, coordinates)
     _fitting("initial", start, model)
     chosen = run_options.options(
         start.t,
@@ -254,9 +316,14 @@ def simulate(
         max_step=max_step,
         max_steps=max_steps,
         independent=independent,
+        selection=selection,
+        weights=weights,
+        window=window,
+        baumgarte=baumgarte,
+        renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress)
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(raw, model=model.core, summary=model.summary, mechanism=self, options=chosen)

@@ -179,6 +179,36 @@ class Result:
         """All reactions at once, by array name (`force` (nt, nj, 3), `moment`, ...); for tools."""
         return self._source_for("joint", "all").reactions
 
+    def reactions_by(self, route: str) -> Arrays:
+        """All reactions by another way of computing them: `force` and `moment` (nt, nj, 3), as in `reactions`.
+
+        `"recursion"`: the Newton-Euler sweep that `joint(name)` shows. `"augmented"`: augmented joint coordinates
+        (Blajer 2004), each prohibited displacement of a joint moving all that lies outboard. The two share no
+        formula, so their difference measures the round-off of both. Of joints that close a loop both give the
+        multipliers' wrench: cut another joint (`cut="always"` there) to have it computed through the tree.
+
+        Raises `ArgumentError` for another word, and where no model is at hand (a stored result).
+
+        >>> import numpy as np
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> one, other = run.reactions_by("recursion"), run.reactions_by("augmented")
+        >>> bool(np.abs(one["force"] - other["force"]).max() < 1e-9)
+        True
+        """
+        source = self._source_for("joint", "all")
+        if route == "recursion":
+            return {key: source.reactions[key] for key in ("force", "moment")}
+        if route != "augmented":
+            raise ArgumentError(f'there is no route {route!r}; choose "recursion" or "augmented"', argument="route")
+        found = source.augmented
+        if found is None:
+            raise ArgumentError(
+                "augmented joint coordinates need the model, which a stored result does not have; simulate again",
+                argument="route",
+            )
+        return found
+
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Uniqueness of all reaction components: (nj, 6) in world axes and in joint axes; for tools."""

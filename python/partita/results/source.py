@@ -30,6 +30,10 @@ class Source(Protocol):
         """Wrench of every joint at every output (the `REACTIONS` arrays)."""
 
     @property
+    def augmented(self) -> Arrays | None:
+        """`force` and `moment` of every joint by augmented joint coordinates; None where no model is at hand."""
+
+    @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which reaction components are unique: (nj, 6) in world axes, (nj, 6) in joint axes."""
 
@@ -53,6 +57,12 @@ class ModelSource:
         return {key: np.asarray(a) for key, a in found.items()}
 
     @cached_property
+    def augmented(self) -> Arrays | None:
+        run = self._run
+        force, moment = self._model.augmented_reactions(run["t"], run["q"], run["v"], run["vdot"], run["multipliers"])
+        return {"force": np.asarray(force), "moment": np.asarray(moment)}
+
+    @cached_property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         i = regular_output(self._run["sigma"])
         t, q = float(self._run["t"][i]), self._run["q"][i]
@@ -73,6 +83,10 @@ class StoredSource:
     @property
     def reactions(self) -> Arrays:
         return {key: self._arrays[key] for key in REACTIONS}
+
+    @property
+    def augmented(self) -> Arrays | None:
+        return None
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -2,8 +2,6 @@
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
-use partita_model::joint::Motion;
-use partita_model::model::ModelScratch;
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
 use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, VERSION};
@@ -355,75 +353,6 @@ pub fn on_random_mechanisms(
         let Some(moment) = Moment::random(&mut rng, &model) else { continue };
         check(&mut rng, &model, &moment);
         done += 1;
-    }
-}
-
-/// The state (q, v) of one model in the coordinates of another of the same mechanism.
-pub fn carried_over(from: &Model, q: &[f64], v: &[f64], to: &Model) -> (Vec<f64>, Vec<f64>) {
-    let mut s = from.scratch();
-    from.look(q, v, &mut s);
-    let (mut q2, mut v2) = (to.initial(), vec![0.0; to.size().nv]);
-    for e in &to.placed.topology.tree {
-        match e.joint {
-            Some(j) => {
-                let p = &to.placed.joints[j];
-                let x = from.joint_state(j, q, v, &s);
-                let (mut position, mut velocity) = (x.position.iter(), x.velocity.iter());
-                for (m, &link) in p.shape.motions.iter().zip(p.links.as_ref().unwrap()) {
-                    let l = &to.placed.links[link];
-                    if *m == Motion::Ball {
-                        let mut turn = Quaternion([0; 4].map(|_| *position.next().unwrap()));
-                        let mut w = Vec3([0; 3].map(|_| *velocity.next().unwrap()));
-                        if p.reversed {
-                            turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
-                            w = -turn.matrix().apply_transposed(w);
-                        }
-                        q2[l.q..l.q + 4].copy_from_slice(&turn.0);
-                        v2[l.v..l.v + 3].copy_from_slice(&w.0);
-                    } else {
-                        q2[l.q] = *position.next().unwrap();
-                        v2[l.v] = *velocity.next().unwrap();
-                    }
-                }
-            }
-            None => float(from, &s, e.to - 1, to, &mut q2, &mut v2),
-        }
-    }
-    (q2, v2)
-}
-
-/// Coordinates of a floating body: displacement of its centre of mass and turn, from the drawing.
-fn float(from: &Model, s: &ModelScratch, body: usize, to: &Model, q: &mut [f64], v: &mut [f64]) {
-    let b = &to.spec.bodies[body];
-    let x = from.body_state(body, s);
-    let drawn = Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
-    let arm = x.rotation.apply(Vec3(b.com));
-    let inside = &to.placed.basis;
-    let moved = inside.apply(x.position + arm - drawn);
-    let rate = inside.apply(x.velocity + x.angular_velocity.cross(arm));
-    let turn = inside.mul(&x.rotation.mul(&Mat3(b.orientation).transpose())).mul(&inside.transpose());
-    let spin = inside.apply(x.angular_velocity);
-    let mut link = to.placed.bodies[body].link;
-    loop {
-        let l = &to.placed.links[link];
-        match l.motion {
-            Motion::Ball => {
-                q[l.q..l.q + 4].copy_from_slice(&Quaternion::from_matrix(&turn).0);
-                v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0);
-            }
-            Motion::Turn(_) => {
-                q[l.q] = turn.0[1][0].atan2(turn.0[0][0]);
-                v[l.v] = spin.0[2];
-            }
-            Motion::Slide(a) => {
-                q[l.q] = a.dot(moved);
-                v[l.v] = a.dot(rate);
-            }
-        }
-        link = l.parent;
-        if link == 0 {
-            return;
-        }
     }
 }
 

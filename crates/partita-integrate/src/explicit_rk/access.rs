@@ -78,9 +78,12 @@ impl Stepper {
         self.step = h.abs();
     }
 
-    /// Accept errors up to `limit` tolerances (1 is the rule) until told otherwise: where the estimate is known to be
-    /// round-off, so that shorter steps would not lower it. Such steps are counted.
-    pub fn set_lenience(&mut self, limit: f64) {
+    /// Until told otherwise: take no tolerance for smaller than `floor` (0 is the rule), and accept errors up to `limit`
+    /// tolerances (1 is the rule). For where the estimate is known to be round-off, so that shorter steps would not
+    /// lower it. Steps that the tolerances themselves would have refused are counted.
+    pub fn set_lenience(&mut self, floor: f64, limit: f64) {
+        self.floor = floor;
+        self.norm.set_floor(floor);
         self.lenience = limit.max(1.0);
     }
 

@@ -1,17 +1,29 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
+pub mod acceleration;
+pub mod baumgarte;
+mod blocks;
+pub mod chooser;
+pub mod explicit_closing;
+pub mod full_state;
 pub mod gram_schmidt;
+pub mod moment;
 pub mod multipliers;
 pub mod options;
 pub mod projective;
+pub mod proximal;
 pub mod qr;
+pub mod range_space;
 pub mod reduction;
 pub mod registry;
 pub mod selector;
+mod state_coordinates;
 pub mod svd;
 pub mod tangent;
 pub mod tangent_space;
+pub mod turns;
 pub mod user_tangent;
+pub mod wehage_haug;
 pub mod zero_eigenvalue;
 
 use crate::partition::criterion::Quality;
@@ -64,8 +76,10 @@ pub enum Review {
 pub struct Sample {
     /// Time.
     pub t: f64,
-    /// Coordinates (nq), closed to round-off.
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
     pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
     /// Velocities (nv).
     pub v: Vec<f64>,
     /// Accelerations (nv).
@@ -99,6 +113,8 @@ pub struct FormulationCounters {
     pub exchanges: u64,
     /// Position corrections applied.
     pub corrections: u64,
+    /// Iterations inside evaluations: Newton's for dependent coordinates, proximal ones for multipliers.
+    pub iterations: u64,
 }
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
@@ -129,6 +145,11 @@ pub trait Formulation {
     ///
     /// There the tangent is a quotient of small numbers, and what one stage leaves open the next one divides again.
     fn close_stages(&mut self, _on: bool) {}
+    /// Take whole turns off angles that have grown (see [`turns`]) at the end of a step and add them to `turns` (nq);
+    /// true if y changed. y' stays the same.
+    fn wrap(&mut self, _y: &mut [f64], _turns: &mut [i32]) -> bool {
+        false
+    }
     /// Carry out the change announced by `review`: rewrites y and y'; (q, v) stay the same.
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
     /// After `Review::Reject`: look for a better start at the beginning of the step.
@@ -175,6 +196,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn close_stages(&mut self, on: bool) {
         (**self).close_stages(on);
+    }
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        (**self).wrap(y, turns)
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         (**self).change(t, y, dy)

@@ -6,10 +6,11 @@
 //! independent coordinates costs nothing: it is the identity on (q, v).
 //! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
 
+use super::chooser::{Change, Chooser};
 use super::reduction::Reduction;
-use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
-use crate::kinematics::projection::{dense_rows, MassProjection};
-use crate::start;
+use super::{turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use crate::kinematics::projection::correct_orthogonally;
+use crate::partition::Selection;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Inside a step the gain of an exchange may grow up to this before the step is repeated.
@@ -28,11 +29,22 @@ pub struct ProjectiveOptions {
     pub fixed: Option<Vec<usize>>,
     /// Preferences that multiply ρ.
     pub weights: Option<Vec<f64>>,
+    /// Rule that chooses the independent velocities.
+    pub selection: Selection,
+    /// Length of the persistence window [s].
+    pub window: Option<f64>,
 }
 
 impl Default for ProjectiveOptions {
     fn default() -> Self {
-        Self { exchange: 1.25, correction: Correction::Partition, fixed: None, weights: None }
+        Self {
+            exchange: 1.25,
+            correction: Correction::Partition,
+            fixed: None,
+            weights: None,
+            selection: Selection::Collective,
+            window: None,
+        }
     }
 }
 
@@ -43,7 +55,9 @@ pub struct Projective<'s, S: ConstrainedSystem> {
     observes_work: bool,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
-    pending: Option<crate::partition::exchange::Exchange>,
+    pending: bool,
+    /// The rule at work, where it is not the collective one.
+    selector: Option<Chooser>,
     rejects_in_a_row: u32,
     steps_since_scales: u32,
     close_stages: bool,
@@ -64,7 +78,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
             options,
             events: Vec::new(),
             counters: FormulationCounters::default(),
-            pending: None,
+            pending: false,
+            selector: None,
             rejects_in_a_row: 0,
             steps_since_scales: 0,
             close_stages: false,
@@ -147,23 +162,26 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         self.log(t, &before, reason)
     }
 
-    fn orthogonal_correction(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        let size = self.r.size();
-        let n = size.nv;
-        // holonomic rows among the kept ones; nonholonomic rows have no position to correct
-        let rows: Vec<usize> = self.r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
-        if rows.is_empty() {
-            return Ok(());
+    /// Take the choice of the rule at the point last evaluated.
+    fn obey(&mut self, t: f64, change: &Change) -> Result<(), SystemError> {
+        let before = self.r.partition.independent.clone();
+        let Some(selector) = &mut self.selector else { return Ok(()) };
+        selector.change(&mut self.r, t, change)?;
+        let name = |of: &[usize], without: &[usize]| -> Vec<String> {
+            of.iter().filter(|i| !without.contains(i)).map(|&i| self.r.system.velocity_name(i)).collect()
+        };
+        let (enter, leave) = (name(&change.independent, &before), name(&before, &change.independent));
+        self.counters.exchanges += enter.len() as u64;
+        let verb = if enter.len() == 1 { "takes" } else { "take" };
+        let reason = format!("{} {verb} the place of {}: {}", enter.join(", "), leave.join(", "), change.reason);
+        self.log(t, &before, reason)
+    }
+
+    fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
+        match &self.selector {
+            Some(selector) => selector.blame(&self.r, t, q, e),
+            None => e,
         }
-        let zero = vec![0.0; n];
-        self.r.system.velocity(t, q, &zero, &mut self.r.scratch, &mut self.r.b)?;
-        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
-        self.r.system.dynamics(t, q, &zero, &mut self.r.scratch, &mut mass, &mut h)?;
-        let c = dense_rows(self.r.system, &self.r.c, &rows);
-        let p = MassProjection::new(self.r.system, &mass, &c)?;
-        let x: Vec<f64> = rows.iter().map(|&i| self.r.phi[i]).collect();
-        self.r.system.step(q, &p.correction(&x));
-        Ok(())
     }
 
     /// The derivative at the closed position next to y, reached by moving the dependent coordinates.
@@ -205,7 +223,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// One correction of q by the chosen rule at the position level of q; true if q moved.
     fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
         if rule == Correction::MassOrthogonal || !self.all_holonomic() {
-            self.orthogonal_correction(t, q)?;
+            correct_orthogonally(&mut self.r, t, q)?;
             return Ok(true);
         }
         self.r.factor(t)?;
@@ -215,7 +233,11 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 
 impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     fn name(&self) -> &'static str {
-        "projective"
+        if self.options.exchange.is_finite() {
+            "projective"
+        } else {
+            "fixed"
+        }
     }
 
     fn dim(&self) -> usize {
@@ -227,9 +249,10 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     }
 
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
-        let weights = self.options.weights.clone();
-        let fixed = self.options.fixed.clone();
-        start::choose_partition(&mut self.r, t, q, weights.as_deref(), fixed.as_deref())?;
+        let o = &self.options;
+        let mut selector = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
+        let reason = selector.start(&mut self.r, t, q, o.fixed.as_deref())?;
+        self.selector = (o.selection != Selection::Collective).then_some(selector);
         let nq = self.nq();
         y.fill(0.0);
         y[..nq].copy_from_slice(q);
@@ -240,10 +263,6 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(q);
         let speeds: Vec<f64> = y[nq..nq + self.r.k()].to_vec();
         self.r.evaluate(t, q, &speeds)?;
-        let reason = match &self.options.fixed {
-            Some(_) => "fixed by the user".to_string(),
-            None => "largest projective measure at the start".to_string(),
-        };
         self.log(t, &[], reason)
     }
 
@@ -253,7 +272,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         if self.close_stages && self.all_holonomic() && self.r.rank() > 0 {
             return self.closed_derivative(t, y, dy);
         }
-        self.r.evaluate(t, q, &rest[..k])?;
+        if let Err(e) = self.r.evaluate(t, q, &rest[..k]) {
+            return Err(self.blame(t, q, e));
+        }
         self.r.system.rate(q, &self.r.v, &mut dy[..nq]);
         dy[nq..nq + k].copy_from_slice(&self.r.vdot_independent);
         if self.observes_work {
@@ -282,7 +303,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     }
 
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
-        self.pending = None;
+        self.pending = false;
         if self.options.fixed.is_some() || self.r.rank() == 0 || self.r.k() == 0 {
             return Review::Keep;
         }
@@ -295,6 +316,12 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
                 self.refresh_weighted();
             }
         }
+        if let Some(selector) = &mut self.selector {
+            selector.record(&self.r, t);
+            // what fails here fails again in `change`, which can tell
+            self.pending = !matches!(selector.propose(&self.r, t), Ok(None));
+            return if self.pending { Review::Change } else { Review::Keep };
+        }
         let Some(best) = self.best_exchange() else { return Review::Keep };
         if best.gain <= self.options.exchange {
             self.rejects_in_a_row = 0;
@@ -305,9 +332,13 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
             return Review::Reject;
         }
         self.rejects_in_a_row = 0;
-        self.r.full_acceleration(&mut self.vdot);
-        self.pending = Some(best);
+        self.pending = true;
         Review::Change
+    }
+
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let nq = self.nq();
+        turns::reduce(self.r.system, &mut y[..nq], turns)
     }
 
     fn close_stages(&mut self, on: bool) {
@@ -320,7 +351,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
 
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
-        if self.pending.take().is_none() {
+        if !std::mem::take(&mut self.pending) {
             return Ok(());
         }
         // outputs may have been evaluated since: come back to the end of the step
@@ -329,9 +360,19 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(&y[..nq]);
         let (v, mut vdot) = (self.r.v.clone(), std::mem::take(&mut self.vdot));
         self.r.full_acceleration(&mut vdot);
-        self.r.refresh_scales(t, &y[..nq])?;
-        self.refresh_weighted();
+        if self.selector.is_none() {
+            self.r.refresh_scales(t, &y[..nq])?;
+            self.refresh_weighted();
+        }
         for _ in 0..4 * k {
+            if let Some(selector) = &mut self.selector {
+                let Some(change) = selector.propose(&self.r, t)? else { break };
+                self.obey(t, &change)?;
+                // the rule looks at M_d of the new choice
+                let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
+                self.r.evaluate(t, &y[..nq], &speeds)?;
+                continue;
+            }
             let Some(x) = self.best_exchange() else { break };
             if x.gain <= self.options.exchange {
                 break;
@@ -430,5 +471,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         let mut rows = self.r.partition.rows.clone();
         rows.sort_unstable();
         rows
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.selector.as_ref().map(Chooser::notes).unwrap_or_default()
     }
 }

@@ -171,6 +171,18 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.phi.iter().zip(&self.noise).all(|(x, n)| x.abs() <= *n)
     }
 
+    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off; NaN counts as infinite.
+    pub fn openness(&self) -> (f64, usize) {
+        self.phi.iter().zip(&self.noise).enumerate().fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
+            let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(f64::MIN_POSITIVE) };
+            if open > best.0 {
+                (open, i)
+            } else {
+                best
+            }
+        })
+    }
+
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
     pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?;

@@ -1,21 +1,41 @@
 //! All formulations by name.
 
+use super::baumgarte::Baumgarte;
+use super::explicit_closing::ExplicitClosing;
+use super::full_state::FullState;
 use super::gram_schmidt::GramSchmidt;
-use super::multipliers::Multipliers;
+use super::multipliers::Saddle;
 use super::options::FormulationOptions;
 use super::projective::{Projective, ProjectiveOptions};
+use super::proximal::Proximal;
 use super::qr::OrthogonalTriangular;
+use super::range_space::RangeSpace;
 use super::svd::SingularValues;
 use super::tangent::TangentVelocities;
 use super::tangent_space::TangentSpace;
 use super::user_tangent::UserTangent;
+use super::wehage_haug::WehageHaug;
 use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Names, the default first.
-pub const NAMES: &[&str] =
-    &["projective", "multipliers", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space", "user-tangent"];
+pub const NAMES: &[&str] = &[
+    "projective",
+    "fixed",
+    "wehage-haug",
+    "explicit-closing",
+    "zero-eigenvalue",
+    "svd",
+    "qr",
+    "gram-schmidt",
+    "tangent-space",
+    "user-tangent",
+    "multipliers",
+    "range-space",
+    "proximal",
+    "baumgarte",
+];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
@@ -29,19 +49,20 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         let message = format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", o.renew);
         return Err(SystemError::Request(message));
     }
+    let projective = |exchange: f64| ProjectiveOptions {
+        exchange,
+        correction: o.correction,
+        fixed: o.independent.clone(),
+        weights: o.weights.clone(),
+        selection: o.selection,
+        window: o.window,
+    };
     let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o.correction, o.renew));
     Ok(match name {
-        "projective" => Box::new(Projective::new(
-            system,
-            rank,
-            ProjectiveOptions {
-                exchange: o.exchange,
-                correction: o.correction,
-                fixed: o.independent.clone(),
-                weights: o.weights.clone(),
-            },
-        )),
-        "multipliers" => Box::new(Multipliers::new(system, rank, o.correction)),
+        "projective" => Box::new(Projective::new(system, rank, projective(o.exchange))),
+        "fixed" => Box::new(Projective::new(system, rank, projective(f64::INFINITY))),
+        "wehage-haug" => Box::new(WehageHaug::new(system, rank, projective(o.exchange))?),
+        "explicit-closing" => Box::new(ExplicitClosing::new(system, rank, o)?),
         "zero-eigenvalue" => frozen(Box::new(ZeroEigenvalue)),
         "svd" => frozen(Box::new(SingularValues)),
         "qr" => frozen(Box::new(OrthogonalTriangular)),
@@ -55,6 +76,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
                 return Err(SystemError::Request(message.into()));
             }
         },
+        "multipliers" => Box::new(FullState::with_rule(system, rank, Saddle::new(system.size().nv, rank), o)),
+        "range-space" => Box::new(RangeSpace::new(system, rank, o)),
+        "proximal" => Box::new(Proximal::new(system, rank, o)),
+        "baumgarte" => Box::new(Baumgarte::new(system, rank, o)?),
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::Request(message));

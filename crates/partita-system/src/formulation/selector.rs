@@ -11,7 +11,7 @@
 use super::reduction::{Reduction, SINGULAR_PIVOT};
 use super::{Correction, PartitionEvent, Review, Sample};
 use crate::kinematics::correction;
-use crate::kinematics::projection::dense_rows;
+use crate::kinematics::projection::{correct_orthogonally, dense_rows};
 use crate::partition::criterion::{self, Quality};
 use crate::partition::Partition;
 use crate::start;
@@ -497,7 +497,11 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         match rule {
             Correction::None => Ok(false),
             Correction::Partition if size.rows == size.holonomic => self.along_the_constraints(t, q),
-            _ => correction::orthogonal(&mut self.r, t, q),
+            _ => {
+                self.r.position(t, q)?;
+                correct_orthogonally(&mut self.r, t, q)?;
+                Ok(true)
+            }
         }
     }
 

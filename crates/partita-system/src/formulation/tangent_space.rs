@@ -18,7 +18,7 @@
 
 use super::gram_schmidt::GramSchmidt;
 use super::selector::Selector;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
 
@@ -262,6 +262,18 @@ impl<S: ConstrainedSystem> Formulation for TangentSpace<'_, S> {
             self.accepted.copy_from_slice(&self.delta);
         }
         review
+    }
+    /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
+    fn wrap(&mut self, _y: &mut [f64], turns: &mut [i32]) -> bool {
+        let mut q = self.base.clone();
+        self.x.r.system.step(&mut q, &self.accepted);
+        for (i, q) in q.into_iter().enumerate() {
+            let mut angle = q;
+            if turns::reduce_one(self.x.r.system, i, &mut angle, &mut turns[i]) {
+                self.base[i] += angle - q;
+            }
+        }
+        false
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.rebase(t, y, dy, self.why)

@@ -6,14 +6,14 @@
 //! start: C Dᵀ = 0, C γ + a = 0, C δ + b = 0, and v within the span.
 //!
 //! Drift of positions is removed by the least move in the mass metric (33) whichever correction is asked for: there are no
-//! coordinates that could stay untouched.
+//! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
 
 use super::options::TangentMap;
 use super::selector::{best_partition, power, reduced_acceleration, state_sample};
 use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::formulation::reduction::Reduction;
 use crate::kinematics::correction;
-use crate::kinematics::projection::{dense_rows, MassProjection};
+use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
 use crate::partition::criterion::{self, Quality};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -345,9 +345,10 @@ impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
             return Ok(moved);
         }
         self.r.position(t, q)?;
-        if self.r.is_closed() || !correction::orthogonal(&mut self.r, t, q)? {
+        if self.r.is_closed() {
             return Ok(moved);
         }
+        correct_orthogonally(&mut self.r, t, q)?;
         self.corrections += 1;
         Ok(true)
     }
@@ -369,7 +370,8 @@ impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
                 r.position(t, q)?;
                 Ok((!r.is_closed()).then(|| r.closure()))
             };
-            correction::close_with(&mut self.r, &mut q, open, |r, q| correction::orthogonal(r, t, q))?;
+            let step = |r: &mut Reduction<'s, S>, q: &mut [f64]| correct_orthogonally(r, t, q).map(|()| true);
+            correction::close_with(&mut self.r, &mut q, open, step)?;
         }
         self.evaluate(t, &q, &y[nq..nq + k])?;
         let quality = self.quality();

@@ -1,5 +1,6 @@
 //! Orthogonal corrections in the mass metric, (33) and (35).
 
+use crate::formulation::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 
@@ -53,4 +54,30 @@ impl MassProjection {
         dense::cholesky_solve(&self.mc, y.len(), &mut y);
         self.w.matvec(&y).iter().map(|d| -d).collect()
     }
+}
+
+/// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ` at the position last evaluated, on the holonomic rows among those kept.        (33)
+///
+/// Cost: n³/6 + n²m/2, dense.
+pub fn correct_orthogonally<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &mut [f64],
+) -> Result<(), SystemError> {
+    let size = r.size();
+    let n = size.nv;
+    // nonholonomic rows have no position to correct
+    let rows: Vec<usize> = r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let zero = vec![0.0; n];
+    r.system.velocity(t, q, &zero, &mut r.scratch, &mut r.b)?;
+    let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
+    r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
+    let c = dense_rows(r.system, &r.c, &rows);
+    let p = MassProjection::new(r.system, &mass, &c)?;
+    let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
+    r.system.step(q, &p.correction(&x));
+    Ok(())
 }

@@ -1,7 +1,14 @@
-//! Which coordinates are independent: the projective criterion, its collective extension and the exchange rule.
+//! Which coordinates are independent: the projective criterion, its collective extension and the exchange rule; and, to
+//! compare with or for special needs, other rules, one file each.
 
+pub mod complete_pivoting;
 pub mod criterion;
+pub mod determinant;
 pub mod exchange;
+pub mod individual;
+pub mod normalised_determinant;
+pub mod persistence;
+pub mod volume;
 
 /// Rules that choose the independent coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -11,15 +18,15 @@ pub enum Selection {
     Collective,
     /// The projective criterion with lock and repeat alone: P5.
     Greedy,
-    /// The k coordinates of largest ρ, one by one.
+    /// The k coordinates of largest ρ, one by one. With k > 1 the choice may be impossible.
     Individual,
-    /// Largest |det C_D| in the units at hand.
+    /// Largest |det C_D| in the units at hand, which decide it.
     Determinant,
     /// Largest normalised determinant (28): the volume of the choice.
     NormalisedDeterminant,
-    /// LU with complete pivoting on C in the units at hand.
+    /// LU with complete pivoting on C in the units at hand, which decide it.
     CompletePivoting,
-    /// Exchanges by the average of log |Â| over a window (6.6).
+    /// What stays good longest: largest least volume over a window of the past.
     Persistence,
 }
 

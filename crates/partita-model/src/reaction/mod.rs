@@ -1,9 +1,10 @@
 //! Reactions of all joints: at a cut joint from λ, at a tree joint by a Newton-Euler sweep with λ applied.   (R3)
 
+mod applied;
+mod augmented;
+
 use crate::joint::Motion;
-use crate::load::{self, Load, Push};
-use crate::model::{three, with_engine, Engine, Model, ModelScratch};
-use crate::value;
+use crate::model::{three, Engine, Model, ModelScratch};
 use partita_math::dense;
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -142,87 +143,6 @@ impl Model {
         self.full.place(link, &s.full) + self.arm_now(s, link, p.child_point)
     }
 
-    /// Put a wrench about a point of space on a node.
-    fn put(&self, s: &ModelScratch, on: &mut [Wrench], node: usize, w: &Wrench, point: Vec3<f64>) {
-        if node > 0 {
-            on[node - 1].add(&w.about(point - self.com_now(s, node - 1)));
-        }
-    }
-
-    /// Everything but joints that acts on the bodies, about their centres of mass.
-    fn applied(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
-        let mut on = vec![Wrench::default(); self.placed.bodies.len()];
-        let zero = Vec3::zero();
-        for (w, b) in on.iter_mut().zip(&self.placed.bodies) {
-            w.force += self.full.gravity.times(b.mass);
-        }
-        for (k, &(na, nb, first)) in self.full.springs.iter().zip(&self.spring_nodes) {
-            let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
-            let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
-            let gap = xb.centre + rb - xa.centre - ra + k.offset;
-            // on the ground the anchor is part of the offset, but the point stays where it was
-            let pa = if k.a.link == 0 { first } else { self.full.place(k.a.link, &s.full) + ra };
-            let pb = pa + gap;
-            let length = gap.norm();
-            if length == 0.0 {
-                continue;
-            }
-            let rate = xb.u + xb.w.cross(rb) - xa.u - xa.w.cross(ra);
-            let tension = k.stiffness * (length - k.length) + k.damping * gap.dot(rate) / length;
-            let pull = gap.times(tension / length);
-            self.put(s, &mut on, na, &Wrench { moment: zero, force: pull }, pa);
-            self.put(s, &mut on, nb, &Wrench { moment: zero, force: -pull }, pb);
-        }
-        for l in &self.loads {
-            match l {
-                Load::Force { node, link, at, .. } => {
-                    let x = &s.full.links[*link];
-                    let force = load::force_at(l, &x.rot.0, &self.placed.basis, &*self.functions, t, q, v)?;
-                    self.put(
-                        s,
-                        &mut on,
-                        *node,
-                        &Wrench { moment: zero, force },
-                        self.full.place(*link, &s.full) + x.rot.apply(*at),
-                    );
-                }
-                Load::CutEffort { name, parent, child, push, at, value } => {
-                    let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
-                    let x = &s.full.links[child.1];
-                    let point = self.full.place(child.1, &s.full) + x.rot.apply(*at);
-                    let rp = s.full.links[parent.1].rot;
-                    let w = match push {
-                        Push::Moment(on_parent, on_child) => {
-                            Wrench { moment: (rp.apply(*on_parent) + x.rot.apply(*on_child)).times(e), force: zero }
-                        }
-                        Push::Force(a) => Wrench { moment: zero, force: rp.apply(*a).times(e) },
-                    };
-                    self.put(s, &mut on, child.0, &w, point);
-                    self.put(s, &mut on, parent.0, &w.times(-1.0), point);
-                }
-                Load::Torsion { .. } | Load::Effort { .. } => {} // these act along tree joints
-            }
-        }
-        Ok(on)
-    }
-
-    /// Efforts of torsion springs and torques along tree velocities.
-    fn efforts(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let mut e = vec![0.0; self.placed.nv];
-        for l in &self.loads {
-            match l {
-                Load::Torsion { q: i, v: j, stiffness, damping, angle } => {
-                    e[*j] -= stiffness * (q[*i] - angle) + damping * v[*j];
-                }
-                Load::Effort { name, v: j, value, .. } => {
-                    e[*j] += value::scalar_at(value, &*self.functions, t, q, v, name)?;
-                }
-                _ => {}
-            }
-        }
-        Ok(e)
-    }
-
     /// Wrench through every tree joint on its outer body, about that body's centre of mass, given what each body needs.
     fn inward(&self, s: &ModelScratch, mut needed: Vec<Wrench>) -> Vec<Wrench> {
         for e in self.placed.topology.tree.iter().rev() {
@@ -232,6 +152,23 @@ impl Model {
             }
         }
         needed
+    }
+
+    /// What each body needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass.
+    fn needed(&self, t: f64, q: &[f64], v: &[f64], vdot: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
+        let acceleration = self.link_accelerations(vdot, s);
+        let mut needed = self.applied(t, q, v, s)?;
+        for (w, b) in needed.iter_mut().zip(&self.placed.bodies) {
+            let x = &s.full.links[b.link];
+            let (alpha, acc) = acceleration[b.link];
+            let arm = x.rot.apply(b.com - self.reference[b.link]);
+            let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
+            let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
+            let spin = j.apply(x.w);
+            let moment = j.apply(alpha) + x.w.cross(spin);
+            *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
+        }
+        Ok(needed)
     }
 
     /// Reactions of all joints for a motion with the multipliers `lambda`.
@@ -245,19 +182,7 @@ impl Model {
         s: &mut ModelScratch,
     ) -> Result<Reactions, SystemError> {
         self.look(q, v, s);
-        let acceleration = self.link_accelerations(vdot, s);
-        // what each body needs besides what is applied: m a − F, J α + ω × J ω − T about its centre of mass
-        let mut needed = self.applied(t, q, v, s)?;
-        for (w, b) in needed.iter_mut().zip(&self.placed.bodies) {
-            let x = &s.full.links[b.link];
-            let (alpha, acc) = acceleration[b.link];
-            let arm = x.rot.apply(b.com - self.reference[b.link]);
-            let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
-            let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
-            let spin = j.apply(x.w);
-            let moment = j.apply(alpha) + x.w.cross(spin);
-            *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
-        }
+        let mut needed = self.needed(t, q, v, vdot, s)?;
         let mut result = Reactions {
             joints: vec![Wrench::default(); self.placed.joints.len()],
             drives: self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect(),
@@ -361,11 +286,5 @@ impl Model {
             .iter()
             .map(|w| Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) })
             .collect()
-    }
-
-    /// Leave the scratch as `position` and `velocity` at (t, q, v) would, for the callers that mix both worlds.
-    pub fn forget(&self, s: &mut ModelScratch) {
-        with_engine!(self, s, |tree, x| tree.clear_forces(x));
-        s.stale();
     }
 }

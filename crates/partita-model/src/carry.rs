@@ -1,0 +1,90 @@
+//! A state of one model in the coordinates of another model of the same mechanism.
+
+use crate::joint::Motion;
+use crate::model::{Model, ModelScratch};
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use partita_system::ConstrainedSystem;
+
+impl Model {
+    /// (q, v) of this model in which every body is and moves as in `from` at its (q, v). Both models must be compiled from the
+    /// same description; which joints they cut and whether their coordinates are relative or absolute does not matter.
+    ///
+    /// Whole turns are kept where both models have the joint in their trees.
+    pub fn carried_over(&self, from: &Model, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let mut s = from.scratch();
+        from.look(q, v, &mut s);
+        let (mut q2, mut v2) = (self.initial(), vec![0.0; self.size().nv]);
+        for e in &self.placed.topology.tree {
+            match e.joint {
+                Some(j) => self.carry_joint(j, from, (q, v), &s, &mut q2, &mut v2),
+                None => self.carry_floating(e.to - 1, from, &s, &mut q2, &mut v2),
+            }
+        }
+        (q2, v2)
+    }
+
+    /// Coordinates of a joint in the tree.
+    fn carry_joint(
+        &self,
+        j: usize,
+        from: &Model,
+        (q, v): (&[f64], &[f64]),
+        s: &ModelScratch,
+        q2: &mut [f64],
+        v2: &mut [f64],
+    ) {
+        let p = &self.placed.joints[j];
+        let x = from.joint_state(j, q, v, s);
+        let (mut iq, mut iv) = (0, 0);
+        for (m, &link) in p.shape.motions.iter().zip(p.links.iter().flatten()) {
+            let l = &self.placed.links[link];
+            if *m == Motion::Ball {
+                let mut turn = Quaternion([0, 1, 2, 3].map(|i| x.position[iq + i]));
+                let mut w = Vec3([0, 1, 2].map(|i| x.velocity[iv + i]));
+                if p.reversed {
+                    turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
+                    w = -turn.matrix().apply_transposed(w);
+                }
+                q2[l.q..l.q + 4].copy_from_slice(&turn.0);
+                v2[l.v..l.v + 3].copy_from_slice(&w.0);
+            } else {
+                q2[l.q] = x.position[iq];
+                v2[l.v] = x.velocity[iv];
+            }
+            iq += m.coordinates();
+            iv += m.velocities();
+        }
+    }
+
+    /// Coordinates of a floating body: displacement of its centre of mass and turn, from the drawing.
+    fn carry_floating(&self, body: usize, from: &Model, s: &ModelScratch, q: &mut [f64], v: &mut [f64]) {
+        let b = &self.spec.bodies[body];
+        let x = from.body_state(body, s);
+        let drawn = Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
+        let arm = x.rotation.apply(Vec3(b.com));
+        let inside = &self.placed.basis;
+        let moved = inside.apply(x.position + arm - drawn);
+        let rate = inside.apply(x.velocity + x.angular_velocity.cross(arm));
+        let turn = inside.mul(&x.rotation.mul(&Mat3(b.orientation).transpose())).mul(&inside.transpose());
+        let spin = inside.apply(x.angular_velocity);
+        let mut link = self.placed.bodies[body].link;
+        while link != 0 {
+            let l = &self.placed.links[link];
+            match l.motion {
+                Motion::Ball => {
+                    q[l.q..l.q + 4].copy_from_slice(&Quaternion::from_matrix(&turn).0);
+                    v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0);
+                }
+                Motion::Turn(_) => {
+                    q[l.q] = turn.0[1][0].atan2(turn.0[0][0]);
+                    v[l.v] = spin.0[2];
+                }
+                Motion::Slide(a) => {
+                    q[l.q] = a.dot(moved);
+                    v[l.v] = a.dot(rate);
+                }
+            }
+            link = l.parent;
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Reactions of tree joints by augmented joint coordinates (Blajer 2004): another way than the recursion, for checking it.
+//!
+//! Give each joint, besides its own coordinates, the displacements z that it prohibits. A small z_i moves everything
+//! outboard of the joint like one rigid body, E_i = ∂p/∂z_i; the reaction along z_i is the virtual power
+//! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
+//! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
+
+use super::{replace, Wrench};
+use crate::model::{Model, ModelScratch};
+use partita_math::spatial::Vec3;
+use partita_system::SystemError;
+
+/// One prohibited displacement of a joint: a turn about, or a slide along, a unit axis.
+#[derive(Clone, Copy, Debug)]
+struct Prohibited {
+    turn: bool,
+    axis: Vec3<f64>,
+}
+
+impl Model {
+    /// Reactions of all joints for a motion with the multipliers `lambda`: those of tree joints from (45), those of cut
+    /// joints from λ. Same meaning and axes as [`Reactions::joints`](super::Reactions).
+    pub fn augmented_reactions(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        lambda: &[f64],
+        s: &mut ModelScratch,
+    ) -> Result<Vec<Wrench>, SystemError> {
+        self.look(q, v, s);
+        let mut needed = self.needed(t, q, v, vdot, s)?;
+        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
+        for (j, w) in self.closing_reactions(s, lambda) {
+            let p = &self.placed.joints[j];
+            let point = self.joint_point_now(s, j);
+            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
+            self.put(s, &mut needed, p.parent, &w, point);
+            joints[j] = w;
+        }
+        let mut drives: Vec<Vec<f64>> = self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect();
+        for d in &self.drives {
+            drives[d.joint][d.coordinate] = lambda[d.row];
+        }
+        for (place, e) in self.placed.topology.tree.iter().enumerate() {
+            let Some(j) = e.joint else { continue };
+            let outboard = self.outboard(place);
+            let point = self.joint_point_now(s, j);
+            let free = self.free_axes(j, s);
+            let mut w = Wrench::default();
+            for z in prohibited(&free) {
+                let sigma = self.virtual_power(z, point, &outboard, &needed, s); // (45)
+                match z.turn {
+                    true => w.moment += z.axis.times(sigma),
+                    false => w.force += z.axis.times(sigma),
+                }
+            }
+            let sign = if e.reversed { -1.0 } else { 1.0 };
+            let along = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
+                free.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, drives[j][i])).unzip()
+            };
+            let ((turns, torques), (slides, pushes)) = (along(true), along(false));
+            w = w.times(sign);
+            joints[j] =
+                Wrench { moment: replace(w.moment, &turns, &torques), force: replace(w.force, &slides, &pushes) };
+        }
+        let out = self.placed.basis;
+        for w in &mut joints {
+            *w = Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) };
+        }
+        Ok(joints)
+    }
+
+    /// Nodes that a displacement in the joint of tree edge `place` carries along.
+    fn outboard(&self, place: usize) -> Vec<usize> {
+        let tree = &self.placed.topology.tree;
+        let mut carried = vec![tree[place].to];
+        for e in &tree[place + 1..] {
+            if carried.contains(&e.from) {
+                carried.push(e.to);
+            }
+        }
+        carried
+    }
+
+    /// Power of what the bodies outboard need in the rigid displacement z about `point`: a column of E times the rest.
+    fn virtual_power(
+        &self,
+        z: Prohibited,
+        point: Vec3<f64>,
+        outboard: &[usize],
+        needed: &[Wrench],
+        s: &ModelScratch,
+    ) -> f64 {
+        outboard.iter().fold(0.0, |sum, &node| {
+            let w = &needed[node - 1];
+            sum + match z.turn {
+                true => z.axis.dot(w.moment) + z.axis.cross(self.com_now(s, node - 1) - point).dot(w.force),
+                false => z.axis.dot(w.force),
+            }
+        })
+    }
+}
+
+/// An orthonormal base of the displacements that a joint with these free axes prohibits.
+fn prohibited(free: &[(bool, Vec3<f64>)]) -> Vec<Prohibited> {
+    let mut found = Vec::with_capacity(6);
+    for turn in [true, false] {
+        let mut base: Vec<Vec3<f64>> = Vec::with_capacity(3);
+        let of_this_kind = free.iter().filter(|a| a.0 == turn).map(|a| a.1);
+        let free_base: Vec<Vec3<f64>> = of_this_kind.fold(Vec::new(), |mut known, axis| {
+            // two free axes in line (gimbal lock) span one direction only
+            known.extend(perpendicular(axis, &known, 1e-9));
+            known
+        });
+        base.extend(&free_base);
+        for axis in [Vec3([1.0, 0.0, 0.0]), Vec3([0.0, 1.0, 0.0]), Vec3([0.0, 0.0, 1.0])] {
+            // of three unit axes one stands out of any plane by more than half its length
+            if let Some(axis) = perpendicular(axis, &base, 0.5) {
+                base.push(axis);
+                found.push(Prohibited { turn, axis });
+            }
+        }
+    }
+    found
+}
+
+/// The unit part of `axis` perpendicular to an orthonormal `base`, if it is longer than `least`.
+fn perpendicular(axis: Vec3<f64>, base: &[Vec3<f64>], least: f64) -> Option<Vec3<f64>> {
+    let mut rest = axis;
+    for _ in 0..2 {
+        rest = base.iter().fold(rest, |x, b| x + b.times(-b.dot(x)));
+    }
+    let length = rest.norm();
+    (length > least).then(|| rest.times(1.0 / length))
+}

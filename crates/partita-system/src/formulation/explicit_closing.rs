@@ -1,0 +1,474 @@
+//! Explicit closing: 2k states, the loops closed by inverse kinematics, nothing iterated and nothing to correct.
+//!
+//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion; A, η and ξ follow block by block from small
+//! systems (38), the equations of motion from P3, the multipliers of the physical closing conditions from the same blocks
+//! backwards (43). Prefer it for loops that are recognised, with an input that can turn freely: it is the cheapest form,
+//! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
+//! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+
+use super::blocks::Blocks;
+use super::options::FormulationOptions;
+use super::state_coordinates::StateCoordinates;
+use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use crate::kinematics::closing::Closing;
+use crate::partition::{criterion, exchange};
+use crate::system::{ConstrainedSystem, SystemError, Tangent};
+use partita_math::dense;
+
+/// Steps after which the scales are looked at again, and after which a system that had no better inputs is asked again.
+const PERIOD: u32 = 8;
+
+/// The 2k form on an explicit closing.
+///
+/// States: the coordinates of the inputs (the whole quaternion of a ball joint), their velocities, and the work, where
+/// there is any. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a change of
+/// inputs).
+pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
+    system: &'s S,
+    scratch: S::Scratch,
+    rank: usize,
+    k: usize,
+    fixed: Option<Vec<usize>>,
+    exchange: f64,
+    observes_work: bool,
+    states: StateCoordinates,
+    /// None before the start.
+    loops: Option<Loops<'s>>,
+    /// The position last closed, and a copy to come back to when a closing fails half-way.
+    q: Vec<f64>,
+    good: Vec<f64>,
+    qdot: Vec<f64>,
+    phi: Vec<f64>,
+    c: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    dt: Vec<f64>,
+    gamma: Vec<f64>,
+    delta: Vec<f64>,
+    v: Vec<f64>,
+    vdot: Vec<f64>,
+    md: Vec<f64>,
+    md_factor: Vec<f64>,
+    hd: Vec<f64>,
+    s: Vec<f64>,
+    s2: Vec<f64>,
+    force: Vec<f64>,
+    lambda: Vec<f64>,
+    /// A, row by row in the order of the unknowns (r x k).
+    gains: Vec<f64>,
+    steps_since_scales: u32,
+    /// Steps to go before the system is asked for other inputs again.
+    patience: u32,
+    next: Option<Box<dyn Closing + Send + 's>>,
+    events: Vec<PartitionEvent>,
+    counters: FormulationCounters,
+    /// Branches that a closing left on its own: block, time.
+    jumps: Vec<(String, f64)>,
+}
+
+/// A closing in use.
+struct Loops<'s> {
+    closing: Box<dyn Closing + Send + 's>,
+    blocks: Blocks,
+    unknown: Vec<usize>,
+    branches: Vec<i8>,
+}
+
+impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
+    /// For a system of the given rank (see [`crate::start::analyse`]). There must be no nonholonomic rows.
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+        let size = system.size();
+        if size.rows > size.holonomic {
+            return Err(SystemError::Request(format!(
+                "\"explicit-closing\" computes dependent coordinates from independent ones; {} of the {} rows ({}, ...) \
+                 hold for velocities only and determine no coordinate; use \"projective\"",
+                size.rows - size.holonomic,
+                size.rows,
+                system.row_name(size.holonomic)
+            )));
+        }
+        let (n, k) = (size.nv, size.nv - rank);
+        let mut fixed = options.independent.clone();
+        if let Some(inputs) = &mut fixed {
+            inputs.sort_unstable();
+            inputs.dedup();
+            if inputs.len() != k {
+                return Err(SystemError::Request(format!(
+                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom",
+                    inputs.len()
+                )));
+            }
+        }
+        Ok(Self {
+            system,
+            scratch: system.scratch(),
+            rank,
+            k,
+            fixed,
+            exchange: options.exchange,
+            observes_work: system.has_power() || system.rheonomic(),
+            states: StateCoordinates::new(system, k),
+            loops: None,
+            q: vec![0.0; size.nq],
+            good: vec![0.0; size.nq],
+            qdot: vec![0.0; size.nq],
+            phi: vec![0.0; size.holonomic],
+            c: vec![0.0; system.pattern().nnz()],
+            a: vec![0.0; size.rows],
+            b: vec![0.0; size.rows],
+            dt: vec![0.0; n * k],
+            gamma: vec![0.0; n],
+            delta: vec![0.0; n],
+            v: vec![0.0; n],
+            vdot: vec![0.0; n],
+            md: vec![0.0; k * k],
+            md_factor: vec![0.0; k * k],
+            hd: vec![0.0; k],
+            s: vec![1.0; n],
+            s2: vec![1.0; n],
+            force: vec![0.0; n],
+            lambda: vec![0.0; size.rows],
+            gains: vec![0.0; rank * k],
+            steps_since_scales: 0,
+            patience: 0,
+            next: None,
+            events: Vec::new(),
+            counters: FormulationCounters::default(),
+            jumps: Vec::new(),
+        })
+    }
+
+    /// Use a closing from the closed position `self.q` on.
+    fn adopt(&mut self, t: f64, mut closing: Box<dyn Closing + Send + 's>) -> Result<(), SystemError> {
+        closing.close(t, &mut self.q)?;
+        self.system.position(t, &self.q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
+        let blocks = Blocks::new(self.system, closing.inputs(), closing.blocks(), self.rank, &self.c)?;
+        self.states.choose(self.system, closing.inputs());
+        self.dt.fill(0.0);
+        self.gamma.fill(0.0);
+        self.delta.fill(0.0);
+        for (j, &i) in closing.inputs().iter().enumerate() {
+            self.dt[i * self.k + j] = 1.0;
+        }
+        let branches = closing.state().iter().map(|s| s.branch).collect();
+        self.loops = Some(Loops { unknown: blocks.unknown().collect(), blocks, branches, closing });
+        self.counters.plans += 1;
+        self.refresh_scales(t)
+    }
+
+    fn refresh_scales(&mut self, t: f64) -> Result<(), SystemError> {
+        self.system.inverse_mass_diagonal(t, &self.q, &mut self.scratch, &mut self.s2)?;
+        if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
+            return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
+        }
+        self.s.iter_mut().zip(&self.s2).for_each(|(s, s2)| *s = s2.sqrt());
+        Ok(())
+    }
+
+    /// Close, then P1-P3, at the inputs and input velocities in y.
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+        let Some(loops) = &mut self.loops else {
+            return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
+        };
+        let (k, places) = (self.k, self.states.places());
+        self.good.copy_from_slice(&self.q);
+        self.states.scatter(y, &mut self.q);
+        if let Err(e) = loops.closing.close(t, &mut self.q) {
+            self.q.copy_from_slice(&self.good);
+            return Err(e);
+        }
+        self.system.position(t, &self.q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
+        self.counters.factorisations += 1;
+        loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
+            true => {
+                let block = loops.closing.blocks()[b].words.clone();
+                SystemError::Limit { block, t, shortfall: 0.0 }
+            }
+            false => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
+        })?;
+        // one motion per input with the others at rest, and the motion of time alone          (38)
+        let c = &self.c;
+        for j in 0..k {
+            loops.blocks.forward(c, &mut self.dt, |i| i * k + j, |_| 0.0);
+        }
+        if self.system.rheonomic() {
+            loops.blocks.forward(c, &mut self.gamma, |i| i, |row| self.a[row]);
+        }
+        let speeds = &y[places..places + k];
+        for (i, (v, g)) in self.v.iter_mut().zip(&self.gamma).enumerate() {
+            *v = g + dense::dot(&self.dt[i * k..(i + 1) * k], speeds);
+        }
+        self.system.velocity(t, &self.q, &self.v, &mut self.scratch, &mut self.b)?;
+        loops.blocks.forward(c, &mut self.delta, |i| i, |row| self.b[row]);
+        let tangent = Tangent { k, dt: &self.dt, delta: &self.delta };
+        self.system.project(t, &self.q, &self.v, &tangent, &mut self.scratch, &mut self.md, &mut self.hd)?;
+        self.md_factor.copy_from_slice(&self.md);
+        dense::cholesky(&mut self.md_factor, k).map_err(|e| SystemError::Mass {
+            name: self.system.velocity_name(loops.closing.inputs()[e.index]),
+            pivot: e.pivot,
+        })?;
+        dense::cholesky_solve(&self.md_factor, k, &mut self.hd); // v_I'
+        for (i, (x, d)) in self.vdot.iter_mut().zip(&self.delta).enumerate() {
+            *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.hd);
+        }
+        Ok(())
+    }
+
+    /// λ at the last evaluation, left in `self.lambda`.                                     (43)
+    fn multipliers(&mut self, t: f64) -> Result<(), SystemError> {
+        let s = &mut self.scratch;
+        self.system.inverse_dynamics(t, &self.q, &self.v, &self.vdot, s, &mut self.force)?;
+        self.lambda.fill(0.0);
+        if let Some(loops) = &mut self.loops {
+            loops.blocks.backward(&self.c, &mut self.force, &mut self.lambda);
+        }
+        Ok(())
+    }
+
+    /// dE/dt that is not the work of conservative forces.
+    fn power(&mut self, t: f64) -> Result<f64, SystemError> {
+        let mut p = self.system.power(t, &self.q, &self.v, &mut self.scratch)?;
+        if self.system.rheonomic() {
+            self.multipliers(t)?;
+            p -= dense::dot(&self.lambda, &self.a);
+        }
+        Ok(p)
+    }
+
+    fn inputs(&self) -> &[usize] {
+        self.loops.as_ref().map_or(&[], |l| l.closing.inputs())
+    }
+
+    fn quality(&mut self, t: f64) -> Result<criterion::Quality, SystemError> {
+        let (n, k) = (self.v.len(), self.k);
+        let inputs = self.inputs().to_vec();
+        let mut columns = vec![0.0; n * k];
+        self.system.inverse_mass_columns(t, &self.q, &inputs, &mut self.scratch, &mut columns)?;
+        let block: Vec<f64> = inputs.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
+        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
+        Ok(criterion::quality(&self.md, &s2, &block))
+    }
+
+    /// Largest gain that a dependent velocity in the place of an input promises.            (P6)
+    fn best_gain(&mut self) -> f64 {
+        let k = self.k;
+        let Some(loops) = &self.loops else { return 0.0 };
+        for (p, &i) in loops.unknown.iter().enumerate() {
+            self.gains[p * k..(p + 1) * k].copy_from_slice(&self.dt[i * k..(i + 1) * k]);
+        }
+        exchange::best(&self.gains, &self.s, &loops.unknown, loops.closing.inputs()).map_or(0.0, |x| x.gain)
+    }
+
+    /// By how much the volume of the choice grows with other inputs: `|det D_I'| Π s_I / Π s_I'`.      (31)
+    fn growth(&self, inputs: &[usize]) -> f64 {
+        let k = self.k;
+        if inputs.len() != k {
+            return 0.0;
+        }
+        let mut block: Vec<f64> = inputs.iter().flat_map(|&i| self.dt[i * k..(i + 1) * k].iter().copied()).collect();
+        let mut pivots = vec![0; k];
+        if dense::lu(&mut block, k, &mut pivots).is_err() {
+            return 0.0;
+        }
+        let scales = self.inputs().iter().zip(inputs).map(|(&old, &new)| self.s[old] / self.s[new]);
+        scales.fold(dense::lu_determinant(&block, k, &pivots).abs(), |x, s| x * s)
+    }
+
+    fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
+        let quality = self.quality(t)?;
+        let now = self.inputs().to_vec();
+        self.events.push(PartitionEvent {
+            t,
+            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
+            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
+            independent: now,
+            dependent: self.loops.as_ref().map_or_else(Vec::new, |l| l.unknown.clone()),
+            reason,
+            quality,
+        });
+        Ok(())
+    }
+
+    fn names(&self, velocities: &[usize]) -> String {
+        velocities.iter().map(|&i| self.system.velocity_name(i)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// y from `self.q` and `self.v` for the inputs in use; the work is left alone.
+    fn write(&mut self, y: &mut [f64]) {
+        self.states.gather(&self.q, y);
+        let places = self.states.places();
+        for (j, &i) in self.inputs().iter().enumerate() {
+            y[places + j] = self.v[i];
+        }
+    }
+
+    fn note_jumps(&mut self, t: f64) {
+        let Some(loops) = &mut self.loops else { return };
+        for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut loops.branches)
+        {
+            if state.branch != 0 && *kept != 0 && state.branch != *kept {
+                self.jumps.push((block.words.clone(), t));
+            }
+            *kept = state.branch;
+        }
+    }
+}
+
+impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
+    fn name(&self) -> &'static str {
+        "explicit-closing"
+    }
+
+    /// Places for the coordinates of any inputs (k without ball joints), k velocities, and the work if there is any.
+    fn dim(&self) -> usize {
+        self.controlled() + usize::from(self.observes_work)
+    }
+
+    fn controlled(&self) -> usize {
+        self.states.places() + self.k
+    }
+
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        let closing = self.system.closing(t, q, self.fixed.as_deref())?;
+        self.q.copy_from_slice(q);
+        self.adopt(t, closing)?;
+        self.v.copy_from_slice(v);
+        y.fill(0.0);
+        self.write(y);
+        self.evaluate(t, y)?;
+        let reason = match &self.fixed {
+            Some(_) => "inputs fixed by the user".to_string(),
+            None => "inputs that close the loops explicitly".to_string(),
+        };
+        self.log(t, &[], reason)
+    }
+
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.evaluate(t, y)?;
+        let (places, k) = (self.states.places(), self.k);
+        self.system.rate(&self.q, &self.v, &mut self.qdot);
+        self.states.gather_rates(&self.qdot, dy);
+        dy[places..places + k].copy_from_slice(&self.hd);
+        if self.observes_work {
+            dy[places + k] = self.power(t)?;
+        }
+        Ok(())
+    }
+
+    fn correct(&mut self, _t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+        self.states.scatter(y, &mut self.q);
+        self.system.normalise(&mut self.q);
+        if self.states.agree(&self.q, y) {
+            return Ok(false);
+        }
+        self.states.gather(&self.q, y);
+        Ok(true)
+    }
+
+    fn review(&mut self, t: f64, _y: &[f64]) -> Review {
+        self.note_jumps(t);
+        self.next = None;
+        if self.fixed.is_some() || self.k == 0 || self.rank == 0 {
+            return Review::Keep;
+        }
+        self.steps_since_scales += 1;
+        if self.steps_since_scales >= PERIOD {
+            self.steps_since_scales = 0;
+            // a failure here would be met by the next evaluation too, which reports it; the old scales serve till then
+            let _ = self.refresh_scales(t);
+        }
+        self.patience = self.patience.saturating_sub(1);
+        if self.best_gain() <= self.exchange || self.patience > 0 {
+            return Review::Keep;
+        }
+        self.patience = PERIOD;
+        // a system that knows no closing here keeps the one in use, which reports its own limits
+        let Ok(next) = self.system.closing(t, &self.q, None) else { return Review::Keep };
+        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
+            return Review::Keep;
+        }
+        self.next = Some(next);
+        Review::Change
+    }
+
+    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        let Some(next) = self.next.take() else { return Ok(()) };
+        // outputs may have been evaluated since: come back to the end of the step
+        self.evaluate(t, y)?;
+        let before = self.inputs().to_vec();
+        let growth = self.growth(next.inputs());
+        let (from, to) = (self.names(&before), self.names(next.inputs()));
+        self.adopt(t, next)?;
+        self.counters.exchanges += 1;
+        self.write(y);
+        self.derivative(t, y, dy)?;
+        let reason = format!("{to} take the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
+        self.log(t, &before, reason)
+    }
+
+    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.derivative(t, y, dy)
+    }
+
+    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+        let (places, k) = (self.states.places(), self.k);
+        let mut y = y.to_vec();
+        self.correct(t, &mut y)?;
+        self.evaluate(t, &y)?;
+        self.multipliers(t)?;
+        let largest = |m: f64, x: f64| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) };
+        let pattern = self.system.pattern();
+        let rate = |i: usize| pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
+        out.t = t;
+        out.closure = self.phi.iter().copied().fold(0.0, largest);
+        out.velocity_closure = (0..self.a.len()).map(rate).fold(0.0, largest);
+        out.q = self.q.clone();
+        out.v = self.v.clone();
+        out.vdot = self.vdot.clone();
+        out.multipliers = self.lambda.clone();
+        out.independent = self.inputs().to_vec();
+        out.work = if self.observes_work { y[places + k] } else { 0.0 };
+        let mut s2 = vec![0.0; self.v.len()];
+        self.system.inverse_mass_diagonal(t, &self.q, &mut self.scratch, &mut s2)?;
+        out.measure.resize(s2.len(), 0.0);
+        criterion::measure_tangent(&self.dt, k, &self.md_factor, &s2, &mut vec![0.0; k], &mut out.measure);
+        let quality = self.quality(t)?;
+        (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
+        Ok(())
+    }
+
+    fn events(&self) -> &[PartitionEvent] {
+        &self.events
+    }
+
+    fn counters(&self) -> FormulationCounters {
+        self.counters
+    }
+
+    fn rows(&self) -> Vec<usize> {
+        let mut rows: Vec<usize> = self.loops.iter().flat_map(|l| l.blocks.rows()).collect();
+        rows.sort_unstable();
+        rows
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let Some(loops) = &self.loops else { return Vec::new() };
+        let words = loops.closing.blocks().iter().zip(loops.closing.state()).map(|(block, state)| {
+            let how = if block.explicit { "in closed form" } else { "by Newton's method" };
+            match state.branch {
+                0 => format!("{} {how}", block.words),
+                sign => format!("{} {how}, branch {sign:+}", block.words),
+            }
+        });
+        let words: Vec<String> = words.collect();
+        let mut notes = Vec::new();
+        if !words.is_empty() {
+            let inputs = self.names(self.inputs());
+            notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {}", words.join("; ")));
+        }
+        for (block, t) in self.jumps.iter().take(6) {
+            notes.push(format!("{block} changed its branch in the step before t = {t}: the motion jumped there"));
+        }
+        notes
+    }
+}

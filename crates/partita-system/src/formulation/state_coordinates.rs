@@ -1,0 +1,70 @@
+//! Which coordinates are states when the others follow from them: those of the independent velocities.
+
+use crate::system::ConstrainedSystem;
+
+/// The coordinates that belong to k independent velocities, as leading states.
+///
+/// A velocity with a coordinate of its own brings that one. One of a turn in space brings the whole quaternion: its
+/// four numbers have no meaning one by one. The number of states then depends on the choice; the longest list decides
+/// how many places there are, and places not in use hold 1, whose relative tolerance is never zero, and stay there.
+pub(super) struct StateCoordinates {
+    places: usize,
+    list: Vec<usize>,
+}
+
+impl StateCoordinates {
+    /// Places for any choice of k velocities.
+    pub(super) fn new<S: ConstrainedSystem>(system: &S, k: usize) -> Self {
+        let ranges: Vec<_> = (0..system.size().nv).map(|i| system.coordinates_of(i)).collect();
+        let mut longer: Vec<usize> = Vec::new(); // numbers a choice gains by one velocity out of each turn in space
+        for (i, r) in ranges.iter().enumerate() {
+            if r.len() > 1 && ranges[..i].iter().all(|other| other != r) {
+                longer.push(r.len() - 1);
+            }
+        }
+        longer.sort_unstable_by(|a, b| b.cmp(a));
+        let places = (k + longer.iter().take(k).sum::<usize>()).min(system.size().nq);
+        Self { places, list: Vec::with_capacity(places) }
+    }
+
+    /// Number of places.
+    pub(super) fn places(&self) -> usize {
+        self.places
+    }
+
+    /// Take the coordinates of these velocities.
+    pub(super) fn choose<S: ConstrainedSystem>(&mut self, system: &S, independent: &[usize]) {
+        self.list.clear();
+        for &i in independent {
+            for c in system.coordinates_of(i) {
+                if !self.list.contains(&c) {
+                    self.list.push(c);
+                }
+            }
+        }
+    }
+
+    /// States from q.
+    pub(super) fn gather(&self, q: &[f64], y: &mut [f64]) {
+        let (used, rest) = y[..self.places].split_at_mut(self.list.len());
+        used.iter_mut().zip(&self.list).for_each(|(y, &c)| *y = q[c]);
+        rest.fill(1.0);
+    }
+
+    /// Rates of the states from q'.
+    pub(super) fn gather_rates(&self, qdot: &[f64], dy: &mut [f64]) {
+        let (used, rest) = dy[..self.places].split_at_mut(self.list.len());
+        used.iter_mut().zip(&self.list).for_each(|(y, &c)| *y = qdot[c]);
+        rest.fill(0.0);
+    }
+
+    /// Put the states into q.
+    pub(super) fn scatter(&self, y: &[f64], q: &mut [f64]) {
+        self.list.iter().zip(y).for_each(|(&c, y)| q[c] = *y);
+    }
+
+    /// Does y hold these coordinates of q, bit by bit?
+    pub(super) fn agree(&self, q: &[f64], y: &[f64]) -> bool {
+        self.list.iter().zip(y).all(|(&c, y)| q[c].to_bits() == y.to_bits())
+    }
+}

@@ -1,0 +1,226 @@
+//! Classical coordinate partitioning: 2k states, the dependent coordinates by Newton's method in every evaluation.
+//!
+//! States are the independent coordinates and velocities; at each stage `Φ(q, t) = 0` is solved for q_D from the last
+//! solution, q_I untouched (34), and the rest is P1-P3 as in the compact form. Same motion and same order of error as
+//! that one, at one to three solves more per stage. Prefer it where forces, tables or events must never see an open loop,
+//! or where the number of states counts. (Wehage, Haug 1982; catalogue row 3.)
+//!
+//! Where the drift ends is the whole difference to [`Projective`], which does the rest here too: choice, exchange, events.
+
+use super::projective::{Projective, ProjectiveOptions};
+use super::state_coordinates::StateCoordinates;
+use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// Newton's method from a neighbouring solution needs two or three iterations; far off it doubles its digits late.
+const MOST_ITERATIONS: u64 = 12;
+/// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
+const ROUND_OFF: f64 = 1e4;
+
+/// The 2k form with closed stages.
+///
+/// States: the coordinates of the independent velocities, v_I and the work, where there is any. A ball joint's whole
+/// quaternion is a state as soon as one of its velocities is independent; closing turns it by what the dependent ones
+/// need, and the turned one is written back after a step. Because of that the number of states is counted for the choice
+/// that needs most, see [`dim`](Formulation::dim); without ball joints it is 2k.
+pub struct WehageHaug<'s, S: ConstrainedSystem> {
+    system: &'s S,
+    inner: Projective<'s, S>,
+    states: StateCoordinates,
+    /// (q, v_I, work) of the compact form: q from the last solution.
+    full: Vec<f64>,
+    dfull: Vec<f64>,
+    /// q at the end of the last step, to start over from.
+    home: Vec<f64>,
+    iterations: u64,
+}
+
+impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
+    /// For a system of the given rank (see [`crate::start::analyse`]). There must be no nonholonomic rows.
+    ///
+    /// `options.correction` has no effect: there is nothing left to correct.
+    pub fn new(system: &'s S, rank: usize, options: ProjectiveOptions) -> Result<Self, SystemError> {
+        let size = system.size();
+        if size.rows > size.holonomic {
+            return Err(SystemError::Request(format!(
+                "\"wehage-haug\" integrates as many coordinates as velocities, which needs constraints that hold for \
+                 positions; {} of the {} rows ({}, ...) hold for velocities only; use \"projective\"",
+                size.rows - size.holonomic,
+                size.rows,
+                system.row_name(size.holonomic)
+            )));
+        }
+        let inner = Projective::new(system, rank, options);
+        let full = vec![0.0; inner.dim()];
+        Ok(Self {
+            system,
+            states: StateCoordinates::new(system, size.nv - rank),
+            dfull: full.clone(),
+            full,
+            inner,
+            home: vec![0.0; size.nq],
+            iterations: 0,
+        })
+    }
+
+    fn nq(&self) -> usize {
+        self.home.len()
+    }
+
+    /// y from `self.full`, for the current choice.
+    fn write(&self, y: &mut [f64]) {
+        let (nq, places) = (self.nq(), self.states.places());
+        self.states.gather(&self.full[..nq], y);
+        y[places..].copy_from_slice(&self.full[nq..]);
+    }
+
+    /// `self.full` from y, its dependent coordinates solved for.
+    fn read(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+        let (nq, places) = (self.nq(), self.states.places());
+        self.full[nq..].copy_from_slice(&y[places..]);
+        self.states.scatter(y, &mut self.full[..nq]);
+        if self.newton(t).is_ok() {
+            return Ok(());
+        }
+        // the last solution may be that of a stage far off: once more from the end of the last step
+        self.full[..nq].copy_from_slice(&self.home);
+        self.states.scatter(y, &mut self.full[..nq]);
+        let closed = self.newton(t);
+        if closed.is_err() {
+            self.full[..nq].copy_from_slice(&self.home);
+        }
+        closed
+    }
+
+    /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
+    fn newton(&mut self, t: f64) -> Result<(), SystemError> {
+        let nq = self.nq();
+        let (q, r) = (&mut self.full[..nq], self.inner.reduction());
+        r.position(t, q)?;
+        let mut last = f64::INFINITY;
+        for _ in 0..MOST_ITERATIONS {
+            let (open, _) = r.openness();
+            if r.is_closed() || (open <= ROUND_OFF && open > 0.5 * last) {
+                return Ok(());
+            }
+            if !open.is_finite() {
+                return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
+            }
+            last = open;
+            r.factor(t)?;
+            if !r.correct_dependent(q) {
+                return Ok(()); // what is left would be amplified, not removed
+            }
+            self.iterations += 1;
+            r.position(t, q)?;
+        }
+        let (open, row) = r.openness();
+        if open <= ROUND_OFF {
+            return Ok(());
+        }
+        let name = self.system.row_words(row);
+        let block = format!("{name} (Newton's method for the dependent coordinates, {MOST_ITERATIONS} iterations)");
+        Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
+    }
+
+    /// `self.dfull` as rates of the states.
+    fn write_rates(&self, dy: &mut [f64]) {
+        let (nq, places) = (self.nq(), self.states.places());
+        self.states.gather_rates(&self.dfull[..nq], dy);
+        dy[places..].copy_from_slice(&self.dfull[nq..]);
+    }
+
+    fn choose(&mut self) {
+        let independent = &self.inner.reduction().partition.independent;
+        self.states.choose(self.system, independent);
+    }
+}
+
+impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
+    fn name(&self) -> &'static str {
+        "wehage-haug"
+    }
+
+    /// Places for the coordinates of any choice (k without ball joints), k velocities, and the work if there is any.
+    fn dim(&self) -> usize {
+        self.states.places() + self.full.len() - self.nq()
+    }
+
+    fn controlled(&self) -> usize {
+        self.states.places() + self.inner.controlled() - self.nq()
+    }
+
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.start(t, q, v, &mut self.full)?;
+        self.home.copy_from_slice(q);
+        self.choose();
+        self.write(y);
+        Ok(())
+    }
+
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.read(t, y)?;
+        self.inner.derivative(t, &self.full, &mut self.dfull)?;
+        self.write_rates(dy);
+        Ok(())
+    }
+
+    fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+        self.read(t, y)?;
+        let nq = self.nq();
+        self.system.normalise(&mut self.full[..nq]);
+        if self.states.agree(&self.full[..nq], y) {
+            return Ok(false);
+        }
+        self.write(y); // a quaternion was turned or brought to length 1
+        Ok(true)
+    }
+
+    fn review(&mut self, t: f64, _y: &[f64]) -> Review {
+        let nq = self.nq();
+        self.home.copy_from_slice(&self.full[..nq]);
+        self.inner.review(t, &self.full)
+    }
+
+    fn distance(&self) -> Option<(f64, u64)> {
+        self.inner.distance()
+    }
+
+    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.read(t, y)?; // outputs may have been evaluated since
+        self.inner.change(t, &mut self.full, &mut self.dfull)?;
+        self.choose();
+        self.write(y);
+        self.derivative(t, y, dy)
+    }
+
+    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.read(t, y)?;
+        self.inner.recover(t, &mut self.full, &mut self.dfull)?;
+        self.choose();
+        self.write(y);
+        self.write_rates(dy);
+        Ok(())
+    }
+
+    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+        self.read(t, y)?;
+        self.inner.sample(t, &self.full, out)
+    }
+
+    fn events(&self) -> &[PartitionEvent] {
+        self.inner.events()
+    }
+
+    fn counters(&self) -> FormulationCounters {
+        FormulationCounters { iterations: self.iterations, ..self.inner.counters() }
+    }
+
+    fn rows(&self) -> Vec<usize> {
+        self.inner.rows()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.inner.notes()
+    }
+}
