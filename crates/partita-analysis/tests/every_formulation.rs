@@ -74,7 +74,6 @@ fn all_give_the_same_accelerations_and_reactions() {
         on_random_mechanisms(31 + u64::from(planar), COUNT, wishes, |_, model, m| {
             let options = FormulationOptions {
                 baumgarte: Some((4.0, 4.0)), // at a closed position there is nothing to stabilise
-                window: Some(1.0),
                 tangent: Some(Arc::new(tangent_at(model, m))),
                 ..FormulationOptions::default()
             };

@@ -132,7 +132,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             self.x.solve(&mut self.rhs);
             let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
             let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
-            if moved <= 4.0 * f64::EPSILON * far || (moved < STALLED * far && moved > 0.25 * before) {
+            let settled = moved <= 4.0 * f64::EPSILON * far && self.x.r.is_closed();
+            if settled || (moved < STALLED * far && moved > 0.25 * before) {
                 if !self.balls.is_empty() {
                     self.x.factor(t)?;
                 }
