@@ -107,7 +107,7 @@ def choose(
 
             To compare with, decided by the units at hand:
 
-            * "determinant": largest \|det C_D\|, searched as above.
+            * "determinant": largest determinant of C_D, searched as above.
             * "complete-pivoting": Gauss elimination with complete pivoting; the columns of the pivots are dependent.
         threshold: for "collective": a dependent coordinate replaces an independent one when this multiplies the
             volume of the choice by more than `threshold`; at least 1. With 1 no single exchange can improve the

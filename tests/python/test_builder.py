@@ -701,7 +701,7 @@ def test_rules_of_choice() -> None:
         assert len(set(choice.independent) & {0, 1}) == 1
         assert choice.sigma == pytest.approx(1 / math.sqrt(3))
         assert np.abs(choice.D @ np.transpose(rows)).max() < 1e-14
-    with pytest.raises(pt.errors.SingularityError, match="coordinate 0, coordinate 1.*C_D is singular"):
+    with pytest.raises(pt.errors.SingularityError, match=r"coordinate 0, coordinate 1.*C_D is singular"):
         pt.partition.choose(np.eye(5), rows, selection="individual")
     with pytest.raises(ArgumentError, match="coordinate 0, coordinate 1 cannot be independent"):
         pt.partition.choose(np.eye(5), rows, fixed=[0, 1])

@@ -56,7 +56,7 @@ struct AtOneState {
 }
 
 impl AtOneState {
-    fn new<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
+    fn map<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
         let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
         start::choose_partition(&mut r, t, q, None, None).unwrap();
         let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
@@ -138,7 +138,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     let s: Vec<f64> = s2.iter().map(|x| x.sqrt()).collect();
     let inverse: Vec<f64> = s.iter().map(|x| 1.0 / x).collect();
     let mut done = 0;
-    let tangent = AtOneState::new(system, t, q, v);
+    let tangent = AtOneState::map(system, t, q, v);
     for &(name, needs, full) in TABLE {
         let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
@@ -210,7 +210,7 @@ fn accelerations_and_reactions_of_mechanisms() {
 fn regression_values_of_the_four_bar() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
-    let tangent = AtOneState::new(&system, 0.0, &q, &v);
+    let tangent = AtOneState::map(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
@@ -293,7 +293,7 @@ fn what_is_not_finite_is_refused() {
     for &(name, needs, _) in TABLE {
         let system = ByHand::new(Angles);
         let (q, v) = Angles::start();
-        let tangent = AtOneState::new(&system, 0.0, &q, &v);
+        let tangent = AtOneState::map(&system, 0.0, &q, &v);
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let mut y = vec![0.0; f.dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();
