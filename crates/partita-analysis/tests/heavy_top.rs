@@ -11,7 +11,10 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Body, JointKind, Spec};
 use partita_model::Model;
 use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::registry;
+use partita_system::formulation::tangent_space::TangentSpace;
 use partita_system::formulation::wehage_haug::WehageHaug;
 use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::ConstrainedSystem;
@@ -186,5 +189,82 @@ fn two_k_states_with_a_quaternion() {
         samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{:e}", s.closure));
         assert_eq!(f.counters().exchanges > 0, exchange < 1.1, "{exchange}: {}", f.counters().exchanges);
         assert!(f.counters().iterations > 0);
+    }
+}
+
+/// Frozen tangent velocities and tangent charts: a ball is not the integral of its velocities, and the chart has to know.
+#[test]
+fn tangent_forms_tumble_alike() {
+    const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
+    let (absolute, relative) = both();
+    let ((q, v), (q0, v0)) = start(&absolute, &relative);
+    assert!((0..3).all(|i| relative.coordinates_of(i) == (0..4)));
+    let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
+    let exact = march(&mut Projective::new(&relative, 0, ProjectiveOptions::default()), &q0, &v0, &at, None);
+    let exact = states(&relative, &exact);
+    let options = FormulationOptions::default();
+    for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"] {
+        // the top with its foot to close, and the joint's own coordinates (nothing to close, the chart is the ball's)
+        for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
+            let make = || registry::by_name(name, model, rank, &options).unwrap();
+            let mut f = make();
+            let samples = march(&mut f, q, v, &at, None);
+            let off = largest(&states(model, &samples), &exact);
+            assert!(off < 1e-9, "{name}, rank {rank}: {off:e}");
+            if name == "tangent-space" {
+                assert_eq!(f.controlled(), 6);
+                let turned = f.events().iter().filter(|e| e.reason.contains("ball")).count();
+                // with the foot to close the basis decays about as fast as the ball turns
+                assert!(turned >= 1 && f.events().len() >= 5, "{:?}", f.events());
+            }
+            let errors = STEPS.map(|h| {
+                let samples = march(&mut make(), q, v, &at, Some(h));
+                samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-12));
+                largest(&states(model, &samples), &exact)
+            });
+            let p = slope(&STEPS, &errors);
+            assert!((p - 4.0).abs() < 0.2, "{name}, rank {rank}: order {p} from {errors:?}");
+        }
+    }
+}
+
+/// Far out in its chart, at speeds of its own: p' against differences of p along the motion it stands for.
+#[test]
+fn a_chart_of_turns_moves_as_its_ball_turns() {
+    let (absolute, relative) = both();
+    let ((q, v), (q0, v0)) = start(&absolute, &relative);
+    for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
+        let mut f = TangentSpace::new(model, rank, 0.5).unwrap();
+        let mut y = vec![0.0; 6 + usize::from(model.has_power())];
+        f.start(0.0, q, v, &mut y).unwrap();
+        // Θ of a few tenths up to more than two
+        for size in [0.1, 0.4, 0.8] {
+            y[..3].copy_from_slice(&[0.5 * size, -size, 0.7 * size]);
+            let mut dy = vec![0.0; y.len()];
+            f.derivative(0.0, &y, &mut dy).unwrap();
+            let (middle, v) = (f.position().to_vec(), f.selector().r.v.clone());
+            // rotation and place a little further along p', against the turn by ω and the step by v
+            let h = 1e-4;
+            let mut along = |s: f64| {
+                let mut y = y.clone();
+                (0..3).for_each(|j| y[j] += s * dy[j]);
+                f.derivative(0.0, &y, &mut vec![0.0; y.len()]).unwrap();
+                let b = bodies(model, f.position(), &v)[0];
+                b.rotation.0.into_iter().flatten().chain(b.position.0).collect::<Vec<f64>>()
+            };
+            let (plus, minus) = (along(h), along(-h));
+            let moved = |s: f64| {
+                let mut q = middle.clone();
+                model.step(&mut q, &v.iter().map(|v| s * v).collect::<Vec<f64>>());
+                let b = bodies(model, &q, &v)[0];
+                b.rotation.0.into_iter().flatten().chain(b.position.0).collect::<Vec<f64>>()
+            };
+            let (forward, backward) = (moved(h), moved(-h));
+            for i in 0..12 {
+                let (x, y) = ((plus[i] - minus[i]) / (2.0 * h), (forward[i] - backward[i]) / (2.0 * h));
+                // h² times third derivatives of some hundred
+                assert!((x - y).abs() < 1e-5 * (1.0 + y.abs()), "{x} {y} at {size}");
+            }
+        }
     }
 }

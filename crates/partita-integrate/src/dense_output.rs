@@ -56,7 +56,8 @@ impl DenseOutput {
             f1[i] = h * f_old[i] - delta;
             f2[i] = 2.0 * delta - h * (f_old[i] + f_new[i]);
         }
-        for (row, f) in self.rows.iter().zip(rest.chunks_exact_mut(n)) {
+        // a mechanism without a degree of freedom has a state without components
+        for (row, f) in self.rows.iter().zip(rest.chunks_exact_mut(n.max(1))) {
             row.scaled(stages, h, f);
         }
         self.ready = true;

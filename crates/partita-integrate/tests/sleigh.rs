@@ -7,7 +7,7 @@ use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::multipliers::Multipliers;
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::registry::by_name;
+use partita_system::formulation::registry;
 use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::SystemError;
 
@@ -210,7 +210,7 @@ fn both_formulations_pull_the_rod_alike() {
 fn two_k_states_need_positions() {
     let system = ByHand::new(Sleigh { rod: true });
     for name in ["wehage-haug", "explicit-closing"] {
-        match by_name(name, &system, 3, &FormulationOptions::default()) {
+        match registry::by_name(name, &system, 3, &FormulationOptions::default()) {
             Err(SystemError::Request(message)) => assert!(message.contains("velocities only"), "{message}"),
             Err(other) => panic!("{other}"),
             Ok(_) => panic!("{name} was accepted"),
@@ -223,9 +223,37 @@ fn two_k_states_need_positions() {
     for name in ["multipliers", "range-space", "proximal"] {
         for correction in [Correction::Partition, Correction::MassOrthogonal] {
             let options = FormulationOptions { correction, ..FormulationOptions::default() };
-            let y = march(&mut by_name(name, &system, 3, &options).unwrap(), &q, &v, &at, &reference(3.0));
+            let y = march(&mut registry::by_name(name, &system, 3, &options).unwrap(), &q, &v, &at, &reference(3.0));
             assert!(distance(&x, &y) < 1e-10, "{name}: {:e}", distance(&x, &y));
             y.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{name}"));
         }
     }
+}
+
+/// Frozen tangent velocities with a row that has no position; the chart of positions refuses it by its name.
+#[test]
+fn tangent_velocities_pull_the_rod_alike() {
+    const STEPS: [f64; 4] = [0.01, 0.005, 0.0025, 0.00125];
+    let system = ByHand::new(Sleigh { rod: true });
+    let (q, v) = system.equations.start(-1.0, 2.5);
+    let at = times(0.3, 10);
+    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
+    for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt"] {
+        for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
+            let options = FormulationOptions { correction, renew: 0.8, ..FormulationOptions::default() };
+            let make = || registry::by_name(name, &system, 3, &options).unwrap();
+            let samples = march(&mut make(), &q, &v, &at, &reference(3.0));
+            assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
+            for (x, y) in samples.iter().zip(&exact) {
+                x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{x} {y}"));
+                assert!(x.velocity_closure < 1e-13);
+                assert!(correction == Correction::None || x.closure < 1e-14, "{:e}", x.closure);
+            }
+            let errors = STEPS.map(|h| distance(&march(&mut make(), &q, &v, &at, &grid(3.0, h)), &exact));
+            let p = slope(&STEPS, &errors);
+            assert!((p - 4.0).abs() < 0.2, "{name}, {correction:?}: order {p} from {errors:?}");
+        }
+    }
+    let refused = registry::by_name("tangent-space", &system, 3, &FormulationOptions::default()).err().unwrap();
+    assert!(refused.to_string().contains("constraint 2") && refused.to_string().contains("nonholonomic"), "{refused}");
 }

@@ -2,16 +2,17 @@
 
 mod mechanisms;
 
-use mechanisms::{distance, grid, march, reference, run, slope, times, FourBar, Pendulum, GROUND, LENGTHS};
+use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, Pendulum, GROUND, LENGTHS};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::gram_schmidt::GramSchmidt;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::projective::ProjectiveOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::selector::Selector;
 use partita_system::formulation::tangent_space::TangentSpace;
 use partita_system::formulation::{Correction, Formulation};
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::sync::Arc;
 
 const NAMES: [&str; 5] = ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"];
 /// Steps in the range where the leading error term rules and round-off does not.
@@ -120,7 +121,7 @@ fn decay_of_a_frozen_basis() {
     let mut x = Selector::new(&system, 8, Box::new(GramSchmidt));
     let at = |degrees: f64| {
         let crank = 0.8 + degrees.to_radians();
-        let [a, b] = mechanisms::Angles::close(crank);
+        let [a, b] = Angles::close(crank);
         let (mut q, mut p) = (vec![], [0.0, 0.0]);
         for (l, f) in LENGTHS.iter().zip([crank, a, b]) {
             q.extend([p[0] + 0.5 * l * f.cos(), p[1] + 0.5 * l * f.sin(), f]);
@@ -190,6 +191,238 @@ fn a_shaken_pivot() {
     }
 }
 
+/// Angular speed of the pendulum about its pivot, with or without its bias.
+struct AboutThePivot {
+    pendulum: Pendulum,
+    bias: bool,
+}
+
+impl TangentMap for AboutThePivot {
+    fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
+        dt.copy_from_slice(&[-q[1], q[0] - self.pendulum.pivot(t)[0]]);
+        Ok(())
+    }
+    fn offset(&self, t: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma.copy_from_slice(&[self.pendulum.pivot(t)[1], 0.0]);
+        Ok(())
+    }
+    fn bias(&self, t: f64, q: &[f64], v: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
+        let [p, u, a] = self.pendulum.pivot(t);
+        let (x, y) = (q[0] - p, q[1]);
+        let speed = (x * v[1] - y * (v[0] - u)) / (x * x + y * y);
+        delta.copy_from_slice(&[-v[1] * speed + a, (v[0] - u) * speed]);
+        Ok(self.bias)
+    }
+}
+
+/// The four-bar along its own tangent, t_i = l_j l_k sin(φ_k − φ_j): healthy at every crank angle.
+struct AlongTheBars;
+
+impl TangentMap for AlongTheBars {
+    fn tangent(&self, _: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
+        for i in 0..3 {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            dt[i] = LENGTHS[j] * LENGTHS[k] * (q[k] - q[j]).sin();
+        }
+        Ok(())
+    }
+}
+
+/// Closed forms by the user: order 4 and the motion of the other forms, with a bias of theirs or one found by differences.
+#[test]
+fn tangent_velocities_of_the_user() {
+    const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
+    let p = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
+    let system = ByHand::new(p);
+    let (q, v) = (vec![0.6, -0.8], vec![p.pivot(0.0)[1] + 0.8 * 7.0, 0.6 * 7.0]);
+    let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
+    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    for bias in [true, false] {
+        let tangent: Arc<dyn TangentMap> = Arc::new(AboutThePivot { pendulum: p, bias });
+        for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
+            let options =
+                FormulationOptions { correction, tangent: Some(tangent.clone()), ..FormulationOptions::default() };
+            let make = || registry::by_name("user-tangent", &system, 1, &options).unwrap();
+            let errors = STEPS.map(|h| {
+                let mut f = make();
+                let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
+                let told = f.notes();
+                assert_eq!(told.is_empty(), bias, "{told:?}");
+                distance(&samples, &exact)
+            });
+            let slope = slope(&STEPS, &errors);
+            assert!((slope - 4.0).abs() < 0.2, "{bias}, {correction:?}: order {slope} from {errors:?}");
+            if correction == Correction::None {
+                continue; // the loop opens with the drift
+            }
+            let samples = march(&mut make(), &q, &v, &at, &reference(2.0));
+            // differences leave 1e-14 of a velocity over 1e-2 of a move in each evaluation
+            assert!(distance(&samples, &exact) < 1e-9, "{bias}: {:e}", distance(&samples, &exact));
+            for s in &samples {
+                assert!(s.closure < 1e-14 && s.velocity_closure < 1e-12);
+                assert!((p.energy(s) - s.work - p.energy(&samples[0])).abs() < 1e-8);
+            }
+        }
+    }
+    let system = ByHand::new(Angles);
+    let (q, v) = Angles::start();
+    let at = times(0.25, 8);
+    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let options = FormulationOptions { tangent: Some(Arc::new(AlongTheBars)), ..FormulationOptions::default() };
+    let mut f = registry::by_name("user-tangent", &system, 2, &options).unwrap();
+    let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+    assert!(distance(&samples, &exact) < 1e-9, "{:e}", distance(&samples, &exact));
+    for (x, y) in samples.iter().zip(&exact) {
+        x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-7, "{x} {y}"));
+    }
+}
+
+/// A mass on a line whose place is prescribed, sin(ω t): nothing is free to move.
+struct Prescribed {
+    frequency: f64,
+}
+
+impl Equations for Prescribed {
+    fn n(&self) -> usize {
+        1
+    }
+    fn rows(&self) -> usize {
+        1
+    }
+    fn holonomic(&self) -> usize {
+        1
+    }
+    fn name(&self, _: usize) -> String {
+        "x".into()
+    }
+    fn rheonomic(&self) -> bool {
+        self.frequency != 0.0
+    }
+    fn mass(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = 2.0;
+        Ok(())
+    }
+    fn forces(&self, _: f64, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = -3.0;
+        Ok(())
+    }
+    fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = q[0] - (self.frequency * t).sin();
+        Ok(())
+    }
+    fn jacobian(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = 1.0;
+        Ok(())
+    }
+    fn rate(&self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = -self.frequency * (self.frequency * t).cos();
+        Ok(())
+    }
+    fn bias(&self, t: f64, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        out[0] = self.frequency * self.frequency * (self.frequency * t).sin();
+        Ok(())
+    }
+}
+
+/// Its tangent: none, and the velocity that is prescribed.
+impl TangentMap for Prescribed {
+    fn tangent(&self, _: f64, _: &[f64], _: &mut [f64]) -> Result<(), SystemError> {
+        Ok(())
+    }
+    fn offset(&self, t: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma[0] = self.frequency * (self.frequency * t).cos();
+        Ok(())
+    }
+}
+
+/// No degree of freedom at all: the motion is the drive's, or rest, and λ holds it there.
+#[test]
+fn without_a_degree_of_freedom() {
+    for frequency in [2.0, 0.0] {
+        let system = ByHand::new(Prescribed { frequency });
+        let tangent: Arc<dyn TangentMap> = Arc::new(Prescribed { frequency });
+        let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
+        let at = times(0.1, 10);
+        for name in NAMES.into_iter().chain(["user-tangent"]) {
+            let mut f = registry::by_name(name, &system, 1, &options).unwrap();
+            for s in march(&mut f, &[0.0], &[frequency], &at, &reference(1.0)) {
+                let (sin, cos) = (frequency * s.t).sin_cos();
+                assert!((s.q[0] - sin).abs() < 1e-13 && (s.v[0] - frequency * cos).abs() < 1e-13, "{name}");
+                // M x'' = h + λ; the bias by differences is good to 1e-10
+                let force = 3.0 - 2.0 * frequency * frequency * sin;
+                assert!((s.multipliers[0] - force).abs() < 1e-9, "{name}: {} {force}", s.multipliers[0]);
+            }
+        }
+    }
+}
+
+/// A pendulum whose rod is written down twice: one of the rows is dropped, the motion is the same.
+#[test]
+fn a_redundant_row() {
+    struct Twice(Pendulum);
+    impl Equations for Twice {
+        fn n(&self) -> usize {
+            2
+        }
+        fn rows(&self) -> usize {
+            2
+        }
+        fn holonomic(&self) -> usize {
+            2
+        }
+        fn name(&self, i: usize) -> String {
+            self.0.name(i)
+        }
+        fn rheonomic(&self) -> bool {
+            false
+        }
+        fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.mass(t, q, out)
+        }
+        fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.forces(t, q, v, out)
+        }
+        fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.constraints(t, q, &mut out[..1])?;
+            out[1] = -3.0 * out[0];
+            Ok(())
+        }
+        fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.jacobian(t, q, &mut out[..2])?;
+            (out[2], out[3]) = (-3.0 * out[0], -3.0 * out[1]);
+            Ok(())
+        }
+        fn rate(&self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            out.fill(0.0);
+            Ok(())
+        }
+        fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+            self.0.bias(t, q, v, &mut out[..1])?;
+            out[1] = -3.0 * out[0];
+            Ok(())
+        }
+    }
+    let once = ByHand::new(Pendulum::RESTING_PIVOT);
+    let twice = ByHand::new(Twice(Pendulum::RESTING_PIVOT));
+    let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
+    let at = times(0.2, 10);
+    let exact = run(&once, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let tangent: Arc<dyn TangentMap> = Arc::new(AboutThePivot { pendulum: Pendulum::RESTING_PIVOT, bias: false });
+    let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
+    for name in NAMES.into_iter().chain(["user-tangent"]) {
+        let mut f = registry::by_name(name, &twice, 1, &options).unwrap();
+        let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+        assert_eq!(f.rows().len(), 1);
+        assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
+        for (x, y) in samples.iter().zip(&exact) {
+            // one of the rows carries it all
+            let carried = x.multipliers[0] - 3.0 * x.multipliers[1];
+            assert!((carried - y.multipliers[0]).abs() < 1e-8, "{name}");
+            assert!(x.closure < 1e-14);
+        }
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused_in_words() {
     let system = ByHand::new(FourBar);
@@ -198,4 +431,6 @@ fn what_cannot_be_is_refused_in_words() {
         let refused = registry::by_name("svd", &system, 8, &options).err().unwrap().to_string();
         assert!(refused.contains("renew") && refused.contains("0..1"), "{refused}");
     }
+    let refused = registry::by_name("user-tangent", &system, 8, &FormulationOptions::default()).err().unwrap();
+    assert!(refused.to_string().contains("tangent="), "{refused}");
 }

@@ -112,16 +112,13 @@ pub enum SystemError {
         shortfall: f64,
     },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
-    #[error(
-        "the tangent basis \"{name}\" fails at t = {t}: {reason}; the mechanism itself is regular here, let the basis be \
-         renewed earlier (a larger renew, at most 1)"
-    )]
+    #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
     Basis {
         /// The rule the basis comes from.
         name: String,
         /// Time.
         t: f64,
-        /// What was seen, with numbers.
+        /// What was seen, with numbers, and what to try.
         reason: String,
     },
     /// A rule chose coordinates that cannot be independent.

@@ -8,10 +8,12 @@ use instants::Instant;
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::{by_name, NAMES};
 use partita_system::formulation::{Correction, Sample};
 use partita_system::{start, ConstrainedSystem, SystemError};
+use std::sync::Arc;
 
 /// What a formulation asks for besides the equations.
 #[derive(Clone, Copy, PartialEq)]
@@ -21,9 +23,11 @@ enum Needs {
     Stabilisation,
     /// A function that closes the loops.
     Closing,
+    /// Tangent velocities of the user.
+    Tangent,
 }
 
-/// Name, needs, and whether v is integrated as a whole (so that `C v + a = 0` is not kept by itself).
+/// Name, needs, and whether `C v + a = 0` is not kept by itself: v is integrated as a whole, or as the user says.
 const TABLE: &[(&str, Needs, bool)] = &[
     ("projective", Needs::Nothing, false),
     ("multipliers", Needs::Nothing, true),
@@ -32,18 +36,58 @@ const TABLE: &[(&str, Needs, bool)] = &[
     ("proximal", Needs::Nothing, true),
     ("wehage-haug", Needs::Nothing, false),
     ("explicit-closing", Needs::Closing, false),
+    ("fixed", Needs::Nothing, false),
+    ("zero-eigenvalue", Needs::Nothing, false),
+    ("svd", Needs::Nothing, false),
+    ("qr", Needs::Nothing, false),
+    ("gram-schmidt", Needs::Nothing, false),
+    ("tangent-space", Needs::Nothing, false),
+    ("user-tangent", Needs::Tangent, true),
 ];
 
 /// Round-off, times the condition of M and the amplification of an ordinary partition.
 const TOLERANCE: f64 = 1e-10;
 
+/// The tangent of a partition at one state, handed over as if the user had written it.
+struct AtOneState {
+    dt: Vec<f64>,
+    gamma: Vec<f64>,
+    delta: Vec<f64>,
+}
+
+impl AtOneState {
+    fn map<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
+        let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
+        start::choose_partition(&mut r, t, q, None, None).unwrap();
+        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        r.evaluate(t, q, &speeds).unwrap();
+        Arc::new(Self { dt: r.dt, gamma: r.gamma, delta: r.delta })
+    }
+}
+
+impl TangentMap for AtOneState {
+    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
+        dt.copy_from_slice(&self.dt);
+        Ok(())
+    }
+    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma.copy_from_slice(&self.gamma);
+        Ok(())
+    }
+    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
+        delta.copy_from_slice(&self.delta);
+        Ok(true)
+    }
+}
+
 /// The options under which the formulation runs on this system; `None` if it does not apply.
-fn options(needs: Needs, closes: bool) -> Option<FormulationOptions> {
+fn options(needs: Needs, closes: bool, tangent: &Arc<dyn TangentMap>) -> Option<FormulationOptions> {
     let plain = FormulationOptions { correction: Correction::None, ..FormulationOptions::default() };
     match needs {
         Needs::Nothing => Some(plain),
         Needs::Stabilisation => Some(FormulationOptions { baumgarte: Some((3.0, 5.0)), ..plain }),
         Needs::Closing => closes.then_some(plain),
+        Needs::Tangent => Some(FormulationOptions { tangent: Some(tangent.clone()), ..plain }),
     }
 }
 
@@ -94,8 +138,9 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     let s: Vec<f64> = s2.iter().map(|x| x.sqrt()).collect();
     let inverse: Vec<f64> = s.iter().map(|x| 1.0 / x).collect();
     let mut done = 0;
+    let tangent = AtOneState::map(system, t, q, v);
     for &(name, needs, full) in TABLE {
-        let Some(options) = options(needs, system.equations.closes().is_some()) else { continue };
+        let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
         assert_eq!(f.name(), name);
         let mut y = vec![0.0; f.dim()];
@@ -165,8 +210,9 @@ fn accelerations_and_reactions_of_mechanisms() {
 fn regression_values_of_the_four_bar() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
+    let tangent = AtOneState::map(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
-        let mut f = by_name(name, &system, 2, &options(needs, true).unwrap()).unwrap();
+        let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
         f.start(0.0, &q, &v, &mut y).unwrap();
         f.sample(0.0, &y, &mut out).unwrap();
@@ -222,7 +268,7 @@ fn what_is_missing_is_asked_for() {
     for bad in [(-1.0, 1.0), (1.0, f64::NAN), (f64::INFINITY, 1.0)] {
         refused("baumgarte", &FormulationOptions { baumgarte: Some(bad), ..plain.clone() }, "finite and not negative");
     }
-    refused("lagrange", &plain, "choose among projective, multipliers");
+    refused("lagrange", &plain, "choose among projective, ");
     let two = FormulationOptions { independent: Some(vec![0, 1]), ..plain.clone() };
     refused("explicit-closing", &two, "1 degrees of freedom");
     // inputs other than those of the function
@@ -246,8 +292,9 @@ fn what_is_missing_is_asked_for() {
 fn what_is_not_finite_is_refused() {
     for &(name, needs, _) in TABLE {
         let system = ByHand::new(Angles);
-        let mut f = by_name(name, &system, 2, &options(needs, true).unwrap()).unwrap();
         let (q, v) = Angles::start();
+        let tangent = AtOneState::map(&system, 0.0, &q, &v);
+        let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let mut y = vec![0.0; f.dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();
         let good = y.clone();

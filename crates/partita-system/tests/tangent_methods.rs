@@ -8,14 +8,18 @@ use partita_math::dense::Matrix;
 use partita_math::factor::FactorError;
 use partita_system::equations::ByHand;
 use partita_system::formulation::gram_schmidt::GramSchmidt;
-use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::qr::OrthogonalTriangular;
 use partita_system::formulation::reduction::Reduction;
+use partita_system::formulation::registry::by_name;
 use partita_system::formulation::selector::{Basis, Selector};
 use partita_system::formulation::svd::SingularValues;
 use partita_system::formulation::tangent::TangentVelocities;
+use partita_system::formulation::user_tangent::UserTangent;
 use partita_system::formulation::zero_eigenvalue::ZeroEigenvalue;
 use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::SystemError;
+use std::sync::Arc;
 
 /// Worst condition of M in its own units: the reference inverts M and then M_c, each to ε times it.
 const CONDITION: f64 = 1e3;
@@ -61,6 +65,10 @@ fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &ByHan
 /// √(xᵀ G x).
 fn length(g: &Matrix, x: &[f64]) -> f64 {
     g.matvec(x).iter().zip(x).map(|(a, b)| a * b).sum::<f64>().max(0.0).sqrt()
+}
+
+fn uncorrected() -> FormulationOptions {
+    FormulationOptions { correction: Correction::None, ..FormulationOptions::default() }
 }
 
 fn minus(x: &[f64], y: &[f64]) -> Vec<f64> {
@@ -119,7 +127,7 @@ fn every_rule_moves_alike() {
         let e = &system.equations;
         let (n, m) = (e.mass.rows(), e.c.rows());
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
-        let mut reference = Multipliers::new(system, m, Correction::None);
+        let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
         let (mut y, mut out) = (vec![0.0; reference.dim()], Sample::default());
         reference.start(0.0, q, v, &mut y).unwrap();
         reference.sample(0.0, &y, &mut out).unwrap();
@@ -251,4 +259,138 @@ fn a_basis_that_does_not_fit_is_blamed_itself() {
     let refused = x.start(0.0, &[0.0; 3]).unwrap_err();
     let words = refused.to_string();
     assert!(refused.is_local() && words.contains("\"picked\"") && words.contains("regular"), "{words}");
+}
+
+/// Fits the first time; afterwards its covectors depend on each other.
+struct Once(std::sync::atomic::AtomicBool);
+
+impl Basis for Once {
+    fn name(&self) -> &'static str {
+        "once"
+    }
+    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
+        let used = self.0.swap(true, std::sync::atomic::Ordering::Relaxed);
+        let mut s = OrthogonalTriangular.basis(mass, c)?;
+        if used {
+            let first = s.row(0).to_vec();
+            (0..s.rows()).for_each(|j| s.row_mut(j).copy_from_slice(&first));
+        }
+        Ok(s)
+    }
+}
+
+/// A renewal that fails leaves everything as it was, and the notes tell.
+#[test]
+fn a_basis_that_cannot_be_renewed_stays() {
+    on_random_systems(6, |_, system, q, v| {
+        let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
+        if n - m < 2 {
+            return; // one covector always fits
+        }
+        let rule = Box::new(Once(std::sync::atomic::AtomicBool::new(false)));
+        let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
+        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        f.start(0.0, q, v, &mut y).unwrap();
+        f.derivative(0.0, &y, &mut dy).unwrap();
+        let (before, slope) = (y.clone(), dy.clone());
+        f.change(0.0, &mut y, &mut dy).unwrap();
+        assert_eq!((&y, &dy), (&before, &slope));
+        f.derivative(0.0, &y, &mut dy).unwrap();
+        assert_eq!(dy, slope);
+        assert_eq!(f.events().len(), 1);
+        assert!(f.notes().iter().any(|n| n.contains("the old one was kept")), "{:?}", f.notes());
+    });
+}
+
+/// D, γ and δ written out.
+#[derive(Clone)]
+struct Given {
+    dt: Vec<f64>,
+    gamma: Vec<f64>,
+    delta: Vec<f64>,
+}
+
+impl TangentMap for Given {
+    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
+        dt.copy_from_slice(&self.dt);
+        Ok(())
+    }
+    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma.copy_from_slice(&self.gamma);
+        Ok(())
+    }
+    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
+        delta.copy_from_slice(&self.delta);
+        Ok(true)
+    }
+}
+
+/// Any D, γ, δ that fit give the motion of the equations with multipliers; each that does not fit is refused by its row.
+#[test]
+fn tangent_velocities_of_the_user() {
+    on_random_systems(7, |rng, system, q, v| {
+        let e = &system.equations;
+        let (n, m) = (e.mass.rows(), e.c.rows());
+        let k = n - m;
+        let mut r = Reduction::new(system, m);
+        partita_system::start::choose_partition(&mut r, 0.0, q, None, None).unwrap();
+        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        r.evaluate(0.0, q, &speeds).unwrap();
+        // Dᵀ of the partition in natural scales, times a random T, far from singular
+        let mut mix = Matrix::from_vec(k, k, vector(rng, k * k));
+        (0..k).for_each(|j| mix[(j, j)] += 3.0 * k as f64);
+        let mut dt = Matrix::from_vec(n, k, r.dt.clone());
+        for i in 0..n {
+            (0..k).for_each(|j| dt[(i, j)] *= r.scales()[r.partition.independent[j]]);
+        }
+        let dt = dt.matmul(&mix).into_vec();
+        let good = Given { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
+        let scales = r.scales().to_vec();
+        let start = |map: &Given, v: &[f64]| {
+            let mut f = UserTangent::new(system, m, Arc::new(map.clone()), Correction::None);
+            let mut y = vec![0.0; f.dim()];
+            f.start(0.0, q, v, &mut y).map(|()| (f, y))
+        };
+        let (mut f, y) = start(&good, v).unwrap();
+        let (mut reference, mut out, mut s) =
+            (by_name("range-space", system, m, &uncorrected()).unwrap(), Sample::default(), Sample::default());
+        let mut whole = vec![0.0; reference.dim()];
+        reference.start(0.0, q, v, &mut whole).unwrap();
+        reference.sample(0.0, &whole, &mut out).unwrap();
+        f.sample(0.0, &y, &mut s).unwrap();
+        let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
+        assert!(length(&e.mass, &minus(&s.v, &out.v)) < 1e-10 * length(&e.mass, &out.v));
+        assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));
+        assert!(length(&mc, &minus(&s.multipliers, &out.multipliers)) < 1e-9 * length(&mc, &out.multipliers));
+        assert!(s.sqrt_mu > 1.0 - 1e-9 && s.sigma > 1e-3, "{} {}", s.sqrt_mu, s.sigma);
+        assert!(f.notes().is_empty());
+        // one column, the offset, the bias, the velocity: each pushed off the constraints by a natural amount
+        let off = rng.usize(0..n);
+        let mut bad = good.clone();
+        bad.dt[off * k] += 10.0 * k as f64 * scales[off];
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("tangent velocity 0 breaks constraint"), "{words}");
+        let mut bad = good.clone();
+        bad.gamma[off] += scales[off];
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("offset") && words.contains("C gamma + a"), "{words}");
+        let mut bad = good.clone();
+        bad.delta[off] +=
+            10.0 * scales[off] * (1.0 + r.delta.iter().zip(&scales).fold(0.0, |m: f64, (d, s)| m.max(d.abs() / s)));
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("bias") && words.contains("C delta + b"), "{words}");
+        let mut wrong = v.to_vec();
+        wrong[off] += scales[off];
+        let words = start(&good, &wrong).err().unwrap().to_string();
+        assert!(words.contains("no combination"), "{words}");
+        if k > 1 {
+            let mut bad = good.clone();
+            (0..n).for_each(|i| bad.dt[i * k + 1] = bad.dt[i * k]);
+            let words = start(&bad, v).err().unwrap().to_string();
+            assert!(words.contains("depend on each other"), "{words}");
+        }
+        let mut bad = good.clone();
+        bad.dt[off * k] = f64::NAN;
+        assert!(matches!(start(&bad, v).err().unwrap(), SystemError::NotFinite { .. }));
+    });
 }

@@ -23,6 +23,7 @@ pub mod svd;
 pub mod tangent;
 pub mod tangent_space;
 pub mod turns;
+pub mod user_tangent;
 pub mod wehage_haug;
 pub mod zero_eigenvalue;
 

@@ -13,6 +13,7 @@ use super::range_space::RangeSpace;
 use super::svd::SingularValues;
 use super::tangent::TangentVelocities;
 use super::tangent_space::TangentSpace;
+use super::user_tangent::UserTangent;
 use super::wehage_haug::WehageHaug;
 use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
@@ -29,6 +30,7 @@ pub const NAMES: &[&str] = &[
     "qr",
     "gram-schmidt",
     "tangent-space",
+    "user-tangent",
     "multipliers",
     "range-space",
     "proximal",
@@ -66,6 +68,14 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         "qr" => frozen(Box::new(OrthogonalTriangular)),
         "gram-schmidt" => frozen(Box::new(GramSchmidt)),
         "tangent-space" => Box::new(TangentSpace::new(system, rank, o.renew)?),
+        "user-tangent" => match &o.tangent {
+            Some(map) => Box::new(UserTangent::new(system, rank, map.clone(), o.correction)),
+            None => {
+                let message =
+                    "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
+                return Err(SystemError::Request(message.into()));
+            }
+        },
         "multipliers" => Box::new(FullState::with_rule(system, rank, Saddle::new(system.size().nv, rank), o)),
         "range-space" => Box::new(RangeSpace::new(system, rank, o)),
         "proximal" => Box::new(Proximal::new(system, rank, o)),

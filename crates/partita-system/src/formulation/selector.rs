@@ -11,7 +11,7 @@
 use super::reduction::{Reduction, SINGULAR_PIVOT};
 use super::{Correction, PartitionEvent, Review, Sample};
 use crate::kinematics::correction;
-use crate::kinematics::projection::dense_rows;
+use crate::kinematics::projection::{correct_orthogonally, dense_rows};
 use crate::partition::criterion::{self, Quality};
 use crate::partition::Partition;
 use crate::start;
@@ -151,20 +151,29 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
             FactorError::NotFinite => {
                 SystemError::NotFinite { what: "the mass matrix or the constraint Jacobian".into(), t }
             }
-            other => self.failed(t, format!("it could not be computed ({other})")),
+            other => self.failed(t, format!("it could not be computed ({other}); take another rule")),
         })?;
         if (new.rows(), new.cols()) != (k, n) {
             return Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT });
         }
-        let old = std::mem::replace(&mut self.selector, new);
-        let block = self.inverse_mass_block()?;
-        let mut lower = block.clone();
-        if dense::cholesky(&mut lower, k).is_err() {
-            self.selector = old;
-            return Err(self.failed(t, "its covectors depend on each other".into()));
-        }
-        self.lower = lower;
+        let old = (self.selector.clone(), self.orthonormal.clone(), self.lower.clone(), self.columns.clone());
+        self.selector = new;
         self.columns.copy_from_slice(self.r.scales());
+        let adopted = self.adopt(t);
+        if adopted.is_err() {
+            (self.selector, self.orthonormal, self.lower, self.columns) = old;
+        }
+        adopted
+    }
+
+    /// Orthonormalise the new S, factor with it and see how good it is.
+    fn adopt(&mut self, t: f64) -> Result<(), SystemError> {
+        let (n, k) = (self.r.size().nv, self.r.k());
+        let block = self.inverse_mass_block()?;
+        self.lower.copy_from_slice(&block);
+        if dense::cholesky(&mut self.lower, k).is_err() {
+            return Err(self.failed(t, "its covectors depend on each other; take another rule".into()));
+        }
         for i in 0..n {
             let column = &mut self.rhs[..k];
             (0..k).for_each(|j| column[j] = self.selector[(j, i)]);
@@ -254,8 +263,9 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
             return SystemError::Singular { t, pivot: smallest, limit: SINGULAR_PIVOT };
         }
         let reason = format!(
-            "with the constraints it leaves a scaled pivot of {pivot:.2e} (limit {SINGULAR_PIVOT:.0e}): the motion has turned \
-             away from the directions it was frozen in"
+            "with the constraints it leaves a scaled pivot of {pivot:.2e} (limit {SINGULAR_PIVOT:.0e}) while the mechanism itself \
+             is regular: the motion has turned away from the directions it was frozen in; let it be renewed earlier (a larger \
+             renew, at most 1)"
         );
         self.failed(t, reason)
     }
@@ -487,7 +497,11 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         match rule {
             Correction::None => Ok(false),
             Correction::Partition if size.rows == size.holonomic => self.along_the_constraints(t, q),
-            _ => correction::orthogonal(&mut self.r, t, q),
+            _ => {
+                self.r.position(t, q)?;
+                correct_orthogonally(&mut self.r, t, q)?;
+                Ok(true)
+            }
         }
     }
 

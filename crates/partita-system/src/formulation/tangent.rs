@@ -11,7 +11,7 @@
 //! `S Δ = 0` as the partition's correction (34) keeps q_I, and for rows of the identity in S is (34) itself.
 
 use super::selector::{Basis, Selector};
-use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// States (q, u): coordinates by S2, tangent velocities by (36).
@@ -109,6 +109,10 @@ impl<S: ConstrainedSystem> Formulation for TangentVelocities<'_, S> {
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
         let nq = self.sizes().0;
         self.x.judge(t, &y[..nq], self.renew)
+    }
+    fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
+        let nq = self.sizes().0;
+        turns::reduce(self.x.r.system, &mut y[..nq], turns)
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.renew(t, y, dy, "it had decayed along the motion")

@@ -18,7 +18,7 @@
 
 use super::gram_schmidt::GramSchmidt;
 use super::selector::Selector;
-use super::{Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
 
@@ -114,7 +114,10 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             self.iterations = iteration;
             let turned = self.largest_turn();
             if turned > TOO_FAR_TURN {
-                return Err(self.bent(t, format!("a ball has turned by {turned:.2} rad from where its chart was made")));
+                return Err(self.bent(t, format!(
+                    "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
+                     shorter steps"
+                )));
             }
             self.q.copy_from_slice(&self.base);
             self.x.r.system.step(&mut self.q, &self.delta);
@@ -129,7 +132,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             self.x.solve(&mut self.rhs);
             let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
             let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
-            if moved <= 4.0 * f64::EPSILON * far || (moved < STALLED * far && moved > 0.25 * before) {
+            let settled = moved <= 4.0 * f64::EPSILON * far && self.x.r.is_closed();
+            if settled || (moved < STALLED * far && moved > 0.25 * before) {
                 if !self.balls.is_empty() {
                     self.x.factor(t)?;
                 }
@@ -144,7 +148,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             dense::axpy(1.0, &self.rhs, &mut self.delta);
         }
         let reason = format!(
-            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e})",
+            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e}); let it \
+             be renewed earlier (a larger renew, at most 1), or take shorter steps",
             self.iterations
         );
         Err(self.bent(t, reason))
@@ -258,6 +263,18 @@ impl<S: ConstrainedSystem> Formulation for TangentSpace<'_, S> {
             self.accepted.copy_from_slice(&self.delta);
         }
         review
+    }
+    /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
+    fn wrap(&mut self, _y: &mut [f64], turns: &mut [i32]) -> bool {
+        let mut q = self.base.clone();
+        self.x.r.system.step(&mut q, &self.accepted);
+        for (i, q) in q.into_iter().enumerate() {
+            let mut angle = q;
+            if turns::reduce_one(self.x.r.system, i, &mut angle, &mut turns[i]) {
+                self.base[i] += angle - q;
+            }
+        }
+        false
     }
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.rebase(t, y, dy, self.why)
