@@ -83,7 +83,7 @@ impl AccelerationRule for Iteration {
         let free = dense::dot(&metric.y, &metric.y).sqrt();
         self.x.fill(0.0);
         let (mut iterations, mut last) = (0, f64::INFINITY);
-        while m > 0 {
+        loop {
             // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
             for i in 0..m {
                 self.change[i] = -(metric.b[i] + dense::dot(metric.w(i, n), &metric.y));
@@ -96,7 +96,7 @@ impl AccelerationRule for Iteration {
             }
             metric.y.iter_mut().zip(&self.step).for_each(|(y, d)| *y += d);
             iterations += 1;
-            // lengths of accelerations in the mass metric
+            // lengths of accelerations in the mass metric; without constraints nothing changes at all
             let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
             let now = dense::dot(&self.step, &self.step).sqrt();
             if now <= SETTLED * size || (now >= last && now <= STAGNANT * size) {
