@@ -206,25 +206,36 @@ fn drift() {
     }
 }
 
-/// With inputs that stay, forms with 2k states cannot tell passing a dead point from being thrown back: they stop and say
-/// so, at every tolerance. The compact form carries the dependent coordinates and may pass.
+/// At a dead point of inputs that stay, a form with 2k states can pass or be thrown back, both within any tolerance. What
+/// it tells is true all the same: it goes on as the mechanism does, or it stops and says so.
 #[test]
-fn fixed_inputs_stop_at_their_dead_point() {
+fn nothing_is_thrown_back_at_a_dead_point() {
     let system = ByHand::new(Pendulum::RESTING_PIVOT);
     // x = 1 is reached after 0.144 s
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
+    let at = times(0.02, 50);
+    let exact = run("projective", &system, &(q.clone(), v.clone()), Correction::Partition, &at, &reference(at[49]));
     for rtol in [1e-3, 1e-5, 1e-8, 1e-12] {
         for name in ["wehage-haug", "explicit-closing"] {
             let options = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
             let mut f = by_name(name, &system, 1, &options).unwrap();
-            let mut settings = reference(2.0);
+            let mut settings = reference(at[49]);
             (settings.options.rtol, settings.options.atol) = (rtol, rtol.into());
+            let mut samples = Vec::new();
+            let mut sink = |s: &Sample| {
+                samples.push(s.clone());
+                Ok(())
+            };
             let go_on = &mut |_| ControlFlow::Continue(());
-            let outcome = simulate(&mut f, 0.0, &q, &v, &[], &settings, &mut |_| Ok(()), go_on).unwrap();
-            assert_ne!(outcome.status, Status::Finished, "{name} at {rtol:e}");
-            // a loose tolerance notices a step late
-            assert!(outcome.t < 0.145 && outcome.t > 0.05, "{name} at {rtol:e}: {}", outcome.t);
-            assert!(outcome.message.contains("cannot close"), "{name} at {rtol:e}: {}", outcome.message);
+            let outcome = simulate(&mut f, 0.0, &q, &v, &at, &settings, &mut sink, go_on).unwrap();
+            // errors of the steps next to the dead point grow by its gain there
+            let off = distance(&samples, &exact); // as far as it came
+            assert!(off < 100.0 * rtol.max(1e-6), "{name} at {rtol:e}: {off:e}");
+            assert!(samples.len() >= 6, "{name} at {rtol:e}: {}", outcome.message);
+            // the closing keeps its branch: there is no way on for it
+            assert!(name == "wehage-haug" || outcome.status != Status::Finished && outcome.t < 0.15, "{}", outcome.t);
+            let told = outcome.status == Status::Finished || outcome.message.contains("cannot close");
+            assert!(told, "{name} at {rtol:e}: {}", outcome.message);
         }
     }
     // free to choose, the classical form goes over the top like all others

@@ -312,3 +312,33 @@ fn what_is_not_finite_is_refused() {
         }
     }
 }
+
+/// Squared sines between rows far above ε take three iterations; far below, the iteration says that it did not settle.
+#[test]
+fn the_proximal_iteration_tells_what_it_could_not_settle() {
+    let nearly = |angle: f64| Instant {
+        mass: Matrix::identity(3),
+        c: Matrix::from_rows(&[&[1.0, 0.0, 0.0], &[1.0, angle, 0.0]]),
+        h: vec![0.3, -0.2, 0.5],
+        a: vec![0.0; 2],
+        b: vec![0.4, 0.7],
+    };
+    let ask = |angle: f64| {
+        let system = nearly(angle).by_hand();
+        let mut f = by_name("proximal", &system, 2, &FormulationOptions::default()).unwrap();
+        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y).unwrap();
+        f.derivative(0.0, &y, &mut dy).unwrap();
+        // v' = (−b0, (b0 − b1) / angle, h2)
+        let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
+        assert_eq!(dy[5], 0.5);
+        (off, f.counters().iterations, f.notes())
+    };
+    let (off, iterations, notes) = ask(0.5);
+    assert!(off < 1e-12 && iterations <= 4 && notes.is_empty(), "{off:e} {iterations} {notes:?}");
+    let (off, iterations, notes) = ask(1e-3);
+    assert!(off < 1e-9 && iterations <= 20 && notes.is_empty(), "{off:e} {iterations} {notes:?}");
+    let (off, iterations, notes) = ask(1e-5);
+    assert!(off > 1e-3 && iterations == 80, "{off:e} {iterations}");
+    assert!(notes.len() == 1 && notes[0].contains("1 evaluations"), "{notes:?}");
+}

@@ -23,8 +23,8 @@ impl Continuity {
     /// Part of the speed that the trapezoidal rule may miss in a step. A thrown back mechanism misses all of it, one
     /// that turns round by itself less and less with shorter steps.
     const MISSED: f64 = 0.75;
-    /// Away from dead points dependent velocities are not much faster than independent ones.
-    const GAIN: f64 = 2.0;
+    /// Where all dependent velocities are slower than the independent ones, no dead point is near.
+    const GAIN: f64 = 1.0;
     /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
     pub(super) const STUCK: f64 = 1e4;
     /// Speeds below this part of the largest are rest.

@@ -83,9 +83,7 @@ impl AccelerationRule for Iteration {
         let free = dense::dot(&metric.y, &metric.y).sqrt();
         self.x.fill(0.0);
         let (mut iterations, mut last) = (0, f64::INFINITY);
-        let most = if m > 0 { MOST } else { 0 };
-        for iteration in 1..=most {
-            iterations = iteration;
+        loop {
             // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
             for i in 0..m {
                 self.change[i] = -(metric.b[i] + dense::dot(metric.w(i, n), &metric.y));
@@ -97,13 +95,14 @@ impl AccelerationRule for Iteration {
                 self.x[i] += self.change[i];
             }
             metric.y.iter_mut().zip(&self.step).for_each(|(y, d)| *y += d);
-            // lengths of accelerations in the mass metric
+            iterations += 1;
+            // lengths of accelerations in the mass metric; without constraints nothing changes at all
             let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
             let now = dense::dot(&self.step, &self.step).sqrt();
             if now <= SETTLED * size || (now >= last && now <= STAGNANT * size) {
                 break;
             }
-            if iteration == MOST || !now.is_finite() {
+            if iterations == MOST || !now.is_finite() {
                 self.unsettled += 1;
                 self.largest = self.largest.max(now / size);
                 break;

@@ -25,8 +25,9 @@ const ROUND_OFF: f64 = 1e4;
 /// need, and the turned one is written back after a step. Because of that the number of states is counted for the choice
 /// that needs most, see [`dim`](Formulation::dim); without ball joints it is 2k.
 ///
-/// Dead points of fixed independent coordinates, and singular positions of the mechanism, are not passed: the equations
-/// have two solutions there, and the run ends with a message. The compact form, which carries all coordinates, passes.
+/// At dead points of fixed independent coordinates, and at singular positions of the mechanism, the equations have two
+/// solutions. A step that took the one in which velocities jump is repeated; if none finds the other the run ends with a
+/// message. The compact form, which carries all coordinates, passes there.
 pub struct WehageHaug<'s, S: ConstrainedSystem> {
     system: &'s S,
     inner: Projective<'s, S>,
