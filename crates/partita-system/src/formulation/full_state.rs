@@ -255,9 +255,16 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
         self.counters.corrections += 1;
         Ok(true)
     }
-    fn review(&mut self, _t: f64, _y: &[f64]) -> Review {
+    fn review(&mut self, t: f64, _y: &[f64]) -> Review {
         self.open.0 = self.open.0.max(self.r.closure());
         self.open.1 = self.open.1.max(self.r.velocity_closure());
+        // of redundant rows others are taken in time; what fails here the next evaluation meets and reports
+        if self.r.rank() < self.r.size().rows
+            && (self.r.factor(t).is_err() || self.r.rows_fade())
+            && self.r.renew_rows(t).is_ok()
+        {
+            self.take_rows();
+        }
         Review::Keep
     }
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {

@@ -139,7 +139,7 @@ pub trait Formulation {
     fn review(&mut self, t: f64, y: &[f64]) -> Review;
     /// How far the mechanism is from a singular position after the last `derivative`, as a number that falls to zero
     /// there, and the number of the plan it was measured with. `None`: the rule does not suffer there.
-    fn distance(&self) -> Option<(f64, u64)> {
+    fn distance(&mut self) -> Option<(f64, u64)> {
         None
     }
     /// Close the loops inside every evaluation while a singular position is passed.
@@ -192,7 +192,7 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
         (**self).review(t, y)
     }
-    fn distance(&self) -> Option<(f64, u64)> {
+    fn distance(&mut self) -> Option<(f64, u64)> {
         (**self).distance()
     }
     fn close_stages(&mut self, on: bool) {

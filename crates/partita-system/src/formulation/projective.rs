@@ -57,7 +57,7 @@ pub struct Projective<'s, S: ConstrainedSystem> {
     counters: FormulationCounters,
     pending: bool,
     /// The rule at work, where it is not the collective one.
-    selector: Option<Chooser>,
+    chooser: Option<Chooser>,
     rejects_in_a_row: u32,
     steps_since_scales: u32,
     close_stages: bool,
@@ -79,7 +79,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
             events: Vec::new(),
             counters: FormulationCounters::default(),
             pending: false,
-            selector: None,
+            chooser: None,
             rejects_in_a_row: 0,
             steps_since_scales: 0,
             close_stages: false,
@@ -113,7 +113,9 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 
     fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
         let q = std::mem::take(&mut self.q);
-        let quality = self.r.quality(t, &q);
+        // M_d of the new choice, at the same (q, v)
+        let levels = self.r.velocity(t, &q).and_then(|()| self.r.acceleration(t, &q));
+        let quality = levels.and_then(|()| self.r.quality(t, &q));
         self.q = q;
         let now = self.r.partition.independent.clone();
         self.events.push(PartitionEvent {
@@ -165,8 +167,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// Take the choice of the rule at the point last evaluated.
     fn obey(&mut self, t: f64, change: &Change) -> Result<(), SystemError> {
         let before = self.r.partition.independent.clone();
-        let Some(selector) = &mut self.selector else { return Ok(()) };
-        selector.change(&mut self.r, t, change)?;
+        let Some(chooser) = &mut self.chooser else { return Ok(()) };
+        chooser.change(&mut self.r, t, change)?;
         let name = |of: &[usize], without: &[usize]| -> Vec<String> {
             of.iter().filter(|i| !without.contains(i)).map(|&i| self.r.system.velocity_name(i)).collect()
         };
@@ -178,8 +180,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     }
 
     fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
-        match &self.selector {
-            Some(selector) => selector.blame(&self.r, t, q, e),
+        match &self.chooser {
+            Some(chooser) => chooser.blame(&self.r, t, q, e),
             None => e,
         }
     }
@@ -250,9 +252,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
 
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         let o = &self.options;
-        let mut selector = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
-        let reason = selector.start(&mut self.r, t, q, o.fixed.as_deref())?;
-        self.selector = (o.selection != Selection::Collective).then_some(selector);
+        let mut chooser = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
+        let reason = chooser.start(&mut self.r, t, q, o.fixed.as_deref())?;
+        self.chooser = (o.selection != Selection::Collective).then_some(chooser);
         let nq = self.nq();
         y.fill(0.0);
         y[..nq].copy_from_slice(q);
@@ -304,6 +306,10 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
 
     fn review(&mut self, t: f64, y: &[f64]) -> Review {
         self.pending = false;
+        if self.r.k() > 0 && self.r.rows_fade() {
+            // of redundant rows others serve better; should none be found, the next evaluation tells
+            let _ = self.r.renew_rows(t);
+        }
         if self.options.fixed.is_some() || self.r.rank() == 0 || self.r.k() == 0 {
             return Review::Keep;
         }
@@ -316,10 +322,10 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
                 self.refresh_weighted();
             }
         }
-        if let Some(selector) = &mut self.selector {
-            selector.record(&self.r, t);
+        if let Some(chooser) = &mut self.chooser {
+            chooser.record(&self.r, t);
             // what fails here fails again in `change`, which can tell
-            self.pending = !matches!(selector.propose(&self.r, t), Ok(None));
+            self.pending = !matches!(chooser.propose(&self.r, t), Ok(None));
             return if self.pending { Review::Change } else { Review::Keep };
         }
         let Some(best) = self.best_exchange() else { return Review::Keep };
@@ -345,7 +351,7 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.close_stages = on;
     }
 
-    fn distance(&self) -> Option<(f64, u64)> {
+    fn distance(&mut self) -> Option<(f64, u64)> {
         (self.r.rank() > 0).then(|| self.r.distance())
     }
 
@@ -360,13 +366,13 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(&y[..nq]);
         let (v, mut vdot) = (self.r.v.clone(), std::mem::take(&mut self.vdot));
         self.r.full_acceleration(&mut vdot);
-        if self.selector.is_none() {
+        if self.chooser.is_none() {
             self.r.refresh_scales(t, &y[..nq])?;
             self.refresh_weighted();
         }
         for _ in 0..4 * k {
-            if let Some(selector) = &mut self.selector {
-                let Some(change) = selector.propose(&self.r, t)? else { break };
+            if let Some(chooser) = &mut self.chooser {
+                let Some(change) = chooser.propose(&self.r, t)? else { break };
                 self.obey(t, &change)?;
                 // the rule looks at M_d of the new choice
                 let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
@@ -474,6 +480,6 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.selector.as_ref().map(Chooser::notes).unwrap_or_default()
+        self.chooser.as_ref().map(Chooser::notes).unwrap_or_default()
     }
 }

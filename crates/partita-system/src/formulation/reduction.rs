@@ -6,6 +6,7 @@ use crate::partition::Partition;
 use crate::system::{ConstrainedSystem, Size, SystemError, Tangent};
 use partita_math::dense;
 use partita_math::elimination::{Plan, PlanOptions};
+use partita_math::rank::independent_rows;
 
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
@@ -13,6 +14,10 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.
 const EMPTY_ROW: f64 = 1e-26;
+
+/// Redundant rows are chosen anew when what they keep of rank falls below this part of what it was: seldom, and long
+/// before rounding suffers.
+const FADING: f64 = 0.3;
 
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
@@ -73,6 +78,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub vdot_independent: Vec<f64>,
     residual: Vec<f64>,
     work: Vec<f64>,
+    /// Distance when the rows in use were chosen.
+    fresh_distance: Option<f64>,
     /// Factorisations and plans made.
     pub factorisations: u64,
     /// Plans made.
@@ -117,6 +124,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             vdot_independent: vec![0.0; k],
             residual: vec![0.0; n],
             work: vec![0.0; n.max(k).max(rank)],
+            fresh_distance: None,
             factorisations: 0,
             plans: 0,
         }
@@ -138,18 +146,80 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn smallest(&self) -> f64 {
         self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
     }
-    /// Smallest pivot of C_D at the last factorisation, entries measured in reaches: falls linearly to zero towards a
-    /// singular position of the mechanism. With the number of the plan it belongs to: values of different plans do not
-    /// compare.
-    pub fn distance(&self) -> (f64, u64) {
+    /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With the
+    /// number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
+    ///
+    /// It is |r| / |C_D⁻¹ r| for an irregular r, which falls like the smallest singular value of C_D, times √(1 + |A|²); rows
+    /// and coordinates are measured in reaches. Where only the choice of coordinates is singular the one falls as the
+    /// other grows; where the mechanism itself is, A stays as it is. Pivots alone would not do: one of them may vanish
+    /// for the order of elimination only.
+    pub fn distance(&mut self) -> (f64, u64) {
+        let r = &mut self.work[..self.rank];
+        let mut given = 0.0;
+        for (x, &row) in r.iter_mut().zip(&self.partition.rows) {
+            // no self-stress of a mechanism is likely to be orthogonal to this
+            let part = 1.0 + 0.5 * (row as f64 * 1.7).sin();
+            given += part * part;
+            *x = part * self.row_reach[row].unwrap_or(1.0);
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, r, 1);
+        }
+        let (mut answer, mut mixed) = (0.0, 1.0);
+        for (p, &d) in self.partition.dependent.iter().enumerate() {
+            answer += (self.work[p] / self.reach[d]).powi(2);
+            for (a, &i) in self.a_matrix[p * self.k..(p + 1) * self.k].iter().zip(&self.partition.independent) {
+                mixed += (a * self.reach[i] / self.reach[d]).powi(2);
+            }
+        }
+        ((given * mixed / answer).sqrt(), self.plans)
+    }
+
+    fn smallest_pivot(&self) -> (f64, u64) {
         let Some(plan) = &self.plan else { return (1.0, self.plans) };
         let smallest = (0..self.rank).fold(f64::INFINITY, |m: f64, k| {
             let (row, column) = (self.partition.rows[k], self.partition.dependent[k]);
             let open = self.row_reach[row].unwrap_or(1.0);
             m.min(plan.pivot(&self.factors, k) * self.reach[column] / open)
         });
-        (smallest.min(1.0), self.plans)
+        (smallest, self.plans)
     }
+    /// Of redundant rows, have those kept come nearer to dependence since they were chosen? Ask after `factor`.
+    ///
+    /// Such rows lose rank in positions where nothing is wrong with the mechanism; others take their place.
+    pub fn rows_fade(&mut self) -> bool {
+        if self.rank == self.size.rows || self.rank == 0 {
+            return false;
+        }
+        let (now, _) = self.smallest_pivot();
+        let fresh = *self.fresh_distance.get_or_insert(now);
+        now < FADING * fresh
+    }
+
+    /// Keep other rows for the same partition, at the last position; leaves the tangent there.
+    pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
+        let independent = self.partition.independent.clone();
+        self.set_partition(t, &independent)?;
+        self.tangent(t)
+    }
+
+    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
+    fn eligible_rows(&self) -> Vec<bool> {
+        if self.rank == self.size.rows {
+            return vec![true; self.size.rows];
+        }
+        let pattern = self.system.pattern();
+        let mut c = self.c.clone();
+        for i in (0..self.size.rows).filter(|&i| self.row_scale[i] == 0.0) {
+            pattern.row(i).for_each(|e| c[e] = 0.0); // round-off alone, in whatever direction
+        }
+        let found = independent_rows(pattern, &c, &self.s, 0.0);
+        let enough = found.rank >= self.rank;
+        let mut eligible = vec![!enough; self.size.rows];
+        found.kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
+        eligible
+    }
+
     /// s, the square roots of `s2`.
     pub fn scales(&self) -> &[f64] {
         &self.s
@@ -230,11 +300,12 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             eligible[i] = false;
         }
         self.refresh_row_scales();
-        let rows = vec![true; self.size.rows];
+        let rows = self.eligible_rows();
         let plan =
             Plan::new(pattern, &self.c, &rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
                 .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
         self.plans += 1;
+        self.fresh_distance = None;
         if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
             return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
         }

@@ -420,6 +420,10 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
             return Review::Keep;
         }
         // a failure here would be met by the next evaluation too, which reports it
+        let faded = self.r.rank() < self.r.size().rows && (self.r.factor(t).is_err() || self.r.rows_fade());
+        if faded && self.renew_rows(t, q).is_err() {
+            return Review::Keep;
+        }
         let Ok(now) = self.quality(t, q) else { return Review::Keep };
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
@@ -433,6 +437,18 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         }
         self.rejects_in_a_row = 0;
         Review::Change
+    }
+
+    /// Keep others of redundant rows, with the same S, and come back to the state last evaluated.
+    fn renew_rows(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        let v = self.r.v.clone();
+        start::choose_partition(&mut self.r, t, q, None, None)?;
+        self.r.position(t, q)?;
+        self.factor(t)?;
+        self.tangent();
+        self.r.v.copy_from_slice(&v);
+        self.velocity(t, q)?;
+        self.acceleration(t, q)
     }
 
     /// Freeze anew at `(t, q)` and log it; a basis that cannot be had there leaves the old one in place. True if renewed.
