@@ -562,3 +562,55 @@ fn what_cannot_be_is_refused_in_words() {
     assert!(matches!(closing.close(0.0, &mut q), Err(SystemError::NotFinite { .. })));
     assert_eq!(model.closing(0.0, &model.initial(), None).unwrap().blocks().len(), 1);
 }
+
+/// Many degrees of freedom, too many sets of inputs to look at them all: a long pendulum with loops along it.
+#[test]
+fn inputs_of_a_large_mechanism_are_found_by_exchange() {
+    let mut d = drawing("rope ladder");
+    let mut last = "ground".to_string();
+    for i in 0..14 {
+        let y = -1.5 * f64::from(i);
+        let names = ["left", "right", "rung"].map(|n| format!("{n}{i}"));
+        d = d
+            .pin(&format!("a{i}"), &last, &names[0], [0.0, y])
+            .pin(&format!("b{i}"), &last, &names[1], [0.8, y])
+            .pin(&format!("c{i}"), &names[0], &names[2], [0.1, y - 1.0])
+            .pin(&format!("d{i}"), &names[1], &names[2], [0.9, y - 1.1])
+            .pin(&format!("e{i}"), &names[2], &format!("bob{i}"), [0.4, y - 1.2]);
+        last.clone_from(&names[2]);
+    }
+    let model = d.model();
+    let mut closing = model.loop_closing(0.0, &model.initial(), None).unwrap();
+    assert_eq!(closing.inputs().len(), 28);
+    assert!(closing.is_explicit());
+    let mut q = model.initial();
+    for (i, &v) in closing.inputs().to_vec().iter().enumerate() {
+        q[v] = 0.1 * (i as f64).sin();
+    }
+    closing.close(0.0, &mut q).unwrap();
+    assert_closed(&model, 0.0, &q, "rope ladder");
+    assert_tangent(&model, &mut closing, 0.0, &q);
+}
+
+/// Inputs that jump by turns: a slide that is cut locks its angle with all its turns, and the nearest angles of the others
+/// must add up to them.
+#[test]
+fn jumps_keep_the_whole_turns_of_slides() {
+    let mut rng = fastrand::Rng::with_seed(5);
+    let at = polar(0.1, 0.4);
+    let model = drawing("quick return")
+        .pin("crank", "ground", "crank", [0.0; 2])
+        .pin("pin", "crank", "block", at)
+        .slide("slide", "block", "lever", at, [at[0] + 0.02, at[1] + 0.05])
+        .pin("lever", "ground", "lever", [0.01, 0.05])
+        .cut("slide")
+        .model();
+    // the lever turns with the crank: both angles grow with it
+    let mut closing = by(&model, &["crank"]);
+    let mut q = model.initial();
+    for _ in 0..500 {
+        q[coordinate(&model, "crank")] = 40.0 * (rng.f64() - 0.5);
+        closing.close(0.0, &mut q).unwrap();
+        assert_closed(&model, 0.0, &q, "jump");
+    }
+}
