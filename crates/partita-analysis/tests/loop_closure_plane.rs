@@ -601,7 +601,7 @@ fn jumps_keep_the_whole_turns_of_slides() {
     let model = drawing("quick return")
         .pin("crank", "ground", "crank", [0.0; 2])
         .pin("pin", "crank", "block", at)
-        .slide("slide", "block", "lever", at, [at[0] + 0.02, at[1] + 0.05])
+        .slide("slide", "block", "lever", at, [at[0] - 0.005, at[1] - 0.05])
         .pin("lever", "ground", "lever", [0.01, 0.05])
         .cut("slide")
         .model();

@@ -5,7 +5,7 @@ mod linkages;
 use linkages::*;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::loop_closure::LoopClosing;
-use partita_model::spec::JointKind::{Prismatic, Revolute, Spherical, Universal};
+use partita_model::spec::JointKind::{Cylindrical, Prismatic, Revolute, Spherical, Universal};
 use partita_model::Model;
 use partita_system::kinematics::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -278,4 +278,56 @@ fn open_drawings_close_too() {
         assert!(q.iter().zip(&before).all(|(a, b)| (a - b).abs() < 1e-10));
         assert_tangent(&model, &mut closing, 0.0, &q);
     }
+}
+
+/// A four-bar drawn without redundant rows: pins, a ball and a cylindrical joint. It moves as the planar one does; and a
+/// slide in place of the crank's pin, at any angle to the cylinder.
+#[test]
+fn ball_and_cylinder() {
+    let planar = drawing("four-bar")
+        .pin("A", "ground", "crank", [0.0, 0.0])
+        .pin("B", "crank", "coupler", [0.3, 0.4])
+        .pin("C", "coupler", "rocker", [1.2, 0.9])
+        .pin("D", "ground", "rocker", [1.0, 0.0])
+        .model();
+    let mut reference = by(&planar, &["A"]);
+    for cut in ["B", "C", "D"] {
+        for backward in [false, true] {
+            let (a, b) = if backward { ("rocker", "coupler") } else { ("coupler", "rocker") };
+            let model = drawing("RSCR")
+                .pin("A", "ground", "crank", [0.0, 0.0])
+                .joint("B", Spherical, "crank", "coupler", [0.3, 0.4, 0.1], Z)
+                .joint("C", Cylindrical, a, b, [1.2, 0.9, -0.2], Z)
+                .pin("D", "ground", "rocker", [1.0, 0.0])
+                .cut(cut)
+                .model();
+            assert!(!model.is_planar() && model.size().nv == model.size().rows + 1);
+            let mut closing = by(&model, &["A"]);
+            assert!(closing.is_explicit(), "{:?}", words(&closing));
+            sweep(&model, &mut closing, "A", 0.5, 15);
+            if cut == "D" {
+                continue;
+            }
+            let (mut q, mut flat) = (model.initial(), planar.initial());
+            q[coordinate(&model, "A")] = 0.4;
+            flat[coordinate(&planar, "A")] = 0.4;
+            closing.close(0.0, &mut q).unwrap();
+            reference.close(0.0, &mut flat).unwrap();
+            let (x, y) = (q[coordinate(&model, "D")], flat[coordinate(&planar, "D")]);
+            assert!((x - y).abs() < 1e-14, "{x} {y}");
+        }
+    }
+    // a skew slide and a skew cylinder on the slider; the input turns the cylinder's other part
+    let model = drawing("PSCR")
+        .joint("slide", Prismatic, "ground", "slider", [0.0; 3], [1.0, 0.2, 0.1])
+        .joint("ball", Spherical, "slider", "rod", [0.1, 0.2, 0.0], Z)
+        .joint("cylinder", Cylindrical, "rod", "arm", [0.8, 0.9, 0.3], [0.2, -0.3, 1.0])
+        .joint("arm", Revolute, "ground", "arm", [1.5, 0.0, 0.0], [0.0, 1.0, 0.4])
+        .model();
+    let mut closing = by(&model, &["arm"]);
+    assert!(closing.is_explicit(), "{:?}", words(&closing));
+    sweep(&model, &mut closing, "arm", 0.3, 10);
+    // the arm turned by the slide is no closed form: the axes are skew
+    let skew = by(&model, &["slide"]);
+    assert!(!skew.is_explicit(), "{:?}", words(&skew));
 }

@@ -248,6 +248,7 @@ impl<'m> LoopClosing<'m> {
             Freedom::Slide => 'P',
             Freedom::Ball { .. } => 'S',
             Freedom::Universal => 'U',
+            Freedom::Cylindrical => 'C',
         };
         let n = p.joints.len();
         // from the frame around to the frame
