@@ -530,6 +530,10 @@ fn placing_equals_walking() {
             assert!((a - b).abs() < 1e-10, "{placed:?} {walked:?}");
         }
     }
+    // a parallelogram in line may go on either way: the walk decides
+    let square = four_bar([1.0, 0.5, 1.0, 0.5], 0.7, 1.0).model();
+    assert!(square.place(0.0, &square.initial(), &[(coordinate(&square, "A"), 0.9)]).is_some());
+    assert_eq!(square.place(0.0, &square.initial(), &[(coordinate(&square, "A"), 3.0)]), None);
     // out of reach, or not a set of inputs: not its business
     let rocker = coordinate(&model, "D");
     assert_eq!(model.place(0.0, &q, &[(rocker, 3.0)]), None);
@@ -613,4 +617,50 @@ fn jumps_keep_the_whole_turns_of_slides() {
         closing.close(0.0, &mut q).unwrap();
         assert_closed(&model, 0.0, &q, "jump");
     }
+}
+
+/// On the way into a limit the loops stay closed to the last digit, whatever is left of the pivot; at the exactly flat
+/// position they close, beyond it the shortfall is told.
+#[test]
+fn closed_up_to_the_limit() {
+    let lengths = [1.0, 0.8, 0.5, 0.6];
+    let model = four_bar(lengths, 0.6, 1.0).model();
+    let mut closing = by(&model, &["A"]);
+    // |BD| = l2 + l3
+    let limit = ((1.0 + 0.64 - 1.21) / (2.0 * 0.8_f64)).acos();
+    for exponent in 1..16 {
+        let before = 10.0_f64.powi(-exponent);
+        let mut q = model.initial();
+        q[coordinate(&model, "A")] = limit - before - 0.6;
+        closing.close(0.0, &mut q).unwrap();
+        assert_closed(&model, 0.0, &q, "near the limit");
+        // sin μ² ≈ 2 (1 + cos μ),  cos μ = (l2² + l3² − R²)/(2 l2 l3)
+        let r2 = 1.64 - 1.6 * (limit - before).cos();
+        let cosine = (0.61 - r2) / 0.6;
+        let sine2 = 1.0 - cosine * cosine;
+        assert!((closing.state()[0].pivot.powi(2) - sine2).abs() < 1e-14);
+        q[coordinate(&model, "A")] = limit + before - 0.6;
+        if exponent < 15 {
+            assert!(matches!(closing.close(0.0, &mut q), Err(SystemError::Limit { .. })), "{before} beyond");
+        }
+    }
+}
+
+/// A triad without a closed form drives a dyad: implicit first, then explicit again.
+#[test]
+fn dyads_follow_implicit_blocks() {
+    let model = six_bar(false, "c").pin("8", "b", "e", [1.9, 0.9]).pin("9", "e", "f", [2.8, 1.0]).pin(
+        "10",
+        "ground",
+        "f",
+        [2.6, 0.0],
+    );
+    let model = model.model();
+    let mut closing = by(&model, &["5"]);
+    let kinds: Vec<bool> = closing.blocks().iter().map(|b| b.explicit).collect();
+    assert_eq!(kinds, [false, true], "{:?}", words(&closing));
+    assert!(words(&closing)[1].starts_with("RRR dyad"));
+    sweep(&model, &mut closing, "5", 0.05, 8);
+    let both = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "5")])).unwrap();
+    assert_eq!((both.found.len(), both.notes.len()), (2, 1));
 }

@@ -142,12 +142,10 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
     // equal counts stay in the order of preference
     ranked.sort_by_key(|r| r.0);
     let mut best: Option<(usize, f64, LoopClosing<'m>)> = None;
-    let mut tried = 0;
-    for (count, inputs) in ranked {
+    for (tried, (count, inputs)) in ranked.into_iter().enumerate() {
         if best.as_ref().is_some_and(|b| b.0 < count || tried >= plans) {
             break;
         }
-        tried += 1;
         let Ok(mut plan) = LoopClosing::new(at, q, &inputs) else { continue };
         if plan.close(t, &mut q.to_vec()).is_err() {
             continue;
