@@ -6,7 +6,7 @@
 //!
 //! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
 //! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What cannot be
-//! ordered is solved in the smallest implicit blocks there are (`btf`, `implicit`). The order depends on the inputs
+//! ordered is solved in the smallest implicit blocks there are (`blocks`, `btf`, `implicit`). The order depends on the inputs
 //! alone; it is found once (`plan`) and then followed without searching and without allocation (`close`).
 //!
 //! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to round-off by
@@ -18,6 +18,7 @@
 
 mod arm;
 mod assemblies;
+mod blocks;
 mod btf;
 mod close;
 mod graph;
