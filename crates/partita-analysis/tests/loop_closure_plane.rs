@@ -596,8 +596,8 @@ fn inputs_of_a_large_mechanism_are_found_by_exchange() {
     assert_tangent(&model, &mut closing, 0.0, &q);
 }
 
-/// Inputs that jump by turns: a slide that is cut locks its angle with all its turns, and the nearest angles of the others
-/// must add up to them.
+/// Inputs that jump by turns: a slide that is cut locks its angle with all its turns, and the nearest angles of the
+/// others must add up to them.
 #[test]
 fn jumps_keep_the_whole_turns_of_slides() {
     let mut rng = fastrand::Rng::with_seed(5);

@@ -76,8 +76,8 @@ impl Model {
         Ok(plan)
     }
 
-    /// All positions that close for the input values in the closed position q: every combination of branches, those that
-    /// cannot close left out. The first one is q's own.
+    /// All positions that close for the input values in the closed position q: every combination of branches, those
+    /// that cannot close left out. The first one is q's own.
     ///
     /// Of implicit blocks only the solution near q is found; the notes say so. Fails for more than 4096 combinations.
     /// Cost: one closing for each combination.
@@ -132,11 +132,12 @@ impl Model {
         Ok(all)
     }
 
-    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches kept.
+    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches
+    /// kept.
     ///
-    /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a change
-    /// point (where branches meet) may stand in the way. The inputs go straight and in steps, so that none is jumped and
-    /// whole turns are counted. The result is verified to close.
+    /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a
+    /// change point (where branches meet) may stand in the way. The inputs go straight and in steps, so that none is
+    /// jumped and whole turns are counted. The result is verified to close.
     pub fn place(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
         let mut inputs = Vec::with_capacity(targets.len());
         for &(i, value) in targets {

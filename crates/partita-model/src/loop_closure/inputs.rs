@@ -11,8 +11,8 @@ use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::closing::Closing;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
-/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the choice
-/// costs about as much as a thousand evaluations.
+/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the
+/// choice costs about as much as a thousand evaluations.
 const SETS: usize = 2000;
 /// A mechanism of so many motions is small.
 const SMALL: usize = 40;
@@ -79,8 +79,8 @@ fn implicit_count(model: &Model, graph: &Graph, inputs: &[usize]) -> usize {
     missing.map(|(_, e)| e.velocities().filter(|v| inputs.binary_search(v).is_err()).count()).sum()
 }
 
-/// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms with
-/// too many sets to look at them all.
+/// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms
+/// with too many sets to look at them all.
 fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
     let model = at.model;
     let mut r = Reduction::new(model, model.size().nv - k);
@@ -117,8 +117,8 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
     Some(best.1)
 }
 
-/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of the
-/// pivots.
+/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of
+/// the pivots.
 pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
     let model = at.model;
     let graph = Graph::new(model);
@@ -158,8 +158,8 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
     }
     best.map(|b| b.2).ok_or_else(|| {
         SystemError::Request(format!(
-            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or start \
-             a little away from this position",
+            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or \
+             start a little away from this position",
             model.size().nv
         ))
     })

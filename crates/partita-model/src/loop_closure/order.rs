@@ -30,7 +30,7 @@ pub(super) struct Order<'g> {
 }
 
 impl<'g> Order<'g> {
-    /// With the edges whose coordinates are given, and the numbers of inputs among the velocities of balls.
+    /// With the edges whose coordinates are given, and the inputs among the velocities of balls, one bit each.
     pub fn new(graph: &'g Graph, planar: bool, given: &[bool], ball_inputs: &[u8]) -> Self {
         let mut order = Self {
             graph,
@@ -61,7 +61,8 @@ impl<'g> Order<'g> {
         order
     }
 
-    /// Unknown joints: in space the two motions of a universal or cylindrical joint are taken as one, if neither is given.
+    /// Unknown joints: in space the two motions of a universal or cylindrical joint are taken as one, if neither is
+    /// given.
     fn group(&mut self, given: &[bool], ball_inputs: &[u8]) {
         let g = self.graph;
         let mut e = 0;
@@ -254,7 +255,7 @@ impl<'g> Order<'g> {
         let (a, b) = if matches!(self.joints[a].freedom, Freedom::Ball { .. }) { (a, b) } else { (b, a) };
         let closed_form = match (self.joints[a].freedom, self.joints[b].freedom) {
             // the spin of the link about the line of its centres is an input of one of the balls
-            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i + j == 1,
+            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i.count_ones() + j.count_ones() == 1,
             (Freedom::Ball { inputs }, Freedom::Universal | Freedom::Cylindrical) => inputs == 0,
             _ => false,
         };

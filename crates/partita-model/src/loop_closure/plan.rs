@@ -13,15 +13,15 @@ use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 
-/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is closed
-/// to 1e-9 or better, of which a square root near a dead point leaves half the digits.
+/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is
+/// closed to 1e-9 or better, of which a square root near a dead point leaves half the digits.
 const SAME: f64 = 1e-3;
 
 /// What the inputs leave to be found.
 pub(super) struct Task {
     /// Coordinates of edges that are given or driven.
     pub given: Vec<bool>,
-    /// Inputs among the velocities of each ball.
+    /// Inputs among the velocities of each ball, one bit each.
     pub ball_inputs: Vec<u8>,
     /// Edge of each drive.
     pub drives: Vec<usize>,
@@ -35,7 +35,14 @@ impl Task {
         let ball_inputs = graph
             .edges
             .iter()
-            .map(|e| if e.kind == Kind::Ball { e.velocities().filter(|&v| is_input(v)).count() as u8 } else { 0 })
+            .map(|e| {
+                let bits = e.velocities().enumerate().map(|(i, v)| u8::from(is_input(v)) << i);
+                if e.kind == Kind::Ball {
+                    bits.sum()
+                } else {
+                    0
+                }
+            })
             .collect();
         let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
         Self { given, ball_inputs, drives: model.drives.iter().map(|d| edge_of(d.v)).collect() }

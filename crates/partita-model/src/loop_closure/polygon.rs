@@ -13,7 +13,7 @@ const PARALLEL: f64 = 1e-12;
 pub(super) enum Freedom {
     Turn,
     Slide,
-    /// So many of its velocities are inputs.
+    /// With those of its velocities that are inputs, one bit each.
     Ball {
         inputs: u8,
     },

@@ -9,11 +9,12 @@
 //! ```
 //!
 //! The distance of the centres, fixed on Z, does not contain the coordinates of A and B: one equation for that of J.
-//! Then the direction of Z is known. A universal joint turns it there by its two angles; between two balls the link keeps
-//! its spin, as far as the shortest turn allows: the spin is an input.
+//! Then the direction of Z is known. A universal joint turns it there by its two angles; between two balls the link
+//! keeps its spin, as far as the shortest turn allows: the spin is an input, and the part of it that this velocity sees
+//! is a factor of the pivot.
 //!
-//! B may be a cylindrical joint as well. Then it is the distance of the centre A from its axis that counts, for a turn J
-//! about a parallel axis or a slide J.
+//! B may be a cylindrical joint as well. Then it is the distance of the centre A from its axis that counts, for a turn
+//! J about a parallel axis or a slide J.
 
 use super::arm::crossing;
 use super::graph::{Graph, Kind};
@@ -40,7 +41,8 @@ fn angle_about(axis: Vec3<f64>, a: Vec3<f64>, b: Vec3<f64>) -> f64 {
     axis.dot(a.cross(b)).atan2(a.dot(b))
 }
 
-/// Solve the triangle (J, A, B); writes the coordinates of its edges. Signs and pivots: of J, and of the universal joint.
+/// Solve the triangle (J, A, B); writes the coordinates of its edges. Signs and pivots: of J, and of the universal
+/// joint.
 pub(super) fn solve(
     g: &Graph,
     p: &Polygon,
@@ -110,18 +112,30 @@ pub(super) fn solve(
         _ => {
             let (a, a_forward) = p.joints[1].edges[0];
             let (b, b_forward) = p.joints[2].edges[0];
-            let old = if p.joints[1].freedom == (Freedom::Ball { inputs: 1 }) {
+            let spin = |joint: usize| match p.joints[joint].freedom {
+                Freedom::Ball { inputs } if inputs != 0 => Some(inputs.trailing_zeros() as usize),
+                _ => None,
+            };
+            let old = if spin(1).is_some() {
                 r1.mul(&crossing(g, a, a_forward, 0.0, &balls[a]))
             } else {
                 r_b.mul(&crossing(g, b, b_forward, 0.0, &balls[b]).transpose()).mul(&r2.transpose())
             };
-            let r_z = match (old.apply(d2).unit(), w.unit()) {
-                (Some(from), Some(to)) => Mat3::between(from, to).mul(&old),
-                _ => old,
+            let (from, to) = match (old.apply(d2).unit(), w.unit()) {
+                (Some(from), Some(to)) => (from, to),
+                _ => return Err(Shortfall(length)),
             };
+            let r_z = Mat3::between(from, to).mul(&old);
             set_ball(g, (a, a_forward), &r1.transpose().mul(&r_z), balls);
             set_ball(g, (b, b_forward), &r_z.mul(&r2).transpose().mul(&r_b), balls);
-            Ok([pivot, 1.0])
+            // the part of the spin that its input sees: the line of the centres in the axes behind the ball
+            let seen = match (spin(1), a_forward, b_forward) {
+                (Some(i), true, _) => r_z.apply_transposed(to).0[i],
+                (Some(i), false, _) => r1.apply_transposed(to).0[i],
+                (None, _, true) => r_b.apply_transposed(to).0[spin(2).unwrap_or(0)],
+                (None, _, false) => r_z.mul(&r2).apply_transposed(to).0[spin(2).unwrap_or(0)],
+            };
+            Ok([pivot * seen.abs().min(1.0), 1.0])
         }
     }
 }
