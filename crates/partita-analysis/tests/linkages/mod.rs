@@ -228,7 +228,7 @@ pub fn sweep(model: &Model, closing: &mut LoopClosing, input: &str, angle: f64, 
         assert!(closing.state().iter().all(|s| s.pivot > 0.0 && s.pivot <= 1.0));
         if k % (count / 7).max(1) == 3 {
             assert_tangent(model, closing, 0.0, &q.clone());
-            let _ = closing.close(0.0, &mut q);
+            closing.close(0.0, &mut q).unwrap();
         }
     }
     q
