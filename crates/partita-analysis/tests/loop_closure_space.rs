@@ -5,7 +5,7 @@ mod linkages;
 use linkages::*;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::loop_closure::LoopClosing;
-use partita_model::spec::JointKind::{Prismatic, Revolute, Spherical, Universal};
+use partita_model::spec::JointKind::{Cylindrical, Prismatic, Revolute, Spherical, Universal};
 use partita_model::Model;
 use partita_system::kinematics::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -244,8 +244,8 @@ fn seven_revolutes_are_one_implicit_block() {
     sweep(&model, &mut closing, &input, 0.05, 8);
 }
 
-/// Drawn open: a cut joint that sits elsewhere, and turned, on its child. The branch and the closed forms are those of the
-/// assembled position.
+/// Drawn open: a cut joint that sits elsewhere, and turned, on its child. The branch and the closed forms are those of
+/// the assembled position.
 #[test]
 fn open_drawings_close_too() {
     for planar in [true, false] {
@@ -278,4 +278,114 @@ fn open_drawings_close_too() {
         assert!(q.iter().zip(&before).all(|(a, b)| (a - b).abs() < 1e-10));
         assert_tangent(&model, &mut closing, 0.0, &q);
     }
+}
+
+/// A four-bar drawn without redundant rows: pins, a ball and a cylindrical joint. It moves as the planar one does; and
+/// a slide in place of the crank's pin, at any angle to the cylinder.
+#[test]
+fn ball_and_cylinder() {
+    let planar = drawing("four-bar")
+        .pin("A", "ground", "crank", [0.0, 0.0])
+        .pin("B", "crank", "coupler", [0.3, 0.4])
+        .pin("C", "coupler", "rocker", [1.2, 0.9])
+        .pin("D", "ground", "rocker", [1.0, 0.0])
+        .model();
+    let mut reference = by(&planar, &["A"]);
+    for cut in ["B", "C", "D"] {
+        for backward in [false, true] {
+            let (a, b) = if backward { ("rocker", "coupler") } else { ("coupler", "rocker") };
+            let model = drawing("RSCR")
+                .pin("A", "ground", "crank", [0.0, 0.0])
+                .joint("B", Spherical, "crank", "coupler", [0.3, 0.4, 0.1], Z)
+                .joint("C", Cylindrical, a, b, [1.2, 0.9, -0.2], Z)
+                .pin("D", "ground", "rocker", [1.0, 0.0])
+                .cut(cut)
+                .model();
+            assert!(!model.is_planar() && model.size().nv == model.size().rows + 1);
+            let mut closing = by(&model, &["A"]);
+            assert!(closing.is_explicit(), "{:?}", words(&closing));
+            sweep(&model, &mut closing, "A", 0.5, 15);
+            if cut == "D" {
+                continue;
+            }
+            let (mut q, mut flat) = (model.initial(), planar.initial());
+            q[coordinate(&model, "A")] = 0.4;
+            flat[coordinate(&planar, "A")] = 0.4;
+            closing.close(0.0, &mut q).unwrap();
+            reference.close(0.0, &mut flat).unwrap();
+            let (x, y) = (q[coordinate(&model, "D")], flat[coordinate(&planar, "D")]);
+            assert!((x - y).abs() < 1e-14, "{x} {y}");
+        }
+    }
+    // a skew slide and a skew cylinder on the slider; the input turns the cylinder's other part
+    let model = drawing("PSCR")
+        .joint("slide", Prismatic, "ground", "slider", [0.0; 3], [1.0, 0.2, 0.1])
+        .joint("ball", Spherical, "slider", "rod", [0.1, 0.2, 0.0], Z)
+        .joint("cylinder", Cylindrical, "rod", "arm", [0.8, 0.9, 0.3], [0.2, -0.3, 1.0])
+        .joint("arm", Revolute, "ground", "arm", [1.5, 0.0, 0.0], [0.0, 1.0, 0.4])
+        .model();
+    let mut closing = by(&model, &["arm"]);
+    assert!(closing.is_explicit(), "{:?}", words(&closing));
+    sweep(&model, &mut closing, "arm", 0.3, 10);
+    // the arm turned by the slide is no closed form: the axes are skew
+    let skew = by(&model, &["slide"]);
+    assert!(!skew.is_explicit(), "{:?}", words(&skew));
+}
+
+/// Loops by chance: input and output turn or slide, ball on one side, universal, cylindrical or ball on the other,
+/// every joint drawn from either side, every one cut. All close in closed form, from either end.
+#[test]
+fn characteristic_pairs_by_chance() {
+    let mut rng = fastrand::Rng::with_seed(31);
+    let mut closed = 0;
+    for trial in 0..200 {
+        let mut vector = |size: f64| [0; 3].map(|_| size * (2.0 * rng.f64() - 1.0));
+        let points = [vector(1.0), vector(1.0), vector(1.0), vector(1.0)];
+        let axes = [vector(1.0), vector(1.0), vector(1.0), vector(1.0)];
+        let second = vector(1.0);
+        let names = ["I", "A", "B", "J"];
+        let b = [Universal, Cylindrical, Spherical][trial % 3];
+        let ends = [Revolute, Prismatic];
+        let (input, mut output) = (ends[rng.usize(0..2)], ends[rng.usize(0..2)]);
+        if b == Cylindrical {
+            output = Prismatic; // turns about skew axes have no closed form there
+        }
+        let kinds = [input, Spherical, b, output];
+        let bodies = ["ground", "x", "z", "y", "ground"];
+        let mut d = drawing("by chance");
+        for i in 0..4 {
+            let (from, to) = if rng.bool() { (bodies[i], bodies[i + 1]) } else { (bodies[i + 1], bodies[i]) };
+            d = d.joint(names[i], kinds[i], from, to, points[i], axes[i]).and(second);
+        }
+        let cut = names[rng.usize(1..4)];
+        let model = d.cut(cut).model();
+        let spin = if cut == "A" { "B.wx" } else { "A.wx" };
+        let inputs: Vec<usize> = if b == Spherical {
+            vec![velocity(&model, "I"), velocity(&model, spin)]
+        } else {
+            vec![velocity(&model, "I")]
+        };
+        let q0 = model.initial();
+        // some drawings stand near a dead point of the input
+        let Ok(mut closing) = model.loop_closing(0.0, &q0, Some(&inputs)) else { continue };
+        assert!(closing.is_explicit(), "{trial}: {:?}", words(&closing));
+        let (mut q, own) = (q0.clone(), branches(&closing));
+        let at = coordinate(&model, "I");
+        for k in 0..5 {
+            q[at] = 0.02 * f64::from(k);
+            if closing.close(0.0, &mut q).is_err() {
+                break; // a limit within reach
+            }
+            assert_closed(&model, 0.0, &q, "by chance");
+            assert_eq!(branches(&closing), own);
+        }
+        if closing.state().iter().any(|s| s.pivot < 0.3) || q[at] < 0.08 {
+            continue;
+        }
+        q[at] = 0.06;
+        closing.close(0.0, &mut q).unwrap();
+        assert_tangent(&model, &mut closing, 0.0, &q);
+        closed += 1;
+    }
+    assert!(closed > 80, "{closed}");
 }

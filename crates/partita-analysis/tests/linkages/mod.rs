@@ -161,15 +161,19 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
     let inputs = closing.inputs().to_vec();
     let blocks = closing.blocks().to_vec();
     for &input in &inputs {
-        let h = 1e-3 * model.reach(input);
         let mut way: [Vec<f64>; 5] = std::array::from_fn(|_| q.to_vec());
-        for (k, at) in way.iter_mut().enumerate() {
-            let mut dv = vec![0.0; model.size().nv];
-            dv[input] = h * (k as f64 - 2.0);
-            model.step(at, &dv);
-            closing.close(t, at).unwrap();
-        }
-        let found = velocities(model, &way, h);
+        let mut differences = |h: f64| {
+            for (k, at) in way.iter_mut().enumerate() {
+                at.copy_from_slice(q);
+                let mut dv = vec![0.0; model.size().nv];
+                dv[input] = h * (k as f64 - 2.0);
+                model.step(at, &dv);
+                closing.close(t, at).unwrap();
+            }
+            velocities(model, &way, h)
+        };
+        let h = 1e-3 * model.reach(input);
+        let (coarse, found) = (differences(2.0 * h), differences(h));
         let (_, c) = position(model, t, &way[2]);
         let mut v = vec![0.0; found.len()];
         let mut solved = vec![false; v.len()];
@@ -202,8 +206,9 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
         }
         assert!(solved.iter().all(|s| *s), "a velocity is in no block");
         for (i, (a, b)) in found.iter().zip(&v).enumerate() {
-            // differences: error h⁴/30 ≈ 3e-14 times the fifth derivative, round-off 1e-15/h
-            assert!((a - b).abs() < 1e-8 * (1.0 + b.abs()), "{}: {a} by differences, {b}", model.velocity_name(i));
+            // the error of the differences is a fifteenth of what halving their step changes, their round-off 1e-15/h
+            let allowed = 1e-8 * (1.0 + b.abs()) + 0.2 * (coarse[i] - a).abs();
+            assert!((a - b).abs() < allowed, "{}: {a} by differences, {b}", model.velocity_name(i));
         }
     }
 }
@@ -223,7 +228,7 @@ pub fn sweep(model: &Model, closing: &mut LoopClosing, input: &str, angle: f64, 
         assert!(closing.state().iter().all(|s| s.pivot > 0.0 && s.pivot <= 1.0));
         if k % (count / 7).max(1) == 3 {
             assert_tangent(model, closing, 0.0, &q.clone());
-            let _ = closing.close(0.0, &mut q);
+            closing.close(0.0, &mut q).unwrap();
         }
     }
     q

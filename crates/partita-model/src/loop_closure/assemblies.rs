@@ -76,8 +76,8 @@ impl Model {
         Ok(plan)
     }
 
-    /// All positions that close for the input values in the closed position q: every combination of branches, those that
-    /// cannot close left out. The first one is q's own.
+    /// All positions that close for the input values in the closed position q: every combination of branches, those
+    /// that cannot close left out. The first one is q's own.
     ///
     /// Of implicit blocks only the solution near q is found; the notes say so. Fails for more than 4096 combinations.
     /// Cost: one closing for each combination.
@@ -132,11 +132,12 @@ impl Model {
         Ok(all)
     }
 
-    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches kept.
+    /// Closed forms instead of a walk: from the closed position q to the targets `(coordinate, value)`, its branches
+    /// kept.
     ///
-    /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit stands in
-    /// the way (the inputs go straight and in steps, so that no limit is jumped and whole turns are counted). The result
-    /// is verified to close.
+    /// `None` where that does not apply: the targets are not a set of inputs, a loop is not explicit, or a limit or a
+    /// change point (where branches meet) may stand in the way. The inputs go straight and in steps, so that none is
+    /// jumped and whole turns are counted. The result is verified to close.
     pub fn place(&self, t: f64, q: &[f64], targets: &[(usize, f64)]) -> Option<Vec<f64>> {
         let mut inputs = Vec::with_capacity(targets.len());
         for &(i, value) in targets {
@@ -159,12 +160,20 @@ impl Model {
             return None;
         }
         let mut there = q.to_vec();
+        let mut pivots: Vec<f64> = closing.state().iter().map(|s| s.pivot).collect();
         for k in 1..=strides as usize {
             let part = k as f64 / strides;
             for &(i, value) in targets {
                 there[i] = if part == 1.0 { value } else { q[i] + (value - q[i]) * part };
             }
             closing.close(t, &mut there).ok()?;
+            for (before, now) in pivots.iter_mut().zip(closing.state()) {
+                // a pivot that loses half of itself in a stride may have been, or may next be, at zero
+                if now.branch != 0 && now.pivot < 2.0 * (now.pivot - *before).abs() {
+                    return None;
+                }
+                *before = now.pivot;
+            }
         }
         closing.residual(t, &there).ok()?;
         (closing.open() <= CLOSED).then_some(there)

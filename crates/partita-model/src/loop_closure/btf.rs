@@ -100,8 +100,8 @@ pub(super) fn components(points_to: &[Vec<usize>]) -> Vec<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// Random matrices with a hidden permutation: the matching is complete, and in the order of the components every row
-    /// needs only columns of its own and of earlier components.
+    /// Random matrices with a hidden permutation: the matching is complete, and in the order of the components every
+    /// row needs only columns of its own and of earlier components.
     #[test]
     fn block_triangular_form_of_random_patterns() {
         let mut rng = fastrand::Rng::with_seed(17);

@@ -124,8 +124,8 @@ impl LoopClosing<'_> {
         Ok(())
     }
 
-    /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is given
-    /// to the angle that has moved the most.
+    /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is
+    /// given to the angle that has moved the most.
     fn whole_turns(&self, q: &mut [f64]) -> Result<(), SystemError> {
         let Engine::Flat(tree) = &self.model.engine else { return Ok(()) };
         let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());

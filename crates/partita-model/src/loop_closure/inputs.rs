@@ -7,13 +7,19 @@ use super::plan::Task;
 use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;
+use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::closing::Closing;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{start, ConstrainedSystem, SystemError};
 
-/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones.
+/// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the
+/// choice costs about as much as a thousand evaluations.
 const SETS: usize = 2000;
-/// Motions up to which all sets within [`SETS`] are looked at.
+/// A mechanism of so many motions is small.
 const SMALL: usize = 40;
+/// Plans compared for their pivots; fewer for large mechanisms.
+const PLANS: usize = 40;
+/// Exchanges that shrink the volume of a choice below this part are not looked at: they lead to dead points.
+const WEAK: f64 = 0.05;
 
 /// A velocity that may be an input, the better the smaller its rank.
 struct Candidate {
@@ -73,35 +79,77 @@ fn implicit_count(model: &Model, graph: &Graph, inputs: &[usize]) -> usize {
     missing.map(|(_, e)| e.velocities().filter(|v| inputs.binary_search(v).is_err()).count()).sum()
 }
 
-/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of the
-/// pivots.
+/// The choice of the projective criterion, then exchanges as long as they leave less to implicit blocks: for mechanisms
+/// with too many sets to look at them all.
+fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
+    let model = at.model;
+    let mut r = Reduction::new(model, model.size().nv - k);
+    start::choose_partition(&mut r, t, q, None, None).ok()?;
+    let mut best = (implicit_count(model, graph, &r.partition.independent), r.partition.independent.clone());
+    while best.0 > 0 && budget > 0 {
+        let mut better = None;
+        'search: for (i, &enters) in r.partition.dependent.iter().enumerate() {
+            for (j, &leaves) in r.partition.independent.iter().enumerate() {
+                let gain = r.a_matrix[i * k + j].abs() * r.scales()[leaves] / r.scales()[enters];
+                if gain.is_nan() || gain < WEAK {
+                    continue;
+                }
+                let mut next = r.partition.independent.clone();
+                next[j] = enters;
+                next.sort_unstable();
+                let count = implicit_count(model, graph, &next);
+                budget -= 1;
+                if count < best.0 {
+                    better = Some((count, next));
+                    break 'search;
+                }
+                if budget == 0 {
+                    break 'search;
+                }
+            }
+        }
+        let Some(found) = better else { break };
+        if r.set_partition(t, &found.1).is_err() || r.tangent(t).is_err() {
+            break;
+        }
+        best = found;
+    }
+    Some(best.1)
+}
+
+/// Plan with the inputs that leave the least to implicit blocks and, among those, stand best: the largest product of
+/// the pivots.
 pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
     let model = at.model;
     let graph = Graph::new(model);
     let k = at.mobility();
     let all = candidates(model, &graph);
-    let budget = (SETS * SMALL / graph.edges.len().max(SMALL)).max(20);
+    let edges = graph.edges.len().max(SMALL);
+    let budget = (SETS * SMALL / edges).max(20);
+    let plans = (PLANS * SMALL / edges).max(4);
     let mut ranked: Vec<(usize, Vec<usize>)> = Vec::new();
-    each_set(&all, k, &mut Vec::new(), &mut |set| {
+    let complete = each_set(&all, k, &mut Vec::new(), &mut |set| {
         let mut inputs = set.to_vec();
         inputs.sort_unstable();
         ranked.push((implicit_count(model, &graph, &inputs), inputs));
         ranked.len() < budget
     });
+    if !complete {
+        if let Some(inputs) = by_exchange(at, t, q, k, &graph, budget) {
+            ranked.insert(0, (implicit_count(model, &graph, &inputs), inputs));
+        }
+    }
     // equal counts stay in the order of preference
     ranked.sort_by_key(|r| r.0);
     let mut best: Option<(usize, f64, LoopClosing<'m>)> = None;
-    let mut tried = 0;
-    for (count, inputs) in ranked {
-        if best.as_ref().is_some_and(|b| b.0 < count) || tried == SMALL {
+    for (tried, (count, inputs)) in ranked.into_iter().enumerate() {
+        if best.as_ref().is_some_and(|b| b.0 < count || tried >= plans) {
             break;
         }
         let Ok(mut plan) = LoopClosing::new(at, q, &inputs) else { continue };
-        let mut there = q.to_vec();
-        if plan.close(t, &mut there).is_err() {
+        if plan.close(t, &mut q.to_vec()).is_err() {
             continue;
         }
-        tried += 1;
         // log of the product, so that a thousand blocks do not vanish
         let volume: f64 = plan.state().iter().map(|s| s.pivot.max(f64::MIN_POSITIVE).ln()).sum();
         if best.as_ref().is_none_or(|b| volume > b.1 + 1e-6) {
@@ -110,8 +158,8 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
     }
     best.map(|b| b.2).ok_or_else(|| {
         SystemError::Request(format!(
-            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or start \
-             a little away from this position",
+            "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or \
+             start a little away from this position",
             model.size().nv
         ))
     })

@@ -5,17 +5,22 @@
 //! ```
 //!
 //! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
-//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What cannot be
-//! ordered is solved in the smallest implicit blocks there are (`btf`, `implicit`). The order depends on the inputs
-//! alone; it is found once (`plan`) and then followed without searching and without allocation (`close`).
+//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What
+//! cannot be ordered is solved in the smallest implicit blocks there are (`blocks`, `btf`, `implicit`). The order
+//! depends on the inputs alone; it is found once (`plan`) and then followed without searching and without allocation
+//! (`close`).
 //!
-//! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to round-off by
-//! construction and the branch is always known. At a dead point of its inputs it ends with [`SystemError::Limit`].
+//! Prefer it where loops are recognised and the pivots of the blocks stay away from 0: the loops are closed to
+//! round-off by construction and the branch is always known. The sign ε belongs to the shape of a polygon: where a
+//! pivot passes through zero without a limit (a change point, such as that of a parallelogram in line) the motion goes
+//! on with the other sign, which only its velocity can tell. At a dead point of its inputs it ends with
+//! [`SystemError::Limit`].
 //!
 //! [`SystemError::Limit`]: partita_system::SystemError::Limit
 
 mod arm;
 mod assemblies;
+mod blocks;
 mod btf;
 mod close;
 mod graph;

@@ -30,7 +30,7 @@ pub(super) struct Order<'g> {
 }
 
 impl<'g> Order<'g> {
-    /// With the edges whose coordinates are given, and the numbers of inputs among the velocities of balls.
+    /// With the edges whose coordinates are given, and the inputs among the velocities of balls, one bit each.
     pub fn new(graph: &'g Graph, planar: bool, given: &[bool], ball_inputs: &[u8]) -> Self {
         let mut order = Self {
             graph,
@@ -61,7 +61,8 @@ impl<'g> Order<'g> {
         order
     }
 
-    /// Unknown joints: in space the two turns of a universal joint are taken as one, if neither is given.
+    /// Unknown joints: in space the two motions of a universal or cylindrical joint are taken as one, if neither is
+    /// given.
     fn group(&mut self, given: &[bool], ball_inputs: &[u8]) {
         let g = self.graph;
         let mut e = 0;
@@ -71,25 +72,13 @@ impl<'g> Order<'g> {
                 e += 1;
                 continue;
             }
-            let next = g.edges.get(e + 1);
-            let universal = !self.planar
-                && next.is_some_and(|n| {
-                    edge.joint.is_some()
-                        && n.joint == edge.joint
-                        && n.from == edge.to
-                        && n.in_tree() == edge.in_tree()
-                        && (edge.kind, n.kind) == (Kind::Turn, Kind::Turn)
-                        && !given[e + 1]
-                        // nothing else may be held by the part between them
-                        && g.edges.iter().filter(|x| x.from == edge.to || x.to == edge.to).count() == 2
-                });
-            let freedom = match edge.kind {
-                _ if universal => Freedom::Universal,
+            let pair = if self.planar || given.get(e + 1) != Some(&false) { None } else { pair_of(g, e) };
+            let freedom = pair.unwrap_or(match edge.kind {
                 Kind::Slide => Freedom::Slide,
                 Kind::Ball => Freedom::Ball { inputs: ball_inputs[e] },
                 _ => Freedom::Turn,
-            };
-            let edges: Vec<usize> = if universal { vec![e, e + 1] } else { vec![e] };
+            });
+            let edges: Vec<usize> = if pair.is_some() { vec![e, e + 1] } else { vec![e] };
             let last = edges[edges.len() - 1];
             e = last + 1;
             self.joints.push(Unknown { ends: (g.edges[edges[0]].from, g.edges[last].to), edges, freedom });
@@ -259,17 +248,41 @@ impl<'g> Order<'g> {
             let mut found = self.polygon(&three);
             return (slides < 3 && self.fits_a_plane(&mut found)).then_some(found);
         }
-        // the characteristic pair: a link held in two centres, and one joint more
+        // the characteristic pair: a link held in a centre and a centre or an axis, and one joint more
         let elementary = *three.iter().find(|&&j| self.is_elementary(j))?;
         let centres: Vec<usize> = three.iter().copied().filter(|&j| j != elementary).collect();
         let [a, b] = centres[..] else { return None };
-        let (a, b) = if self.joints[a].freedom == Freedom::Universal { (b, a) } else { (a, b) };
+        let (a, b) = if matches!(self.joints[a].freedom, Freedom::Ball { .. }) { (a, b) } else { (b, a) };
         let closed_form = match (self.joints[a].freedom, self.joints[b].freedom) {
             // the spin of the link about the line of its centres is an input of one of the balls
-            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i + j == 1,
-            (Freedom::Ball { inputs }, Freedom::Universal) => inputs == 0,
+            (Freedom::Ball { inputs: i }, Freedom::Ball { inputs: j }) => i.count_ones() + j.count_ones() == 1,
+            (Freedom::Ball { inputs }, Freedom::Universal | Freedom::Cylindrical) => inputs == 0,
             _ => false,
         };
-        closed_form.then(|| self.polygon(&[elementary, a, b]))
+        if !closed_form {
+            return None;
+        }
+        let found = self.polygon(&[elementary, a, b]);
+        // the distance from an axis is of the first order in cosine and sine for turns about a parallel one only
+        let first_order = self.joints[b].freedom != Freedom::Cylindrical
+            || self.joints[elementary].freedom == Freedom::Slide
+            || self.keeps_parallel(&found);
+        first_order.then_some(found)
     }
+}
+
+/// Are edge e and the next one a universal or a cylindrical joint, with nothing else on the part between them?
+fn pair_of(g: &Graph, e: usize) -> Option<Freedom> {
+    let (a, b) = (&g.edges[e], g.edges.get(e + 1)?);
+    let joined = a.joint.is_some() && a.joint == b.joint && b.from == a.to && a.in_tree() == b.in_tree();
+    let freedom = match (a.kind, b.kind) {
+        (Kind::Turn, Kind::Turn) => Freedom::Universal,
+        // between two motions of one joint there is no constant turn: the axes can be compared
+        (Kind::Slide, Kind::Turn) | (Kind::Turn, Kind::Slide) if a.axis.cross(b.axis).norm() < 1e-12 => {
+            Freedom::Cylindrical
+        }
+        _ => return None,
+    };
+    let alone = || g.edges.iter().filter(|x| x.from == a.to || x.to == a.to).count() == 2;
+    (joined && alone()).then_some(freedom)
 }

@@ -6,23 +6,22 @@ use super::implicit::{Implicit, Room};
 use super::instant::{Instant, CLOSED};
 use super::order::Order;
 use super::polygon::{Freedom, Polygon};
-use super::{btf, planar, LoopClosing, Step, Work};
+use super::{planar, LoopClosing, Step, Work};
 use crate::joint;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
-use partita_system::kinematics::closing::{Block, BlockState};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 
-/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is closed
-/// to 1e-9 or better, of which a square root near a dead point leaves half the digits.
+/// How far (in radians and sizes) the closed forms may be from the position they are planned at. That position is
+/// closed to 1e-9 or better, of which a square root near a dead point leaves half the digits.
 const SAME: f64 = 1e-3;
 
 /// What the inputs leave to be found.
 pub(super) struct Task {
     /// Coordinates of edges that are given or driven.
     pub given: Vec<bool>,
-    /// Inputs among the velocities of each ball.
+    /// Inputs among the velocities of each ball, one bit each.
     pub ball_inputs: Vec<u8>,
     /// Edge of each drive.
     pub drives: Vec<usize>,
@@ -36,7 +35,14 @@ impl Task {
         let ball_inputs = graph
             .edges
             .iter()
-            .map(|e| if e.kind == Kind::Ball { e.velocities().filter(|&v| is_input(v)).count() as u8 } else { 0 })
+            .map(|e| {
+                let bits = e.velocities().enumerate().map(|(i, v)| u8::from(is_input(v)) << i);
+                if e.kind == Kind::Ball {
+                    bits.sum()
+                } else {
+                    0
+                }
+            })
             .collect();
         let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
         Self { given, ball_inputs, drives: model.drives.iter().map(|d| edge_of(d.v)).collect() }
@@ -248,6 +254,7 @@ impl<'m> LoopClosing<'m> {
             Freedom::Slide => 'P',
             Freedom::Ball { .. } => 'S',
             Freedom::Universal => 'U',
+            Freedom::Cylindrical => 'C',
         };
         let n = p.joints.len();
         // from the frame around to the frame
@@ -277,94 +284,5 @@ impl<'m> LoopClosing<'m> {
         };
         let plural = if n == 1 { "joint" } else { "joints" };
         format!("{} {kind} ({plural} {})", spelled(&order), names.join(", "))
-    }
-
-    /// The first implicit block of what is missing: rows and velocities.
-    fn next_implicit(&self, at: &Instant, missing: &[usize]) -> Option<(Vec<usize>, Vec<usize>)> {
-        let nv = self.model.size().nv;
-        let mut within = vec![false; nv];
-        for &e in missing {
-            for v in self.graph.edges[e].velocities() {
-                within[v] = self.inputs.binary_search(&v).is_err();
-            }
-        }
-        let unknown: Vec<usize> = (0..nv).filter(|&v| within[v]).collect();
-        let rows = at.rows(&within);
-        if rows.len() != unknown.len() {
-            return None;
-        }
-        let (row_of, mut needs) = at.structure(&rows, &unknown)?;
-        let place = |v: usize| unknown.binary_search(&v).ok();
-        for &e in missing {
-            // the velocities of a ball are found together
-            tie(&mut needs, &self.graph.edges[e].velocities().filter_map(place).collect::<Vec<_>>());
-        }
-        let first = btf::components(&needs).into_iter().next()?;
-        Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))
-    }
-
-    /// Rows and unknowns of C for the steps: block triangular, steps that C cannot tell apart in one block.
-    fn plan_blocks(&mut self, at: &Instant, rows: &[usize]) -> Result<(), SystemError> {
-        let nv = self.model.size().nv;
-        let unknown: Vec<usize> = (0..nv).filter(|v| self.inputs.binary_search(v).is_err()).collect();
-        let Some((row_of, mut needs)) = at.structure(rows, &unknown) else {
-            return Err(SystemError::Request("the rows of the loops cannot be told apart; choose other inputs".into()));
-        };
-        let mut step_of = vec![usize::MAX; unknown.len()];
-        let mut own: Vec<Vec<usize>> = Vec::new();
-        for (s, step) in self.steps.iter().enumerate() {
-            let mine: Vec<usize> = step
-                .edges
-                .iter()
-                .flat_map(|&e| self.graph.edges[e].velocities())
-                .filter_map(|v| unknown.binary_search(&v).ok())
-                .collect();
-            mine.iter().for_each(|&i| step_of[i] = s);
-            tie(&mut needs, &mine);
-            own.push(mine);
-        }
-        let mut listed: Vec<(usize, Vec<usize>, Vec<usize>)> = Vec::new();
-        // steps that find only coordinates of cut joints have nothing at the level of C
-        for (s, mine) in own.iter().enumerate() {
-            if mine.is_empty() {
-                listed.push((s, Vec::new(), Vec::new()));
-            }
-        }
-        for component in btf::components(&needs) {
-            let mut steps: Vec<usize> = component.iter().map(|&i| step_of[i]).filter(|&s| s != usize::MAX).collect();
-            steps.sort_unstable();
-            steps.dedup();
-            let Some((&last, earlier)) = steps.split_last() else { continue };
-            listed.extend(earlier.iter().map(|&s| (s, Vec::new(), Vec::new())));
-            let mut block_rows: Vec<usize> = component.iter().map(|&i| row_of[i]).collect();
-            block_rows.sort_unstable();
-            listed.push((last, block_rows, component.iter().map(|&i| unknown[i]).collect()));
-        }
-        self.blocks.clear();
-        self.entries.clear();
-        for (s, rows, unknown) in listed {
-            let step = &self.steps[s];
-            let explicit = !matches!(step.work, Work::Implicit(_));
-            for k in 0..step.states {
-                let last = k + 1 == step.states;
-                let words = if step.states > 1 {
-                    format!("{}, {}", step.words, if k == 0 { "characteristic equation" } else { "universal joint" })
-                } else {
-                    step.words.clone()
-                };
-                self.entries.push((s, k));
-                let (rows, unknown) = if last { (rows.clone(), unknown.clone()) } else { (Vec::new(), Vec::new()) };
-                self.blocks.push(Block { rows, unknown, explicit, words });
-            }
-        }
-        self.states = vec![BlockState { branch: 0, pivot: 1.0 }; self.blocks.len()];
-        Ok(())
-    }
-}
-
-/// Make these nodes one component.
-fn tie(needs: &mut [Vec<usize>], nodes: &[usize]) {
-    for (i, &a) in nodes.iter().enumerate() {
-        needs[a].push(nodes[(i + 1) % nodes.len()]);
     }
 }

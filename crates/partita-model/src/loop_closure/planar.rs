@@ -7,8 +7,8 @@
 //!           joint 1               F_{i+1} = F_i · turn(side i) · turn(joint i + 1)
 //! ```
 //!
-//! What is known as dyad RRR, RRP, RPR, ... depends only on which side is called the frame, and the closed forms do not:
-//! three turns are a triangle of given lengths, one slide a line met by a circle, two slides a line met by a line.
+//! What is known as dyad RRR, RRP, RPR, ... depends only on which side is called the frame, and the closed forms do
+//! not: three turns are a triangle of given lengths, one slide a line met by a circle, two slides a line met by a line.
 
 use super::arm::{rotated, FlatArm};
 

@@ -1,21 +1,26 @@
 //! Polygons: unknown joints and the rigid sides between them, out of clusters.
 
 use super::arm::Arm;
-use super::graph::{Graph, Kind};
+use super::graph::{Edge, Graph, Kind};
 use super::order::Order;
 use partita_math::spatial::{Mat3, Vec3};
+
+/// Sine below which axes are parallel: they are given in double precision and turned a few times.
+const PARALLEL: f64 = 1e-12;
 
 /// What an unknown joint lets free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
     Turn,
     Slide,
-    /// So many of its velocities are inputs.
+    /// With those of its velocities that are inputs, one bit each.
     Ball {
         inputs: u8,
     },
     /// Two turns about axes through one point.
     Universal,
+    /// A turn about and a slide along one axis.
+    Cylindrical,
 }
 
 /// A joint with unknown coordinates: edges one behind the other, from the first node to the second.
@@ -124,6 +129,18 @@ impl Order<'_> {
         back
     }
 
+    /// Does the side behind the last joint keep the axes of the last and the first joint as parallel as they are drawn?
+    pub(super) fn keeps_parallel(&self, p: &Polygon) -> bool {
+        let g = self.graph;
+        let edges = |i: usize| p.joints[i].edges.iter().map(|e| &g.edges[e.0]);
+        let Some(n) = edges(0).next().map(|e| e.axis) else { return false };
+        let along = |e: &Edge| e.axis.cross(n).norm() < PARALLEL;
+        let fixed = |e: &Edge| (e.rest.apply(n) - n).norm() < PARALLEL;
+        let side = p.sides[p.joints.len() - 1].path.iter().map(|e| &g.edges[e.0]);
+        edges(0).chain(edges(p.joints.len() - 1)).all(|e| along(e) && fixed(e))
+            && side.into_iter().all(|e| fixed(e) && (matches!(e.kind, Kind::Slide | Kind::Rigid) || along(e)))
+    }
+
     /// Do all joints of the polygon and of its sides move in one plane? (They do in a planar mechanism.)
     pub(super) fn fits_a_plane(&self, p: &mut Polygon) -> bool {
         if self.planar {
@@ -138,16 +155,15 @@ impl Order<'_> {
         let across =
             || slides.iter().find_map(|a| slides[0].cross(*a).unit().filter(|_| slides[0].cross(*a).norm() > 1e-6));
         let Some(n) = turn.map(|&e| g.edges[e].axis).or_else(across) else { return false };
-        // 1e-12: axes are given in double precision and turned a few times
         let fits = edges.iter().all(|&e| {
             let e = &g.edges[e];
             let moves = match e.kind {
-                Kind::Turn => e.axis.cross(n).norm() < 1e-12,
-                Kind::Slide => e.axis.dot(n).abs() < 1e-12,
+                Kind::Turn => e.axis.cross(n).norm() < PARALLEL,
+                Kind::Slide => e.axis.dot(n).abs() < PARALLEL,
                 Kind::Rigid => true,
                 Kind::Ball => false,
             };
-            moves && (e.rest.apply(n) - n).norm() < 1e-12
+            moves && (e.rest.apply(n) - n).norm() < PARALLEL
         });
         let (e1, e2) = n.complement();
         p.plane = Some([n, e1, e2]);

@@ -3,14 +3,18 @@
 //! ```text
 //!            J                      J: a turn or a slide between X and Y
 //!    Y ------------- X              Z: a link with its centres in A and B
-//!      \           /                A: a ball; B: a ball or a universal joint
+//!      \           /                A: a ball; B: a ball, a universal or a cylindrical joint
 //!     B  \       /  A
 //!          ( Z )
 //! ```
 //!
 //! The distance of the centres, fixed on Z, does not contain the coordinates of A and B: one equation for that of J.
-//! Then the direction of Z is known. A universal joint turns it there by its two angles; between two balls the link keeps
-//! its spin, as far as the shortest turn allows: the spin is an input.
+//! Then the direction of Z is known. A universal joint turns it there by its two angles; between two balls the link
+//! keeps its spin, as far as the shortest turn allows: the spin is an input, and the part of it that this velocity sees
+//! is a factor of the pivot.
+//!
+//! B may be a cylindrical joint as well. Then it is the distance of the centre A from its axis that counts, for a turn
+//! J about a parallel axis or a slide J.
 
 use super::arm::crossing;
 use super::graph::{Graph, Kind};
@@ -37,7 +41,8 @@ fn angle_about(axis: Vec3<f64>, a: Vec3<f64>, b: Vec3<f64>) -> f64 {
     axis.dot(a.cross(b)).atan2(a.dot(b))
 }
 
-/// Solve the triangle (J, A, B); writes the coordinates of its edges. Signs and pivots: of J, and of the universal joint.
+/// Solve the triangle (J, A, B); writes the coordinates of its edges. Signs and pivots: of J, and of the universal
+/// joint.
 pub(super) fn solve(
     g: &Graph,
     p: &Polygon,
@@ -56,9 +61,29 @@ pub(super) fn solve(
     let (c, b, sense) = if forward { (edge.rest.apply(d1), b, 1.0) } else { (d1, edge.rest.apply(b), -1.0) };
     let axis = edge.axis;
     let first = f64::from(signs[0]);
-    let (value, pivot) = match edge.kind {
-        Kind::Turn => on_circle(axis, c, b, length, first)?,
-        _ => on_line(axis, c, b, length, first)?,
+    let (value, pivot) = if p.joints[2].freedom == Freedom::Cylindrical {
+        // all seen along the axis of B
+        let (before, behind) = axes_of(g, p.joints[2].edges[0], p.joints[2].edges[1]);
+        let u = r3.apply_transposed(behind);
+        let u = if forward { u } else { edge.rest.apply(u) };
+        let flat = |x: Vec3<f64>, u: Vec3<f64>| x - u.times(u.dot(x));
+        let distance = flat(r2.apply_transposed(d2), before).norm();
+        let (c, b) = (flat(c, u), flat(b, u));
+        if edge.kind == Kind::Turn {
+            on_circle(axis, c, b, distance, first)?
+        } else {
+            let across = flat(axis, u);
+            let part = across.norm();
+            let Some(direction) = across.unit().filter(|_| part > FLAT) else {
+                return Err(Shortfall(((c - b).norm() - distance).abs()));
+            };
+            let (value, pivot) = on_line(direction, c, b, distance, first)?;
+            (value / part, pivot)
+        }
+    } else if edge.kind == Kind::Turn {
+        on_circle(axis, c, b, length, first)?
+    } else {
+        on_line(axis, c, b, length, first)?
     };
     x[j] = sense * value;
     let r_ef = crossing(g, j, forward, x[j], &Mat3::identity());
@@ -78,21 +103,39 @@ pub(super) fn solve(
             set_ball(g, p.joints[1].edges[0], &r1.transpose().mul(&r_z), balls);
             Ok([pivot, second])
         }
+        Freedom::Cylindrical => {
+            let cross = cylindrical(g, p, w, &r_b, &r2, d2, x);
+            let r_z = r_b.mul(&cross.transpose()).mul(&r2.transpose());
+            set_ball(g, p.joints[1].edges[0], &r1.transpose().mul(&r_z), balls);
+            Ok([pivot, 1.0])
+        }
         _ => {
             let (a, a_forward) = p.joints[1].edges[0];
             let (b, b_forward) = p.joints[2].edges[0];
-            let old = if p.joints[1].freedom == (Freedom::Ball { inputs: 1 }) {
+            let spin = |joint: usize| match p.joints[joint].freedom {
+                Freedom::Ball { inputs } if inputs != 0 => Some(inputs.trailing_zeros() as usize),
+                _ => None,
+            };
+            let old = if spin(1).is_some() {
                 r1.mul(&crossing(g, a, a_forward, 0.0, &balls[a]))
             } else {
                 r_b.mul(&crossing(g, b, b_forward, 0.0, &balls[b]).transpose()).mul(&r2.transpose())
             };
-            let r_z = match (old.apply(d2).unit(), w.unit()) {
-                (Some(from), Some(to)) => Mat3::between(from, to).mul(&old),
-                _ => old,
+            let (from, to) = match (old.apply(d2).unit(), w.unit()) {
+                (Some(from), Some(to)) => (from, to),
+                _ => return Err(Shortfall(length)),
             };
+            let r_z = Mat3::between(from, to).mul(&old);
             set_ball(g, (a, a_forward), &r1.transpose().mul(&r_z), balls);
             set_ball(g, (b, b_forward), &r_z.mul(&r2).transpose().mul(&r_b), balls);
-            Ok([pivot, 1.0])
+            // the part of the spin that its input sees: the line of the centres in the axes behind the ball
+            let seen = match (spin(1), a_forward, b_forward) {
+                (Some(i), true, _) => r_z.apply_transposed(to).0[i],
+                (Some(i), false, _) => r1.apply_transposed(to).0[i],
+                (None, _, true) => r_b.apply_transposed(to).0[spin(2).unwrap_or(0)],
+                (None, _, false) => r_z.mul(&r2).apply_transposed(to).0[spin(2).unwrap_or(0)],
+            };
+            Ok([pivot * seen.abs().min(1.0), 1.0])
         }
     }
 }
@@ -161,6 +204,70 @@ fn universal(
     x[i2] = if f2 { psi2 } else { -psi2 };
     let cross = crossing(g, i1, f1, x[i1], &identity).mul(&crossing(g, i2, f2, x[i2], &identity));
     Ok((cross, pivot))
+}
+
+/// Axis of a cylindrical joint as the node before its first crossed edge and the node behind its last one see it.
+fn axes_of(g: &Graph, first: (usize, bool), last: (usize, bool)) -> (Vec3<f64>, Vec3<f64>) {
+    let seen = |(e, from): (usize, bool)| {
+        let e = &g.edges[e];
+        if from {
+            e.axis
+        } else {
+            e.rest.apply_transposed(e.axis)
+        }
+    };
+    (seen(first), seen((last.0, !last.1)))
+}
+
+/// Turn and slide of the cylindrical joint B that put the centre of A where it is; the turn across B.
+fn cylindrical(
+    g: &Graph,
+    p: &Polygon,
+    w: Vec3<f64>,
+    r_b: &Mat3<f64>,
+    r2: &Mat3<f64>,
+    d2: Vec3<f64>,
+    x: &mut [f64],
+) -> Mat3<f64> {
+    let identity = Mat3::identity();
+    let y = -r_b.apply_transposed(w);
+    let z = -r2.apply_transposed(d2);
+    let edges = &p.joints[2].edges;
+    // turns before and behind the unknown one: across B = before · R(a, ψ) · behind
+    let (mut before, mut behind, mut unknown) = (identity, identity, None);
+    for &(i, forward) in edges {
+        let e = &g.edges[i];
+        let rest = if forward { e.rest } else { e.rest.transpose() };
+        match (e.kind, forward) {
+            (Kind::Turn, true) => {
+                unknown = Some((i, 1.0));
+                behind = rest;
+            }
+            (Kind::Turn, false) => {
+                before = before.mul(&rest);
+                unknown = Some((i, -1.0));
+            }
+            _ if unknown.is_none() => before = before.mul(&rest),
+            _ => behind = behind.mul(&rest),
+        }
+    }
+    if let Some((i, sense)) = unknown {
+        x[i] = sense * angle_about(g.edges[i].axis, behind.apply(y), before.apply_transposed(z));
+    }
+    let mut cross = identity;
+    let mut slides = None;
+    for &(i, forward) in edges {
+        let here = cross;
+        cross = cross.mul(&crossing(g, i, forward, x[i], &identity));
+        if g.edges[i].kind == Kind::Slide {
+            // axes in which the slide is given: before the crossing, or behind it going backward
+            slides = Some((i, if forward { (here, 1.0) } else { (cross, -1.0) }));
+        }
+    }
+    if let Some((i, (axes, sense))) = slides {
+        x[i] = sense * g.edges[i].axis.dot(axes.apply_transposed(z - cross.apply(y)));
+    }
+    cross
 }
 
 /// Orientation of a ball from the turn across it.
