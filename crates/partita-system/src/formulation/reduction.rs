@@ -149,25 +149,37 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With the
     /// number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
     ///
-    /// It is |r| / |C_D⁻¹ r| for an irregular r, which falls like the smallest singular value of C_D, times √(1 + |A|²); rows
-    /// and coordinates are measured in reaches. Where only the choice of coordinates is singular the one falls as the
-    /// other grows; where the mechanism itself is, A stays as it is. Pivots alone would not do: one of them may vanish
-    /// for the order of elimination only.
+    /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are measured
+    /// in reaches. Where only the choice of coordinates is singular the one falls as the other grows; where the mechanism
+    /// itself is, A stays as it is. Pivots alone would not do: one of them may vanish for the order of elimination only.
+    /// Three solves with the factors at hand.
     pub fn distance(&mut self) -> (f64, u64) {
-        let r = &mut self.work[..self.rank];
-        let mut given = 0.0;
-        for (x, &row) in r.iter_mut().zip(&self.partition.rows) {
-            // no self-stress of a mechanism is likely to be orthogonal to this
-            let part = 1.0 + 0.5 * (row as f64 * 1.7).sin();
-            given += part * part;
-            *x = part * self.row_reach[row].unwrap_or(1.0);
+        let x = &mut self.work[..self.rank];
+        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
+            // irregular, so that no self-stress of a mechanism is orthogonal to it
+            *x = 1.0 + 0.5 * (row as f64 * 1.7).sin();
         }
+        let mut given = 1.0;
+        let mut answer = 1.0;
         if let Some(plan) = &self.plan {
-            plan.solve(&self.factors, r, 1);
+            for transposed in [false, true, false] {
+                given = dense::dot(x, x);
+                let rows = self.partition.rows.iter().map(|&i| self.row_reach[i].unwrap_or(1.0));
+                let columns = self.partition.dependent.iter().map(|&i| self.reach[i]);
+                if transposed {
+                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
+                    plan.solve_transposed(&self.factors, x, 1);
+                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
+                } else {
+                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
+                    plan.solve(&self.factors, x, 1);
+                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
+                }
+                answer = dense::dot(x, x);
+            }
         }
-        let (mut answer, mut mixed) = (0.0, 1.0);
+        let mut mixed = 1.0;
         for (p, &d) in self.partition.dependent.iter().enumerate() {
-            answer += (self.work[p] / self.reach[d]).powi(2);
             for (a, &i) in self.a_matrix[p * self.k..(p + 1) * self.k].iter().zip(&self.partition.independent) {
                 mixed += (a * self.reach[i] / self.reach[d]).powi(2);
             }
