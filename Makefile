@@ -16,7 +16,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python bench docs demo clean
+.PHONY: all install format lint test test-rust test-python bench docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -72,6 +72,11 @@ docs: $(BUILT)
 	cp -r target/doc out/docs/rust
 	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
 	$(BIN)/python tools/docs.py --render out/docs
+
+## paper: the claims about the criterion, computed and drawn in out/paper
+paper: $(BUILT)
+	@for script in pendulum four_bar_turn drift determinant individual frozen switching; do \
+		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/
 demo: $(BUILT)

@@ -1,13 +1,15 @@
 """The pages of docs/: what is generated in them, and how they are rendered.
 
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
-python tools/docs.py --render FOLDER  pages as HTML
+python tools/docs.py --render FOLDER  pages as HTML, with the figures that examples/paper draws
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
+import sys
 from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
@@ -19,6 +21,7 @@ from partita import catalogue
 from partita.io import schema
 
 DOCS = Path(__file__).parents[1] / "docs"
+PAPER = Path(__file__).parents[1] / "examples" / "paper"
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
 EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists"]
 
@@ -35,6 +38,7 @@ nav {{ border-bottom: 1px solid #d3dae0; padding-bottom: .5rem; }}
 nav a {{ margin-right: 1rem; }}
 pre, code {{ font: 13.5px/1.45 ui-monospace, Consolas, monospace; background: #f5f7f9; }}
 pre {{ padding: .6rem .8rem; overflow-x: auto; border-radius: 5px; }}
+img {{ max-width: 100%; }}
 table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
 th, td {{ border: 1px solid #d3dae0; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
 h2, h3 {{ margin-top: 2rem; }}
@@ -157,12 +161,27 @@ def anchor(heading: str) -> str:
 GENERATED: dict[str, Callable[[], str]] = {"catalogue": catalogue_page, "model-files": schema_page}
 
 
-def render(folder: Path) -> None:
-    """Every page as HTML under `folder`."""
+def render(folder: Path, short: bool = False) -> None:
+    """Every page as HTML under `folder`, with its figures; `short` draws them from coarser runs."""
     for page in pages():
         target = folder / page.relative_to(DOCS).with_suffix(".html")
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(as_html(page), encoding="utf-8")
+    for figure in figures():
+        draw(figure, folder / "paper", short)
+
+
+def figures() -> list[str]:
+    """Names of the figures on the pages; each is drawn by the script of examples/paper with its name."""
+    text = "".join(page.read_text(encoding="utf-8") for page in pages())
+    return list(dict.fromkeys(re.findall(r"\]\(paper/(\w+)\.png\)", text)))
+
+
+def draw(name: str, folder: Path, short: bool) -> None:
+    """Run a script of examples/paper, whose modules import each other by plain names."""
+    if str(PAPER) not in sys.path:
+        sys.path.insert(0, str(PAPER))
+    importlib.import_module(name).main(short, folder)
 
 
 def as_html(page: Path) -> str:

@@ -150,6 +150,14 @@ def test_a_run_that_fails_leaves_the_others() -> None:
     assert found.rows[2].status == "failed" and found.rows[2].message in found.to_text()
 
 
+def test_a_run_that_creeps_is_stopped_and_told() -> None:
+    m = pt.catalogue.load("four-bar")
+    start = pt.catalogue.entry("four-bar").initial(m)
+    found = m.compare(2.0, initial=start, formulations=SURE, selections=["collective"], max_steps=5)
+    assert {row.status for row in found.rows} == {"max-steps"}
+    assert all(row.steps == 5 and row.error is None and "max_steps" in row.message for row in found.rows)
+
+
 def test_rows_go_to_csv_and_pandas(tmp_path: Path) -> None:
     found = four_bar()
     path = found.to_csv(tmp_path / "rows.csv")

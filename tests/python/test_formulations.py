@@ -212,9 +212,7 @@ def by_hand(formulation: str) -> tuple[Result, np.ndarray]:
     def close(t: float, q: np.ndarray) -> np.ndarray:
         r = np.array([GROUND, 0.0]) - LENGTHS[0] * np.array([np.cos(q[0]), np.sin(q[0])])
         far = np.hypot(*r)
-        phi2 = np.arctan2(r[1], r[0]) + np.arccos(
-            (LENGTHS[1] ** 2 + far**2 - LENGTHS[2] ** 2) / (2 * LENGTHS[1] * far)
-        )
+        phi2 = np.arctan2(r[1], r[0]) + np.arccos((LENGTHS[1] ** 2 + far**2 - LENGTHS[2] ** 2) / (2 * LENGTHS[1] * far))
         rest = r - LENGTHS[1] * np.array([np.cos(phi2), np.sin(phi2)])
         return np.array([phi2, np.arctan2(rest[1], rest[0])])
 

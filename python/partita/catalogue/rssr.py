@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..builder import Mechanism
+from ..builder import Body, Mechanism
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, path_error
@@ -40,25 +40,35 @@ def build() -> Mechanism:
     """The drawing: crank at 60 degrees in the x-y plane; the frame of the coupler has its x axis from P to Q."""
     m = Mechanism("rssr", gravity=(0, 0, -9.81))
     p, q = points(CRANK_ANGLE)
-    crank = m.add_rod("crank", start=(0, 0, 0), end=p, mass=CRANK)
-    rocker = m.add_rod("rocker", start=PIVOT, end=q, mass=ROCKER)
-    x = (q - p) / COUPLER
-    y = np.cross((0.0, 0.0, 1.0), x)
-    y = y / np.linalg.norm(y)
-    across = COUPLER_MASS * COUPLER**2 / 12.0
-    coupler = m.add_body(
-        "coupler",
-        mass=COUPLER_MASS,
-        inertia=(SPIN_INERTIA, across, across),
-        com=(COUPLER / 2, 0, 0),
-        position=p,
-        orientation=np.column_stack([x, y, np.cross(x, y)]),
-    )
+    crank = _round_rod(m, "crank", np.zeros(3), p, CRANK)
+    rocker = _round_rod(m, "rocker", PIVOT, q, ROCKER)
+    coupler = _round_rod(m, "coupler", p, q, COUPLER_MASS)
     m.add_revolute("A", m.ground, crank, point=(0, 0, 0), axis=(0, 0, 1), cut="never")
     m.add_spherical("P", crank, coupler, point=p, cut="never")
     m.add_revolute("D", m.ground, rocker, point=PIVOT, axis=AXIS)
     m.add_spherical("Q", rocker, coupler, point=q)
     return m
+
+
+def _round_rod(m: Mechanism, name: str, near: FloatArray, far: FloatArray, mass: float) -> Body:
+    """A uniform rod that resists spin about its own axis, which is the x axis of its frame.
+
+    Only the coupler spins; the others turn across themselves, and their small inertia matters to no motion. It makes
+    the mass matrix in absolute coordinates regular.
+    """
+    length = float(np.linalg.norm(far - near))
+    x = (far - near) / length
+    y = np.cross((0.0, 0.0, 1.0), x)
+    y = y / np.linalg.norm(y)
+    across = mass * length**2 / 12.0
+    return m.add_body(
+        name,
+        mass=mass,
+        inertia=(SPIN_INERTIA, across, across),
+        com=(length / 2, 0, 0),
+        position=near,
+        orientation=np.column_stack([x, y, np.cross(x, y)]),
+    )
 
 
 def start(m: Mechanism) -> State:

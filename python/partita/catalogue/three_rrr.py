@@ -42,6 +42,15 @@ def base_angles(pose: FloatArray) -> FloatArray:
     return np.arctan2(way[..., 1], way[..., 0])
 
 
+def joints(pose: FloatArray) -> FloatArray:
+    """Coordinates A1 A2 A3 B1 B2 B3 C1 (7,) of the closed robot in relative coordinates for one pose (3,)."""
+    (elbows, pins), (drawn_elbows, drawn_pins) = points(pose), points(np.zeros(3))
+    turns = base_angles(pose) - base_angles(np.zeros(3))
+    way, drawn = pins - elbows, drawn_pins - drawn_elbows
+    bends = np.arctan2(way[:, 1], way[:, 0]) - np.arctan2(drawn[:, 1], drawn[:, 0]) - turns
+    return np.array([*turns, *bends, pose[2] - turns[0] - bends[0]])
+
+
 def build() -> Mechanism:
     """The drawing: platform in the middle; links of 1 kg/m; cut at the platform's second and third pin."""
     m = Mechanism("three-rrr", gravity=(0, 0, 0))

@@ -23,6 +23,10 @@ Simulate = Callable[..., "Result"]
 OUTPUTS = 101
 REFERENCE_METHOD = "dop853"
 _REPEATS, _PATIENCE = 5, 0.1  # runs of one case at most, and seconds after which no other begins
+# A run that takes this many times the steps of the tight reference creeps towards a place it cannot pass. With the same
+# method a coarser tolerance needs fewer steps; order 4 at 1e-10 needs up to twenty times those of order 8 at 1e-13.
+_CREEPING, _CREEPING_OTHERS, _LEAST_STEPS = 10, 50, 2000
+_REFERENCE_STEPS = 200_000  # a reference that needs more gives way to a coarser one
 # From the tightest at which round-off still leaves room to one that is good for a reference of coarse runs only.
 _TIGHT = ((1e-13, 1e-14), (1e-12, 1e-13), (1e-11, 1e-12), (1e-10, 1e-11))
 
@@ -47,6 +51,7 @@ class Bench:
     rtol: float
     atol: float
     method: str
+    max_steps: int | None = None
     reference: Reference | None = None
 
     def run(self, case: Case, progress: Any, rtol: float | None = None) -> tuple[Result, float]:
@@ -60,6 +65,7 @@ class Bench:
             "rtol": self.rtol if rtol is None else rtol,
             "atol": self.atol if rtol is None else self.atol * rtol / self.rtol,
             "method": self.method,
+            "max_steps": self._most_steps(),
             "formulation": case.formulation,
             "progress": progress,
             **case.options,
@@ -71,6 +77,14 @@ class Bench:
             times.append(perf_counter() - began)
             if len(times) == _REPEATS or sum(times) > _PATIENCE or not result.success:
                 return result, min(times)
+
+    def _most_steps(self) -> int:
+        """Steps after which a run is stopped: as given, else by those of the reference."""
+        if self.max_steps is not None:
+            return self.max_steps
+        found = self.reference.result if self.reference is not None else None
+        factor = _CREEPING if self.method == REFERENCE_METHOD else _CREEPING_OTHERS
+        return max(_LEAST_STEPS, factor * (found.counters.get("steps", 0) if found is not None else 0))
 
     def with_reference(self, given: Result | None, progress: Any) -> Bench:
         """With the run that others are held against: `given`, or the tightest of "projective" that finishes."""
@@ -86,6 +100,7 @@ class Bench:
                     rtol=rtol,
                     atol=atol,
                     method=REFERENCE_METHOD,
+                    max_steps=_REFERENCE_STEPS,
                     formulation=DEFAULT,
                     selection=SELECTIONS[0],
                     progress=progress,

@@ -37,6 +37,7 @@ def compare_mechanism(
     baumgarte: tuple[float, float] | None = None,
     window: float | None = None,
     tangent: TangentVelocities | None = None,
+    max_steps: int | None = None,
     coordinates: str = "relative",
     reference: Result | None = None,
     progress: Any = False,
@@ -53,6 +54,8 @@ def compare_mechanism(
         selections: rules for "projective"; None: all.
         rtol, atol, method, coordinates: as for `simulate`, for all runs.
         baumgarte, window, tangent: what "baumgarte", the rule "persistence" and "user-tangent" need.
+        max_steps: a run stops with status "max-steps" after so many; None: ten times those of the reference (fifty for
+            methods of lower order) or 2000, which only runs exceed that creep towards a place they cannot pass.
         reference: a finished run of this mechanism, from the same start, to measure errors against; its outputs are
             used. None: "projective" with "dop853" at rtol 1e-13, or the tightest that finishes.
         progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
@@ -73,7 +76,7 @@ def compare_mechanism(
     given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
     chosen = cases(formulations, selections, given)
     model = self.compile(coordinates)
-    bench = _bench(self.name, simulate, model, start, duration, reference, rtol, atol, method)
+    bench = _bench(self.name, simulate, model, start, duration, reference, rtol, atol, method, max_steps)
     return carry_out(bench, chosen, reference, progress)
 
 
@@ -93,6 +96,7 @@ def compare(
     baumgarte: tuple[float, float] | None = None,
     window: float | None = None,
     tangent: TangentVelocities | None = None,
+    max_steps: int | None = None,
     reference: Result | None = None,
     progress: Any = False,
 ) -> Comparison:
@@ -132,7 +136,7 @@ def compare(
         run = partial(simulate, system, q0=q0, v0=v0, t0=t0)
     given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
     chosen = cases(formulations, selections, given)
-    bench = _bench("system", run, system, start, duration, reference, rtol, atol, method)
+    bench = _bench("system", run, system, start, duration, reference, rtol, atol, method, max_steps)
     return carry_out(bench, chosen, reference, progress)
 
 
@@ -146,6 +150,7 @@ def _bench(
     rtol: float,
     atol: float,
     method: str,
+    max_steps: int | None,
 ) -> Bench:
     """Checked once for all runs, so that a wrong argument is an error and not a table of failures."""
     if reference is not None and not reference.success:
@@ -168,4 +173,5 @@ def _bench(
         rtol=positive("rtol", rtol),
         atol=positive("atol", atol),
         method=one_of("method", method, METHODS),
+        max_steps=max_steps,
     )

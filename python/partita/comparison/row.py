@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 FINISHED, FAILED, NOT_RUN, INTERRUPTED = "finished", "failed", "not run", "interrupted"
 # Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
-_CHOOSING = ("projective", "wehage-haug", "explicit-closing")
+_CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _WHOLE = ("multipliers", "range-space", "proximal", "baumgarte")
 # Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
 _WORK = 3e8

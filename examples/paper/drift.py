@@ -1,0 +1,87 @@
+"""Drift of the closing conditions: k + n equations against accelerations of everything, both without correction.
+
+Where v_I and all q are integrated, Phi is a first integral: only errors of the steps add up, |Phi| grows like t, and
+the rates fit the closed loops at any time, because they are computed. Where all accelerations are integrated, only the
+second derivative of Phi is held at zero: rates drift like t, positions like t^2.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import linkage
+import numpy as np
+from drawing import FOLDER, Numbers, finish, run
+
+import partita as pt
+from partita.plots.style import COLOURS, FLOOR, dressed, new_figure
+from partita.results import Result
+
+STEPS = (0.02, 0.01, 0.005)
+METHODS = {"k + n": "projective", "accelerations": "multipliers"}
+
+
+def four_bar() -> pt.System:
+    """The linkage in the angles of its links."""
+    return pt.System(
+        n=3,
+        mass=lambda t, q: linkage.mass(q),
+        forces=lambda t, q, v: linkage.forces(q, v),
+        constraints=lambda t, q: linkage.closing(q),
+        jacobian=lambda t, q: linkage.jacobian(q),
+        bias=lambda t, q, v: linkage.bias(q, v),
+        names=["crank", "coupler", "rocker"],
+    )
+
+
+def march(formulation: str, duration: float, step: float) -> Result:
+    """From the crank at 0.8 rad and 6 rad/s, so that it turns over, with RK4 and no correction."""
+    phi = linkage.close(0.8)
+    rate = linkage.tangent(phi)
+    return pt.simulate(
+        four_bar(), duration, phi, 6.0 * rate / rate[0], method="rk4", step=step, formulation=formulation,
+        correction="none", t_eval=np.linspace(0.0, duration, 161),
+    )  # fmt: skip
+
+
+def growth(t: np.ndarray, values: np.ndarray) -> float:
+    """Exponent of the largest value so far over time, fitted over the last three quarters of the run."""
+    late = t >= t[-1] / 4.0
+    envelope = np.maximum.accumulate(values)
+    return float(np.polyfit(np.log(t[late]), np.log(np.maximum(envelope[late], FLOOR)), 1)[0])
+
+
+def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
+    """March both ways with several steps, fit the exponents, draw."""
+    duration = 16.0 if short else 32.0
+    runs = {(name, h): march(f, duration, h) for name, f in METHODS.items() for h in (STEPS[1:] if short else STEPS)}
+    found: Numbers = {}
+    for name in METHODS:
+        run_ = runs[name, 0.01]
+        found[f"{name}: largest |Phi| up to 4 s"] = float(np.max(run_.closure[run_.t <= 4.0]))
+        found[f"{name}: largest |Phi|"] = float(np.max(run_.closure))
+        found[f"{name}: largest |C v|"] = float(np.max(run_.velocity_closure))
+        found[f"{name}: |Phi| grows like t to the"] = growth(run_.t, run_.closure)
+    found["accelerations: |C v| grows like t to the"] = growth(run_.t, run_.velocity_closure)
+    coarse, fine = runs["k + n", 0.01], runs["k + n", 0.005]
+    found["k + n: |Phi| falls with the step to the"] = float(np.log2(np.max(coarse.closure) / np.max(fine.closure)))
+
+    figure = new_figure(9.0, 3.6)
+    left, right = figure.subplots(1, 2, sharex=True)
+    for (name, h), run_ in runs.items():
+        style = {0.02: ":", 0.01: "-", 0.005: "--"}[h]
+        colour = COLOURS[list(METHODS).index(name)]
+        for ax, values in ((left, run_.closure), (right, run_.velocity_closure)):
+            envelope = np.maximum(np.maximum.accumulate(values[1:]), FLOOR)
+            ax.plot(run_.t[1:], envelope, style, color=colour, lw=1.3, label=f"{name}, h = {h:g} s")
+    for ax, title in ((left, "|Φ|, largest so far"), (right, "|C v|, largest so far")):
+        dressed(ax, title, "")
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+    finish("Four-bar: drift without correction, RK4", figure, folder / "drift.png", found)
+    return found
+
+
+if __name__ == "__main__":
+    run(main)
