@@ -50,6 +50,11 @@ class Model:
         """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
         index v."""
 
+    def assemblies(
+        self, t: float, q: Array, inputs: list[int] | None
+    ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:
+        """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
+
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 

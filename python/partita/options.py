@@ -109,7 +109,7 @@ def options(
         "correction": one_of("correction", correction, CORRECTIONS),
         "exchange": _exchange(exchange),
         "max_steps": _count(max_steps),
-        "independent": None if independent is None else _independent(independent, velocity_names),
+        "independent": None if independent is None else velocities("independent", independent, velocity_names),
         "selection": one_of("selection", selection, SELECTIONS),
         "weights": None if weights is None else _weights(weights, velocity_names),
         "window": None if window is None else positive("window", window),
@@ -210,7 +210,7 @@ def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tu
     """Preferences by name, above zero."""
     if not isinstance(weights, Mapping):
         raise ArgumentError(f"weights must be a dict such as {{'A': 10.0}}, not {weights!r}", argument="weights")
-    names = _independent(weights, velocity_names, "weights")
+    names = velocities("weights", weights, velocity_names)
     return [
         (name, positive(f"weights[{name!r}]", weight)) for name, weight in zip(names, weights.values(), strict=True)
     ]
@@ -246,11 +246,11 @@ def _count(value: Any) -> int:
     return int(value)
 
 
-def _independent(independent: Iterable[Any], velocity_names: list[str], what: str = "independent") -> list[str]:
-    """Names of velocities; a user's fixed choice of the independent ones."""
-    if isinstance(independent, str):
-        raise ArgumentError(f"{what} must be a list of names such as [{independent!r}]", argument=what)
-    names = [str(item) for item in independent]
+def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:
+    """Different names of velocities, checked."""
+    if isinstance(given, str):
+        raise ArgumentError(f"{what} must be a list of names such as [{given!r}]", argument=what)
+    names = [str(item) for item in given]
     for name in names:
         if name not in velocity_names:
             close = difflib.get_close_matches(name, velocity_names, n=1)

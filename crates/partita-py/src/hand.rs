@@ -221,7 +221,7 @@ impl System {
             vector(&v, self.f.n, "v")?;
             let system = self.sized(py, t, &q)?;
             let (q, v, said) =
-                assemble(&system, t, q, &targets, &rates, tolerance).map_err(|e| failure::system(py, e))?;
+                assemble(&system, t, q, &targets, &rates, tolerance, |_| None).map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })
     }
@@ -315,6 +315,8 @@ impl System {
 }
 
 /// Close the loops, go to the targets, find the velocities; also the JSON report.
+///
+/// `place` may know a way to the targets that needs no walk (closed forms); its answer is a closed position.
 pub fn assemble<S: ConstrainedSystem>(
     system: &S,
     t: f64,
@@ -322,11 +324,20 @@ pub fn assemble<S: ConstrainedSystem>(
     targets: &[(usize, f64)],
     rates: &[(usize, f64)],
     tolerance: f64,
+    place: impl Fn(&[f64]) -> Option<Vec<f64>>,
 ) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
     let closed = assembly::close(system, t, &mut q, tolerance, &[])?;
     let mut steps = 0;
     let (mut iterations, mut residual) = (closed.iterations, closed.residual);
-    if !targets.is_empty() {
+    let placed = if targets.is_empty() { None } else { place(&q) };
+    let explicit = placed.is_some();
+    if let Some(there) = placed {
+        q = there;
+        let held: Vec<usize> = targets.iter().filter_map(|&(i, _)| system.velocity_of_coordinate(i)).collect();
+        let closed = assembly::close(system, t, &mut q, tolerance, &held)?;
+        iterations += closed.iterations;
+        residual = closed.residual;
+    } else if !targets.is_empty() {
         let moved = assembly::move_to(system, t, &mut q, targets, tolerance)?;
         iterations += moved.iterations;
         residual = moved.residual;
@@ -340,7 +351,9 @@ pub fn assemble<S: ConstrainedSystem>(
         start::choose_partition(&mut r, t, &q, None, None)?;
         velocity::with_rates(&mut r, t, &q, rates)?
     };
-    let said = serde_json::json!({ "iterations": iterations, "residual": residual, "target_steps": steps });
+    let said = serde_json::json!({
+        "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": explicit
+    });
     Ok((q, v, said.to_string()))
 }
 

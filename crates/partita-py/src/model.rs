@@ -33,6 +33,8 @@ struct Structure {
 
 /// Φ, C, a or M, h, b.
 type Three = (Vec<f64>, Vec<f64>, Vec<f64>);
+/// Coordinates, branches and residual of an assembly.
+type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Closing conditions are lengths and angles: round-off of the size of the mechanism.
@@ -220,9 +222,28 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>, String)> {
         guarded(py, || {
             let (q, _) = self.state(&q, &v)?;
-            let (q, v, said) =
-                hand::assemble(&self.inner, t, q, &targets, &rates, tolerance).map_err(|e| failure::system(py, e))?;
+            let place = |q: &[f64]| self.inner.place(t, q, &targets);
+            let (q, v, said) = hand::assemble(&self.inner, t, q, &targets, &rates, tolerance, place)
+                .map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+        })
+    }
+
+    /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, words of
+    /// the blocks, notes.
+    #[pyo3(signature = (t, q, inputs))]
+    fn assemblies<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        inputs: Option<Vec<usize>>,
+    ) -> PyResult<(Vec<Assembled<'py>>, Vec<String>, Vec<String>)> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let all = self.inner.assemblies(t, &q, inputs.as_deref()).map_err(|e| failure::system(py, e))?;
+            let found = all.found.into_iter().map(|a| (array(py, &[a.q.len()], a.q), a.branches, a.residual)).collect();
+            Ok((found, all.blocks, all.notes))
         })
     }
 

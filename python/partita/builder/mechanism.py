@@ -15,6 +15,7 @@ from . import forces as force_room
 from . import joints as joint_room
 from . import report as report_room
 from . import solve
+from .assemblies import assemblies
 from .checks import name_of, vector
 from .compiled import CompiledModel
 from .records import GROUND, Body, Description
@@ -112,6 +113,7 @@ class Mechanism:
 
     compile = solve.compile
     assemble = solve.assemble
+    assemblies = assemblies
     convert = solve.convert
     simulate = solve.simulate
     compare = compare_mechanism

@@ -1,0 +1,117 @@
+"""All ways to put a mechanism together for given inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import options as run_options
+from ..errors import ArgumentError
+from ..state import State
+from .solve import assemble, layout_of
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """One way to put a mechanism together.
+
+    Attributes:
+        state: closed, on these branches; simulate from it, or hand it to `assemble` as `near`.
+        branches: sign of each block of loops that has two solutions, by the block's words.
+        residual: largest |Phi| [m, rad].
+    """
+
+    state: State
+    branches: dict[str, int]
+    residual: float
+
+
+@dataclass(frozen=True)
+class Assemblies:
+    """All of them, the one that was asked from first. Iterable.
+
+    Attributes:
+        found: the assemblies.
+        blocks: how the loops were ordered and solved, in words.
+        notes: what the list does not contain, in words.
+    """
+
+    found: tuple[Assembled, ...]
+    blocks: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[Assembled]:
+        return iter(self.found)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __getitem__(self, index: int) -> Assembled:
+        return self.found[index]
+
+    def __str__(self) -> str:
+        lines = [f"{len(self.found)} assemblies; loops in order of solution:", *(f"  {words}" for words in self.blocks)]
+        for number, one in enumerate(self.found):
+            signs = ", ".join(f"{sign:+d}" for sign in one.branches.values()) or "none"
+            lines.append(f"assembly {number}: branches {signs}; |Phi| {one.residual:.1e}")
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def assemblies(
+    self: Mechanism,
+    targets: Mapping[Any, Any] | None = None,
+    rates: Mapping[Any, Any] | None = None,
+    near: State | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    t: float | None = None,
+) -> Assemblies:
+    """All positions in which the loops close for given values of the inputs, by inverse kinematics.
+
+    Loops are solved one after the other in closed form where they can be ordered: planar dyads of turning and
+    sliding joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two
+    solutions, its branches. What cannot be ordered is solved by iteration, near the given position only.
+
+    Args:
+        targets, rates, near, t: where the inputs stand and how they move, as in `assemble`.
+        inputs: names of velocities, as many as degrees of freedom; None: those that order the most loops.
+
+    Returns:
+        The assemblies, that of `assemble(targets, rates, near)` first.
+
+    Raises:
+        ArgumentError: the inputs do not determine the other coordinates, or there are more than 4096
+            combinations. AssemblyError as in `assemble`.
+
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> both = m.assemblies(targets={"A": 0.5}, inputs=["A"])
+    >>> [list(one.branches.values()) for one in both]
+    [[-1], [1]]
+    """
+    model, layout = layout_of(self, "relative")
+    start = assemble(self, targets, None, near, t=t)
+    which = None
+    if inputs is not None:
+        names = run_options.velocities("inputs", inputs, model.velocity_names)
+        if len(names) != model.mobility:
+            raise ArgumentError(
+                f"inputs names {len(names)} velocities, but the mechanism has {model.mobility} degrees of freedom; "
+                "name that many",
+                argument="inputs",
+            )
+        which = [model.velocity_names.index(name) for name in names]
+    found, blocks, notes = model.core.assemblies(start.t, start.q, which)
+    all_of_them = []
+    for q, branches, residual in found:
+        place = State(start.t, q, np.zeros(model.core.nv), layout=layout)
+        state = assemble(self, None, rates, place, t=start.t)
+        signs = {words: sign for words, sign in zip(blocks, branches, strict=True) if sign != 0}
+        all_of_them.append(Assembled(state, signs, residual))
+    return Assemblies(tuple(all_of_them), tuple(blocks), tuple(notes))
