@@ -189,6 +189,9 @@ struct Passage {
     times: Vec<f64>,
 }
 
+/// Is the singular position `ahead` of (t, y) really there?
+type Confirm<'c> = &'c mut dyn FnMut(f64, &[f64], f64) -> bool;
+
 impl Passage {
     /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
     const PART: f64 = 0.6;
@@ -210,7 +213,7 @@ impl Passage {
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
     /// while one is being passed.
-    fn foresee(&mut self, stepper: &mut Stepper, now: Option<(f64, u64)>) -> bool {
+    fn foresee(&mut self, stepper: &mut Stepper, now: Option<(f64, u64)>, confirm: Confirm) -> bool {
         let Some((distance, plan)) = now else { return false };
         let t = stepper.t_old();
         let [one, two] = self.before;
@@ -240,6 +243,13 @@ impl Passage {
         stepper.set_lenience(Self::ROUND_OFF, 1.0);
         let crossing = self.stretch * ahead;
         if crossing <= Self::PART * self.usual {
+            if !confirm(t, stepper.y_old(), ahead) {
+                // what fell was something else; look again from here
+                self.before = [None; 2];
+                self.expected = None;
+                stepper.set_lenience(0.0, 1.0);
+                return false;
+            }
             stepper.set_lenience(Self::ROUND_OFF, Self::CROSSING);
             stepper.set_step_size(crossing);
             self.times.push(zero);
@@ -307,7 +317,10 @@ impl March<'_> {
             }
             self.step(formulation, stepper, sink)?;
             if settings.options.fixed_step.is_none() {
-                let passing = self.passage.foresee(stepper, self.distance);
+                let distance = self.distance;
+                let passing = self
+                    .passage
+                    .foresee(stepper, distance, &mut |t, y, ahead| formulation.confirms_passage(t, y, ahead));
                 formulation.close_stages(passing);
             }
             if watch(stepper.t_old()).is_break() {
@@ -353,6 +366,7 @@ impl March<'_> {
             match self.outputs(formulation, stepper, sink) {
                 Ok(()) => {}
                 Err(StepFailure::Interpolation { .. }) if may_shrink => {
+                    formulation.retreat();
                     stepper.reject(0.5);
                     continue;
                 }

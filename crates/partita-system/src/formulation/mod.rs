@@ -142,10 +142,17 @@ pub trait Formulation {
     fn distance(&mut self) -> Option<(f64, u64)> {
         None
     }
+    /// Is the singular position that is expected `ahead` after the state (t, y) really there? Asked before the march crosses it
+    /// in one step.
+    fn confirms_passage(&mut self, _t: f64, _y: &[f64], _ahead: f64) -> bool {
+        true
+    }
     /// Close the loops inside every evaluation while a singular position is passed.
     ///
     /// There the tangent is a quotient of small numbers, and what one stage leaves open the next one divides again.
     fn close_stages(&mut self, _on: bool) {}
+    /// The step that `review` has just judged is given up after all: what was kept of its end is void.
+    fn retreat(&mut self) {}
     /// Take whole turns off angles that have grown (see [`turns`]) at the end of a step and add them to `turns` (nq);
     /// true if y changed. y' stays the same.
     fn wrap(&mut self, _y: &mut [f64], _turns: &mut [i32]) -> bool {
@@ -194,6 +201,12 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn distance(&mut self) -> Option<(f64, u64)> {
         (**self).distance()
+    }
+    fn confirms_passage(&mut self, t: f64, y: &[f64], ahead: f64) -> bool {
+        (**self).confirms_passage(t, y, ahead)
+    }
+    fn retreat(&mut self) {
+        (**self).retreat();
     }
     fn close_stages(&mut self, on: bool) {
         (**self).close_stages(on);

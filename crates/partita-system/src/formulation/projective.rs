@@ -15,6 +15,9 @@ use crate::system::{ConstrainedSystem, SystemError};
 
 /// Inside a step the gain of an exchange may grow up to this before the step is repeated.
 const HARD_LIMIT: f64 = 8.0;
+/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
+/// distance is small already, and a guess that is off by more than this is none.
+const CONFIRMED: f64 = 0.3;
 /// Steps after which the scales are looked at again: they are only scales.
 const SCALE_PERIOD: u32 = 8;
 
@@ -340,6 +343,21 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.rejects_in_a_row = 0;
         self.pending = true;
         Review::Change
+    }
+
+    fn confirms_passage(&mut self, t: f64, y: &[f64], ahead: f64) -> bool {
+        let (nq, k) = (self.nq(), self.r.k());
+        if self.r.evaluate(t, &y[..nq], &y[nq..nq + k]).is_err() {
+            return true;
+        }
+        let (here, _) = self.r.distance();
+        self.r.full_acceleration(&mut self.vdot);
+        let moved: Vec<f64> = self.r.v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
+        let mut q = y[..nq].to_vec();
+        self.r.system.step(&mut q, &moved);
+        let found = self.r.position(t + ahead, &q).and_then(|()| self.r.tangent(t + ahead));
+        // a plan made there was made for a place that the step keeps away from; one for here follows with the next evaluation
+        found.is_err() || self.r.distance().0 < CONFIRMED * here
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {

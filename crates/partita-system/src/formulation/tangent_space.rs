@@ -46,6 +46,8 @@ pub struct TangentSpace<'s, S: ConstrainedSystem> {
     /// Δ of the last evaluation, and at the end of the last step.
     delta: Vec<f64>,
     accepted: Vec<f64>,
+    /// The accepted one before, for a step that is given up.
+    before: Vec<f64>,
     q: Vec<f64>,
     w: Vec<f64>,
     rhs: Vec<f64>,
@@ -76,6 +78,7 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
             base: vec![0.0; size.nq],
             delta: vec![0.0; n],
             accepted: vec![0.0; n],
+            before: vec![0.0; n],
             q: vec![0.0; size.nq],
             w: vec![0.0; k],
             rhs: vec![0.0; n],
@@ -139,7 +142,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
                 }
                 return Ok(());
             }
-            if !moved.is_finite() || (iteration > 2 && moved > 0.9 * before) {
+            // the first move is along the tangent; moves that do not halve from there lead to another solution, or none
+            if !moved.is_finite() || (iteration > 0 && moved > 0.5 * before) {
                 break;
             }
             before = moved;
@@ -260,9 +264,13 @@ impl<S: ConstrainedSystem> Formulation for TangentSpace<'_, S> {
             }
         }
         if review != Review::Reject {
+            self.before.copy_from_slice(&self.accepted);
             self.accepted.copy_from_slice(&self.delta);
         }
         review
+    }
+    fn retreat(&mut self) {
+        self.accepted.copy_from_slice(&self.before);
     }
     /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
     fn wrap(&mut self, _y: &mut [f64], turns: &mut [i32]) -> bool {
