@@ -12,8 +12,8 @@ pub(super) struct Continuity {
     t: f64,
     v: Vec<f64>,
     vdot: Vec<f64>,
-    /// Largest gain of an exchange at the ends of the step: near a dead point dependent velocities are the faster ones.
-    gain: f64,
+    /// Nearness of a dead point or a singular position at the start of the step, see [`Continuity::nearness`].
+    near: f64,
     /// Largest speed so far: a mechanism at rest has no direction to lose.
     fastest: f64,
     in_a_row: u32,
@@ -23,8 +23,12 @@ impl Continuity {
     /// Part of the speed that the trapezoidal rule may miss in a step. A thrown back mechanism misses all of it, one
     /// that turns round by itself less and less with shorter steps.
     const MISSED: f64 = 0.75;
-    /// Where all dependent velocities are slower than the independent ones, no dead point is near.
-    const GAIN: f64 = 1.0;
+    /// A change of velocity that accelerations do not account for by this part, in one velocity, ...
+    const UNEXPLAINED: f64 = 0.75;
+    /// ... counts if it is more than this part of the fastest: one block of many that goes over to its other branch.
+    const VISIBLE: f64 = 0.05;
+    /// Singular positions of the mechanism are near below this distance: crossing from there takes half a radian or so.
+    const DISTANCE: f64 = 0.3;
     /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
     pub(super) const STUCK: f64 = 1e4;
     /// Speeds below this part of the largest are rest.
@@ -32,9 +36,23 @@ impl Continuity {
     /// After so many repetitions, each with half the step, it is no matter of the step any more.
     const MOST: u32 = 10;
 
+    /// How near the inputs are to a dead point, or the mechanism to a singular position; far is below 1.
+    ///
+    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no dead
+    /// point is near. `distance` is that of [`Formulation::distance`](super::Formulation::distance).
+    pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
+        gain.max(Self::DISTANCE / distance)
+    }
+
+    /// How velocities and accelerations at the end of the last step go on until t: displacement in velocities.
+    pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
+        let h = t - self.t;
+        dv.iter_mut().zip(self.v.iter().zip(&self.vdot)).for_each(|(d, (v, a))| *d = h * (v + 0.5 * h * a));
+    }
+
     /// From here on.
-    pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], gain: f64) {
-        (self.t, self.gain) = (t, gain);
+    pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
+        (self.t, self.near) = (t, near);
         self.v.clear();
         self.v.extend_from_slice(v);
         self.vdot.clear();
@@ -42,20 +60,26 @@ impl Continuity {
     }
 
     /// Does the step to here hold together? Velocities count in their scales s. If it does, it becomes the last one.
-    pub(super) fn step(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], gain: f64) -> bool {
+    pub(super) fn step(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
         let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
         let speed = norm(&|i| v[i]);
         self.fastest = self.fastest.max(speed);
         let speeds = norm(&|i| self.v[i]) + speed;
         let h = t - self.t;
-        let missed = norm(&|i| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + vdot[i]));
-        let near = self.gain.max(gain) > Self::GAIN && speeds > Self::REST * self.fastest;
-        if h > 0.0 && near && missed > Self::MISSED * speeds {
+        let missed = |i: usize| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + vdot[i]);
+        let moving = speeds > Self::REST * self.fastest;
+        let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(self.v[i].abs()) / s[i]));
+        let one_jumps = |i: usize| {
+            let change = (v[i] - self.v[i]).abs();
+            change / s[i] > Self::VISIBLE * largest && missed(i).abs() > Self::UNEXPLAINED * change
+        };
+        let jumps = || norm(&missed) > Self::MISSED * speeds || (0..s.len()).any(one_jumps);
+        if h > 0.0 && self.near.max(near) > 1.0 && moving && jumps() {
             self.in_a_row += 1;
             return false;
         }
         self.in_a_row = 0;
-        self.start(t, v, vdot, gain);
+        self.start(t, v, vdot, near);
         true
     }
 

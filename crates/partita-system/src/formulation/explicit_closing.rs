@@ -18,6 +18,9 @@ use partita_math::dense;
 
 /// Steps after which the scales are looked at again, and after which a system that had no better inputs is asked again.
 const PERIOD: u32 = 8;
+/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by less
+/// than what lies between them.
+const MOST_DOUBT: f64 = 0.5;
 
 /// The 2k form on an explicit closing.
 ///
@@ -38,8 +41,11 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     /// The position last closed, and a copy to come back to when a closing fails half-way.
     q: Vec<f64>,
     good: Vec<f64>,
-    /// The position at the end of the last step.
+    /// The position at the end of the last step, and the branches there.
     home: Vec<f64>,
+    branches: Vec<i8>,
+    /// A singular position is being passed: branches follow the motion, see [`ExplicitClosing::close`].
+    passing: bool,
     qdot: Vec<f64>,
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -57,9 +63,12 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     s2: Vec<f64>,
     force: Vec<f64>,
     lambda: Vec<f64>,
+    move_by: Vec<f64>,
     /// A, row by row in the order of the unknowns (r x k).
     gains: Vec<f64>,
     continuity: Continuity,
+    /// Distance from a singular position at the end of the last step.
+    far: f64,
     steps_since_scales: u32,
     /// Steps to go before the system is asked for other inputs again.
     patience: u32,
@@ -68,8 +77,8 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     next: Option<Box<dyn Closing + Send + 's>>,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
-    /// Branches that a closing left on its own: block, time.
-    jumps: Vec<(String, f64)>,
+    /// Blocks that went over to their other branch: block, time, and was it foreseen?
+    flips: Vec<(String, f64, bool)>,
 }
 
 /// A closing in use.
@@ -77,7 +86,6 @@ struct Loops<'s> {
     closing: Box<dyn Closing + Send + 's>,
     blocks: Blocks,
     unknown: Vec<usize>,
-    branches: Vec<i8>,
 }
 
 impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
@@ -118,6 +126,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             q: vec![0.0; size.nq],
             good: vec![0.0; size.nq],
             home: vec![0.0; size.nq],
+            branches: Vec::new(),
+            passing: false,
             qdot: vec![0.0; size.nq],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -135,15 +145,17 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             s2: vec![1.0; n],
             force: vec![0.0; n],
             lambda: vec![0.0; size.rows],
+            move_by: vec![0.0; n],
             gains: vec![0.0; rank * k],
             continuity: Continuity::default(),
+            far: 1.0,
             steps_since_scales: 0,
             patience: 0,
             asked_at: 0.0,
             next: None,
             events: Vec::new(),
             counters: FormulationCounters::default(),
-            jumps: Vec::new(),
+            flips: Vec::new(),
         })
     }
 
@@ -159,8 +171,9 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         for (j, &i) in closing.inputs().iter().enumerate() {
             self.dt[i * self.k + j] = 1.0;
         }
-        let branches = closing.state().iter().map(|s| s.branch).collect();
-        self.loops = Some(Loops { unknown: blocks.unknown().collect(), blocks, branches, closing });
+        self.branches.clear();
+        self.branches.extend(closing.state().iter().map(|s| s.branch));
+        self.loops = Some(Loops { unknown: blocks.unknown().collect(), blocks, closing });
         self.counters.plans += 1;
         self.refresh_scales(t)
     }
@@ -174,18 +187,40 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         Ok(())
     }
 
-    /// Close, then P1-P3, at the inputs and input velocities in y.
-    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+    /// `self.q` closed at the inputs in y.                                                   (37)
+    ///
+    /// While a singular position is passed each block takes the branch nearest to where the velocities at the end of
+    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Too near
+    /// to the position to tell the branches apart the step has to be another.
+    fn close(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let Some(loops) = &mut self.loops else {
             return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
         };
-        let (k, places) = (self.k, self.states.places());
         self.good.copy_from_slice(&self.q);
-        self.states.scatter(y, &mut self.q);
-        if let Err(e) = loops.closing.close(t, &mut self.q) {
+        let closed = if self.passing {
+            self.q.copy_from_slice(&self.home);
+            self.continuity.predict(t, &mut self.move_by);
+            self.system.step(&mut self.q, &self.move_by);
+            self.states.scatter(y, &mut self.q);
+            loops.closing.follow(t, &mut self.q).and_then(|doubt| match doubt <= MOST_DOUBT {
+                true => Ok(()),
+                false => Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 }),
+            })
+        } else {
+            self.states.scatter(y, &mut self.q);
+            loops.closing.close(t, &mut self.q)
+        };
+        if closed.is_err() {
             self.q.copy_from_slice(&self.good);
-            return Err(e);
         }
+        closed
+    }
+
+    /// Close, then P1-P3, at the inputs and input velocities in y.
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+        self.close(t, y)?;
+        let Some(loops) = &mut self.loops else { return Ok(()) };
+        let (k, places) = (self.k, self.states.places());
         self.system.position(t, &self.q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
         self.counters.factorisations += 1;
         loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
@@ -327,15 +362,32 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         }
     }
 
-    fn note_jumps(&mut self, t: f64) {
-        let Some(loops) = &mut self.loops else { return };
-        for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut loops.branches)
-        {
+    fn note_flips(&mut self, t: f64) {
+        let Some(loops) = &self.loops else { return };
+        for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut self.branches) {
             if state.branch != 0 && *kept != 0 && state.branch != *kept {
-                self.jumps.push((block.words.clone(), t));
+                self.flips.push((block.words.clone(), t, self.passing));
             }
             *kept = state.branch;
         }
+    }
+
+    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in [`super::reduction::Reduction::distance`].
+    fn distance_here(&mut self) -> f64 {
+        let k = self.k;
+        let Some(loops) = &mut self.loops else { return 1.0 };
+        let smallest = loops.blocks.smallest_singular_value(self.system, &self.c, &mut self.force, &mut self.lambda);
+        let inputs = loops.closing.inputs();
+        let part = |d: usize, j: usize| self.dt[d * k + j] * self.system.reach(inputs[j]) / self.system.reach(d);
+        let mixed: f64 = loops.unknown.iter().map(|&d| (0..k).map(|j| part(d, j).powi(2)).sum::<f64>()).sum();
+        smallest * (1.0 + mixed).sqrt()
+    }
+
+    /// How near a dead point of the inputs or a singular position is, at the last evaluation.
+    fn nearness(&mut self) -> f64 {
+        let gain = self.best_gain();
+        let distance = if self.rank > 0 { self.distance_here() } else { f64::INFINITY };
+        Continuity::nearness(gain, distance)
     }
 }
 
@@ -361,8 +413,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         y.fill(0.0);
         self.write(y);
         self.evaluate(t, y)?;
-        let gain = self.best_gain();
-        self.continuity.start(t, &self.v, &self.vdot, gain);
+        self.home.copy_from_slice(&self.q);
+        let near = self.nearness();
+        self.continuity.start(t, &self.v, &self.vdot, near);
         let reason = match &self.fixed {
             Some(_) => "inputs fixed by the user".to_string(),
             None => "inputs that close the loops explicitly".to_string(),
@@ -395,11 +448,12 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
         self.next = None;
         let gain = self.best_gain();
-        if !self.continuity.step(t, &self.v, &self.vdot, &self.s, gain) {
+        self.far = if self.rank > 0 { self.distance_here() } else { f64::INFINITY };
+        if !self.continuity.step(t, &self.v, &self.vdot, &self.s, Continuity::nearness(gain, self.far)) {
             return Review::Reject;
         }
         self.home.copy_from_slice(&self.q);
-        self.note_jumps(t);
+        self.note_flips(t);
         if self.k == 0 || self.rank == 0 {
             return Review::Keep;
         }
@@ -417,6 +471,21 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             return Review::Reject;
         }
         Review::Keep
+    }
+
+    fn distance(&mut self) -> Option<(f64, u64)> {
+        (self.rank > 0).then_some((self.far, self.counters.plans))
+    }
+
+    fn close_stages(&mut self, on: bool) {
+        if self.passing && !on {
+            // outputs of the last step may have been on the branches before it
+            if let Some(loops) = &mut self.loops {
+                loops.closing.set_branches(&self.branches);
+            }
+            self.q.copy_from_slice(&self.home);
+        }
+        self.passing = on;
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
@@ -448,12 +517,8 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         if !self.continuity.is_broken() {
             return Ok(());
         }
-        // the block nearest to its dead point
         let Some(loops) = &self.loops else { return Ok(()) };
-        let blocks = loops.closing.blocks().iter().zip(loops.closing.state());
-        let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-        let block = worst.map_or_else(String::new, |(block, _)| block.words.clone());
-        Err(SystemError::Limit { block, t, shortfall: 0.0 })
+        Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 })
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
@@ -512,9 +577,22 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             let inputs = self.names(self.inputs());
             notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {}", words.join("; ")));
         }
-        for (block, t) in self.jumps.iter().take(6) {
-            notes.push(format!("{block} changed its branch in the step before t = {t}: the motion jumped there"));
+        for (block, t, foreseen) in self.flips.iter().take(6) {
+            notes.push(match foreseen {
+                true => format!("{block} passed its change point in the step before t = {t}: its other branch goes on there"),
+                false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
+            });
+        }
+        if self.flips.len() > 6 {
+            notes.push(format!("{} more changes of branches are not listed", self.flips.len() - 6));
         }
         notes
     }
+}
+
+/// The block that limits the motion first.
+fn nearest_to_dead_point(closing: &dyn Closing) -> String {
+    let blocks = closing.blocks().iter().zip(closing.state());
+    let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
+    worst.map_or_else(String::new, |(block, _)| block.words.clone())
 }

@@ -38,6 +38,11 @@ pub struct WehageHaug<'s, S: ConstrainedSystem> {
     /// q at the end of the last step, to start over from.
     home: Vec<f64>,
     continuity: Continuity,
+    /// A singular position is being passed: every solution starts where the motion leads.
+    passing: bool,
+    move_by: Vec<f64>,
+    /// Distance from a singular position at the end of the last step, number of its plan.
+    far: Option<(f64, u64)>,
     vdot: Vec<f64>,
     iterations: u64,
 }
@@ -67,6 +72,9 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
             inner,
             home: vec![0.0; size.nq],
             continuity: Continuity::default(),
+            passing: false,
+            move_by: vec![0.0; size.nv],
+            far: None,
             vdot: vec![0.0; size.nv],
             iterations: 0,
         })
@@ -87,6 +95,14 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     fn read(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let (nq, places) = (self.nq(), self.states.places());
         self.full[nq..].copy_from_slice(&y[places..]);
+        if self.passing {
+            // two solutions cross here: Newton's method finds the one that the motion leads to
+            self.full[..nq].copy_from_slice(&self.home);
+            self.continuity.predict(t, &mut self.move_by);
+            self.system.step(&mut self.full[..nq], &self.move_by);
+            self.states.scatter(y, &mut self.full[..nq]);
+            return self.newton(t);
+        }
         self.states.scatter(y, &mut self.full[..nq]);
         if self.newton(t).is_ok() {
             return Ok(());
@@ -166,7 +182,9 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         self.write(y);
         let r = self.inner.reduction();
         r.full_acceleration(&mut self.vdot);
-        self.continuity.start(t, &r.v, &self.vdot, r.best_exchange().map_or(0.0, |x| x.gain));
+        let gain = r.best_exchange().map_or(0.0, |x| x.gain);
+        let distance = if r.rank() > 0 { r.distance().0 } else { f64::INFINITY };
+        self.continuity.start(t, &r.v, &self.vdot, Continuity::nearness(gain, distance));
         Ok(())
     }
 
@@ -192,7 +210,9 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         let (nq, r) = (self.nq(), self.inner.reduction());
         r.full_acceleration(&mut self.vdot);
         let gain = r.best_exchange().map_or(0.0, |x| x.gain);
-        if !self.continuity.step(t, &r.v, &self.vdot, r.scales(), gain) {
+        self.far = (r.rank() > 0).then(|| r.distance());
+        let near = Continuity::nearness(gain, self.far.map_or(f64::INFINITY, |d| d.0));
+        if !self.continuity.step(t, &r.v, &self.vdot, r.scales(), near) {
             return Review::Reject;
         }
         self.home.copy_from_slice(&self.full[..nq]);
@@ -202,6 +222,19 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
             return Review::Reject;
         }
         review
+    }
+
+    fn distance(&mut self) -> Option<(f64, u64)> {
+        self.far
+    }
+
+    fn close_stages(&mut self, on: bool) {
+        if self.passing && !on {
+            // outputs of the last step may lie before the position passed
+            let nq = self.nq();
+            self.full[..nq].copy_from_slice(&self.home);
+        }
+        self.passing = on;
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
