@@ -38,13 +38,13 @@ fn explore() {
         let mut r = Reduction::new(&model, found.rank);
         start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
         let v = velocity::with_rates(&mut r, 0.0, &q, &[(upright, -1.0)]).unwrap();
-        for name in ["projective", "wehage-haug", "explicit-closing"] {
-            for rtol in [1e-4, 1e-5,1e-6, 1e-7,1e-8, 1e-9,1e-10, 1e-11,1e-12,1e-13] {
+        for fixed in [None, Some(0.03),Some(0.02), Some(0.01),Some(0.005)] { for name in ["projective", "wehage-haug", "explicit-closing"] {
+            for rtol in [1e-4,1e-6,1e-8,1e-11,1e-13] {
                 let mut f = registry::by_name(name, &model, found.rank, &FormulationOptions::default()).unwrap();
                 let settings = Settings {
                     t_end: 10.0,
-                    tableau: tableau::by_name("dop853").unwrap(),
-                    options: Options { rtol, atol: (0.01 * rtol).into(), ..Options::default() },
+                    tableau: tableau::by_name(if fixed.is_some() { "rk4" } else { "dop853" }).unwrap(),
+                    options: Options { fixed_step: fixed, rtol, atol: (0.01 * rtol).into(), ..Options::default() },
                     max_steps: 5000,
                 };
                 let mut last = 0.0;
@@ -65,7 +65,7 @@ fn explore() {
                 )
                 .unwrap();
                 println!(
-                    "{loops} {name} {rtol:e}: {:?} steps {} rej {} ev {} pass {} closure {closure:.1e} last {last:.12} {}",
+                    "{fixed:?} {loops} {name} {rtol:e}: {:?} steps {} rej {} ev {} pass {} closure {closure:.1e} last {last:.12} {}",
                     outcome.status, outcome.counters.steps, outcome.counters.rejected, outcome.counters.evaluations,
                     outcome.passages.len(), outcome.message
                 );
@@ -73,4 +73,4 @@ fn explore() {
             }
         }
     }
-}
+}}

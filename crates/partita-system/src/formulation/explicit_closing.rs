@@ -18,6 +18,8 @@ use partita_math::dense;
 
 /// Steps after which the scales are looked at again, and after which a system that had no better inputs is asked again.
 const PERIOD: u32 = 8;
+/// The next step may be so many times as long as the last one.
+const LONGEST_NEXT: f64 = 5.0;
 /// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by less
 /// than what lies between them.
 const MOST_DOUBT: f64 = 0.5;
@@ -41,11 +43,17 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     /// The position last closed, and a copy to come back to when a closing fails half-way.
     q: Vec<f64>,
     good: Vec<f64>,
-    /// The position at the end of the last step, and the branches there.
+    /// Position and time at the end of the last step, and the branches there.
     home: Vec<f64>,
+    home_t: f64,
     branches: Vec<i8>,
-    /// A singular position is being passed: branches follow the motion, see [`ExplicitClosing::close`].
+    /// Does the march say that a singular position is being passed?
     passing: bool,
+    /// May the next step meet one, by how the distance fell in the last?
+    approaching: bool,
+    /// Did the branches follow the motion in the last step, and did they at the last evaluation?
+    followed: bool,
+    following: bool,
     qdot: Vec<f64>,
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -126,8 +134,12 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             q: vec![0.0; size.nq],
             good: vec![0.0; size.nq],
             home: vec![0.0; size.nq],
+            home_t: 0.0,
             branches: Vec::new(),
             passing: false,
+            approaching: false,
+            followed: false,
+            following: false,
             qdot: vec![0.0; size.nq],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -148,7 +160,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             move_by: vec![0.0; n],
             gains: vec![0.0; rank * k],
             continuity: Continuity::default(),
-            far: 1.0,
+            far: f64::INFINITY,
             steps_since_scales: 0,
             patience: 0,
             asked_at: 0.0,
@@ -189,7 +201,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 
     /// `self.q` closed at the inputs in y.                                                   (37)
     ///
-    /// While a singular position is passed each block takes the branch nearest to where the velocities at the end of
+    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
     /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Too near
     /// to the position to tell the branches apart the step has to be another.
     fn close(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
@@ -197,7 +209,13 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
         };
         self.good.copy_from_slice(&self.q);
-        let closed = if self.passing {
+        // before the end of the last step: an output inside it
+        let follow = if t < self.home_t { self.followed } else { self.passing || self.approaching };
+        if std::mem::replace(&mut self.following, follow) && !follow {
+            loops.closing.set_branches(&self.branches);
+            self.q.copy_from_slice(&self.home);
+        }
+        let closed = if follow {
             self.q.copy_from_slice(&self.home);
             self.continuity.predict(t, &mut self.move_by);
             self.system.step(&mut self.q, &self.move_by);
@@ -366,7 +384,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         let Some(loops) = &self.loops else { return };
         for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut self.branches) {
             if state.branch != 0 && *kept != 0 && state.branch != *kept {
-                self.flips.push((block.words.clone(), t, self.passing));
+                self.flips.push((block.words.clone(), t, self.following));
             }
             *kept = state.branch;
         }
@@ -375,19 +393,12 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in [`super::reduction::Reduction::distance`].
     fn distance_here(&mut self) -> f64 {
         let k = self.k;
-        let Some(loops) = &mut self.loops else { return 1.0 };
+        let Some(loops) = self.loops.as_mut().filter(|_| self.rank > 0) else { return f64::INFINITY };
         let smallest = loops.blocks.smallest_singular_value(self.system, &self.c, &mut self.force, &mut self.lambda);
         let inputs = loops.closing.inputs();
         let part = |d: usize, j: usize| self.dt[d * k + j] * self.system.reach(inputs[j]) / self.system.reach(d);
         let mixed: f64 = loops.unknown.iter().map(|&d| (0..k).map(|j| part(d, j).powi(2)).sum::<f64>()).sum();
         smallest * (1.0 + mixed).sqrt()
-    }
-
-    /// How near a dead point of the inputs or a singular position is, at the last evaluation.
-    fn nearness(&mut self) -> f64 {
-        let gain = self.best_gain();
-        let distance = if self.rank > 0 { self.distance_here() } else { f64::INFINITY };
-        Continuity::nearness(gain, distance)
     }
 }
 
@@ -414,7 +425,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         self.write(y);
         self.evaluate(t, y)?;
         self.home.copy_from_slice(&self.q);
-        let near = self.nearness();
+        self.home_t = t;
+        self.far = self.distance_here();
+        let near = Continuity::nearness(self.best_gain(), self.far);
         self.continuity.start(t, &self.v, &self.vdot, near);
         let reason = match &self.fixed {
             Some(_) => "inputs fixed by the user".to_string(),
@@ -448,12 +461,17 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
         self.next = None;
         let gain = self.best_gain();
-        self.far = if self.rank > 0 { self.distance_here() } else { f64::INFINITY };
+        let here = self.distance_here();
+        let before = std::mem::replace(&mut self.far, here);
         if !self.continuity.step(t, &self.v, &self.vdot, &self.s, Continuity::nearness(gain, self.far)) {
+            self.far = before;
             return Review::Reject;
         }
         self.home.copy_from_slice(&self.q);
+        self.home_t = t;
         self.note_flips(t);
+        self.followed = self.following;
+        self.approaching = self.far < LONGEST_NEXT * (before - self.far);
         if self.k == 0 || self.rank == 0 {
             return Review::Keep;
         }
@@ -478,13 +496,6 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 
     fn close_stages(&mut self, on: bool) {
-        if self.passing && !on {
-            // outputs of the last step may have been on the branches before it
-            if let Some(loops) = &mut self.loops {
-                loops.closing.set_branches(&self.branches);
-            }
-            self.q.copy_from_slice(&self.home);
-        }
         self.passing = on;
     }
 
@@ -506,6 +517,8 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         let (from, to) = (self.names(&before), self.names(next.inputs()));
         self.adopt(t, next)?;
         self.counters.exchanges += 1;
+        // distances of different inputs do not compare: be careful once
+        self.approaching = true;
         self.write(y);
         self.derivative(t, y, dy)?;
         let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");

@@ -9,6 +9,7 @@
 
 use super::continuity::Continuity;
 use super::projective::{Projective, ProjectiveOptions};
+use super::reduction::SINGULAR_PIVOT;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
@@ -17,6 +18,8 @@ use crate::system::{ConstrainedSystem, SystemError};
 const MOST_ITERATIONS: u64 = 12;
 /// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
 const ROUND_OFF: f64 = 1e4;
+/// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
+const UNDECIDED: f64 = 1e2;
 
 /// The 2k form with closed stages.
 ///
@@ -38,8 +41,6 @@ pub struct WehageHaug<'s, S: ConstrainedSystem> {
     /// q at the end of the last step, to start over from.
     home: Vec<f64>,
     continuity: Continuity,
-    /// A singular position is being passed: every solution starts where the motion leads.
-    passing: bool,
     move_by: Vec<f64>,
     /// Distance from a singular position at the end of the last step, number of its plan.
     far: Option<(f64, u64)>,
@@ -72,7 +73,6 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
             inner,
             home: vec![0.0; size.nq],
             continuity: Continuity::default(),
-            passing: false,
             move_by: vec![0.0; size.nv],
             far: None,
             vdot: vec![0.0; size.nv],
@@ -95,19 +95,15 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     fn read(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let (nq, places) = (self.nq(), self.states.places());
         self.full[nq..].copy_from_slice(&y[places..]);
-        if self.passing {
-            // two solutions cross here: Newton's method finds the one that the motion leads to
-            self.full[..nq].copy_from_slice(&self.home);
-            self.continuity.predict(t, &mut self.move_by);
-            self.system.step(&mut self.full[..nq], &self.move_by);
-            self.states.scatter(y, &mut self.full[..nq]);
-            return self.newton(t);
-        }
+        // where the velocities lead is nearest, and where solutions cross it tells the right one
+        self.full[..nq].copy_from_slice(&self.home);
+        self.continuity.predict(t, &mut self.move_by);
+        self.system.step(&mut self.full[..nq], &self.move_by);
         self.states.scatter(y, &mut self.full[..nq]);
         if self.newton(t).is_ok() {
             return Ok(());
         }
-        // the last solution may be that of a stage far off: once more from the end of the last step
+        // a long step may lead far off: once more from the end of the last one
         self.full[..nq].copy_from_slice(&self.home);
         self.states.scatter(y, &mut self.full[..nq]);
         let closed = self.newton(t);
@@ -134,7 +130,10 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
             last = open;
             r.factor(t)?;
             if !r.correct_dependent(q) {
-                return Ok(()); // what is left would be amplified, not removed
+                if open <= UNDECIDED {
+                    return Ok(()); // what is left would be amplified, not removed
+                }
+                return Err(SystemError::Singular { t, pivot: r.distance().0, limit: SINGULAR_PIVOT });
             }
             self.iterations += 1;
             r.position(t, q)?;
@@ -226,15 +225,6 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
 
     fn distance(&mut self) -> Option<(f64, u64)> {
         self.far
-    }
-
-    fn close_stages(&mut self, on: bool) {
-        if self.passing && !on {
-            // outputs of the last step may lie before the position passed
-            let nq = self.nq();
-            self.full[..nq].copy_from_slice(&self.home);
-        }
-        self.passing = on;
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
