@@ -16,6 +16,10 @@ pub(super) struct Continuity {
     near: f64,
     /// Largest speed so far: a mechanism at rest has no direction to lose.
     fastest: f64,
+    /// Longest step so far.
+    longest: f64,
+    /// Short steps in a row towards a dead point that hardly come nearer.
+    creeping: u32,
     in_a_row: u32,
 }
 
@@ -30,7 +34,16 @@ impl Continuity {
     /// Singular positions of the mechanism are near below this distance: crossing from there takes half a radian or so.
     const DISTANCE: f64 = 0.3;
     /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
-    pub(super) const STUCK: f64 = 1e4;
+    const STUCK: f64 = 1e4;
+    /// Nearness from which on short steps are blamed on the dead point or singular position, ...
+    const CLOSE: f64 = 30.0;
+    /// ... short against the longest so far, ...
+    const SHORT: f64 = 0.03;
+    /// ... and against the time left: a healthy approach takes a good part of it in each step. One that takes less than
+    /// this has an error estimate of round-off alone, and thousands of steps would follow, ...
+    const ADVANCE: f64 = 0.03;
+    /// ... if so many did.
+    const PATIENCE: u32 = 12;
     /// Speeds below this part of the largest are rest.
     const REST: f64 = 1e-9;
     /// After so many repetitions, each with half the step, it is no matter of the step any more.
@@ -79,8 +92,18 @@ impl Continuity {
             return false;
         }
         self.in_a_row = 0;
+        self.longest = self.longest.max(h);
+        // 1/nearness falls linearly: its relative growth is the step over the time left after it
+        let growth = (near - self.near) / self.near;
+        let creeps = near > Self::CLOSE && h < Self::SHORT * self.longest && (0.0..Self::ADVANCE).contains(&growth);
+        self.creeping = if creeps { self.creeping + 1 } else { 0 };
         self.start(t, v, vdot, near);
         true
+    }
+
+    /// Is there no step from here that leads anywhere? Asked after [`Continuity::step`], for inputs that nothing replaces.
+    pub(super) fn is_stuck(&self, gain: f64) -> bool {
+        gain > Self::STUCK || self.creeping > Self::PATIENCE
     }
 
     /// Inputs that nothing can replace stand at their dead point: there is no step from here.

@@ -484,7 +484,7 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         if self.fixed.is_none() && gain > self.exchange && self.better_inputs(t, gain) {
             return Review::Change;
         }
-        if gain > Continuity::STUCK {
+        if self.continuity.is_stuck(gain) {
             self.continuity.give_up();
             return Review::Reject;
         }

@@ -216,7 +216,7 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         }
         self.home.copy_from_slice(&self.full[..nq]);
         let review = self.inner.review(t, &self.full);
-        if review == Review::Keep && gain > Continuity::STUCK {
+        if review == Review::Keep && self.continuity.is_stuck(gain) {
             self.continuity.give_up();
             return Review::Reject;
         }
