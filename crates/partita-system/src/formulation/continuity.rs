@@ -12,6 +12,10 @@ pub(super) struct Continuity {
     t: f64,
     v: Vec<f64>,
     vdot: Vec<f64>,
+    /// Time, velocities and accelerations at the start of the last step, where there was one.
+    before: Option<f64>,
+    v_before: Vec<f64>,
+    vdot_before: Vec<f64>,
     /// Nearness of a dead point or a singular position at the start of the step, see [`Continuity::nearness`].
     near: f64,
     /// Largest speed so far: a mechanism at rest has no direction to lose.
@@ -57,15 +61,40 @@ impl Continuity {
         gain.max(Self::DISTANCE / distance)
     }
 
-    /// How velocities and accelerations at the end of the last step go on until t: displacement in velocities.
+    /// Displacement (in velocities) from the end of the last step to t. Ahead: how velocities and accelerations there go on,
+    /// and the change of the latter if the step before was not much shorter; inside the step: the cubic of velocities and
+    /// accelerations at both ends.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
+        if let Some(before) = self.before.filter(|before| *before < self.t && t < self.t) {
+            let h = self.t - before;
+            // integrals of Hermite's polynomials from here to the end
+            let integrals = |s: f64| {
+                let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
+                [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
+            };
+            let (here, end) = (integrals((t - before) / h), integrals(1.0));
+            let [p0, m0, p1, m1] = [0, 1, 2, 3].map(|i| (here[i] - end[i]) * h);
+            for (i, d) in dv.iter_mut().enumerate() {
+                *d = p0 * self.v_before[i]
+                    + p1 * self.v[i]
+                    + h * (m0 * self.vdot_before[i] + m1 * self.vdot[i]);
+            }
+            return;
+        }
         let h = t - self.t;
-        dv.iter_mut().zip(self.v.iter().zip(&self.vdot)).for_each(|(d, (v, a))| *d = h * (v + 0.5 * h * a));
+        let part = match self.before {
+            Some(before) if h < 2.0 * (self.t - before) => h / (3.0 * (self.t - before)),
+            _ => 0.0,
+        };
+        for (i, d) in dv.iter_mut().enumerate() {
+            let change = if part > 0.0 { self.vdot[i] - self.vdot_before[i] } else { 0.0 };
+            *d = h * (self.v[i] + 0.5 * h * (self.vdot[i] + part * change));
+        }
     }
 
     /// From here on.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
-        (self.t, self.near) = (t, near);
+        (self.t, self.near, self.before) = (t, near, None);
         self.v.clear();
         self.v.extend_from_slice(v);
         self.vdot.clear();
@@ -97,13 +126,22 @@ impl Continuity {
         let growth = (near - self.near) / self.near;
         let creeps = near > Self::CLOSE && h < Self::SHORT * self.longest && (0.0..Self::ADVANCE).contains(&growth);
         self.creeping = if creeps { self.creeping + 1 } else { 0 };
+        let before = self.t;
+        std::mem::swap(&mut self.v_before, &mut self.v);
+        std::mem::swap(&mut self.vdot_before, &mut self.vdot);
         self.start(t, v, vdot, near);
+        self.before = Some(before);
         true
     }
 
     /// Is there no step from here that leads anywhere? Asked after [`Continuity::step`], for inputs that nothing replaces.
     pub(super) fn is_stuck(&self, gain: f64) -> bool {
         gain > Self::STUCK || self.creeping > Self::PATIENCE
+    }
+
+    /// Was a dead point or a singular position near at the end of the last step?
+    pub(super) fn is_near(&self) -> bool {
+        self.near > 1.0
     }
 
     /// Inputs that nothing can replace stand at their dead point: there is no step from here.
@@ -135,6 +173,23 @@ mod tests {
     fn passing_and_being_thrown_back_differ_at_every_step() {
         for h in [1e-6, 1e-3, 0.1, 0.5, 1.0] {
             assert!(over_the_top(h, 1.0) && !over_the_top(h, -1.0), "{h}");
+        }
+    }
+
+    /// v = t³ from 1 to 2: the cubic is the velocity itself; ahead of it the parabola v + ½ h v'.
+    #[test]
+    fn displacements_are_those_of_the_cubic() {
+        let mut c = Continuity::default();
+        c.start(1.0, &[1.0], &[3.0], 0.0);
+        let mut d = [0.0];
+        c.predict(1.5, &mut d);
+        assert!((d[0] - (0.5 + 0.125 * 3.0)).abs() < 1e-15);
+        assert!(c.step(2.0, &[8.0], &[12.0], &[1.0], 0.0));
+        c.predict(2.5, &mut d);
+        assert!((d[0] - (0.5 * 8.0 + 0.125 * 12.0 + 0.125 / 6.0 * 9.0)).abs() < 1e-14, "{}", d[0]);
+        for t in [1.0, 1.2, 1.7, 1.99] {
+            c.predict(t, &mut d);
+            assert!((d[0] - (t * t * t * t - 16.0) / 4.0).abs() < 1e-14, "{t}: {}", d[0]);
         }
     }
 

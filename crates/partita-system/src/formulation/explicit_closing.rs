@@ -202,8 +202,9 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     /// `self.q` closed at the inputs in y.                                                   (37)
     ///
     /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
-    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Too near
-    /// to the position to tell the branches apart the step has to be another.
+    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
+    /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
+    /// the path is known better than any such distance that matters.
     fn close(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let Some(loops) = &mut self.loops else {
             return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
@@ -220,7 +221,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             self.continuity.predict(t, &mut self.move_by);
             self.system.step(&mut self.q, &self.move_by);
             self.states.scatter(y, &mut self.q);
-            loops.closing.follow(t, &mut self.q).and_then(|doubt| match doubt <= MOST_DOUBT {
+            loops.closing.follow(t, &mut self.q).and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
                 true => Ok(()),
                 false => Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 }),
             })
