@@ -207,6 +207,25 @@ pub fn slider_crank() -> Drawing {
         .slide("D", "ground", "slider", wrist, [1.0, 0.0])
 }
 
+/// Seven bodies and three loops after Andrews' squeezer, in decimetres: E is the pin of four links.
+pub fn squeezer() -> Drawing {
+    let (a, b) = ([-0.7, -0.02], [-0.36, 0.33]);
+    let f = polar(0.07, 0.4);
+    let e = [f[0] - 0.28 * 0.1_f64.cos(), f[1] - 0.28 * 0.1_f64.sin()];
+    let (g, h) = (arm(a, e, 0.4, 0.5), arm(a, e, 0.4, -0.4));
+    drawing("squeezer")
+        .pin("O", "ground", "OF", [0.0; 2])
+        .pin("F", "OF", "EF", f)
+        .pin("B", "ground", "EBD", b)
+        .pin("A1", "ground", "AG", a)
+        .pin("G", "AG", "GE", g)
+        .pin("A2", "ground", "AH", a)
+        .pin("H", "AH", "HE", h)
+        .pin("E1", "EF", "EBD", e)
+        .pin("E2", "EF", "GE", e)
+        .pin("E3", "EF", "HE", e)
+}
+
 pub fn velocity(model: &Model, name: &str) -> usize {
     (0..model.size().nv).find(|&i| model.velocity_name(i) == name).unwrap_or_else(|| panic!("no velocity {name}"))
 }
