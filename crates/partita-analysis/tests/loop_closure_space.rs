@@ -20,24 +20,6 @@ fn words(closing: &LoopClosing) -> Vec<String> {
     closing.blocks().iter().map(|b| b.words.clone()).collect()
 }
 
-const ROCKER: [f64; 3] = [0.2, 1.0, 0.3];
-const CRANK_AT: [f64; 3] = [0.3, 0.0, 0.1];
-const ROCKER_AT: [f64; 3] = [0.9, 0.2, 1.1];
-const PIVOT: [f64; 3] = [1.2, 0.0, 0.2];
-
-/// RSSR, or RSUR: crank about z in the origin, rocker about a skew axis.
-fn rssr(last: &str) -> Drawing {
-    let d = drawing("RSSR")
-        .joint("crank", Revolute, "ground", "crank", [0.0; 3], Z)
-        .joint("A", Spherical, "crank", "rod", CRANK_AT, Z);
-    let d = if last == "U" {
-        d.joint("B", Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
-    } else {
-        d.joint("B", Spherical, "rod", "rocker", ROCKER_AT, Z)
-    };
-    d.joint("rocker", Revolute, "ground", "rocker", PIVOT, ROCKER)
-}
-
 /// The rocker's angle by the characteristic equation written down for RSSR:                             (39)
 /// `r = O₂ − P`, `s₂` the arm: `a = 2(r + par)·per`, `b = 2(r + par)·(u₂×s₂)`, `c = |r + par|² + |per|² − L²`.
 fn rocker_angles(crank: f64) -> [f64; 2] {

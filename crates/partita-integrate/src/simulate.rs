@@ -183,6 +183,8 @@ struct Passage {
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
     expected: Option<f64>,
+    /// The one that the step under way is to cross.
+    crossing: Option<f64>,
     /// The usual step size away from singular positions.
     usual: f64,
     /// Times stepped over.
@@ -208,7 +210,7 @@ impl Passage {
         let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
         let stretch =
             (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b });
-        Self { stretch, before: [None; 2], expected: None, usual: 0.0, times: Vec::new() }
+        Self { stretch, before: [None; 2], expected: None, crossing: None, usual: 0.0, times: Vec::new() }
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
@@ -216,6 +218,8 @@ impl Passage {
     fn foresee(&mut self, stepper: &mut Stepper, now: Option<(f64, u64)>, confirm: Confirm) -> bool {
         let Some((distance, plan)) = now else { return false };
         let t = stepper.t_old();
+        // a step that had to be shortened may have ended before it
+        self.times.extend(self.crossing.take().filter(|zero| *zero < t));
         let [one, two] = self.before;
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
@@ -252,7 +256,7 @@ impl Passage {
             }
             stepper.set_lenience(Self::ROUND_OFF, Self::CROSSING);
             stepper.set_step_size(crossing);
-            self.times.push(zero);
+            self.crossing = Some(zero);
             self.expected = None;
         } else {
             // leave the distance that one comfortable crossing needs

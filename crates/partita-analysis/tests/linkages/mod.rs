@@ -11,6 +11,7 @@ use partita_model::value::NoFunctions;
 use partita_model::Model;
 use partita_system::kinematics::closing::Closing;
 use partita_system::ConstrainedSystem;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 pub const Z: [f64; 3] = [0.0, 0.0, 1.0];
@@ -100,9 +101,129 @@ impl Drawing {
         self.0.drives.push(Drive { name, joint, coordinate: 0, motion });
         self
     }
+    /// Without gravity.
+    pub fn weightless(mut self) -> Self {
+        self.0.gravity = [0.0; 3];
+        self
+    }
     pub fn model(self) -> Model {
         Model::new(self.0, Arc::new(NoFunctions), Coordinates::Relative).unwrap()
     }
+}
+
+/// The point at l2 from P and l3 from Q on the side ε of the line PQ.
+pub fn dyad(p: [f64; 2], q: [f64; 2], l2: f64, l3: f64, sign: f64) -> [f64; 2] {
+    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+    let r = dx.hypot(dy);
+    let u = (r * r + l2 * l2 - l3 * l3) / (2.0 * r);
+    let h = sign * (l2 * l2 - u * u).sqrt();
+    [p[0] + (u * dx - h * dy) / r, p[1] + (u * dy + h * dx) / r]
+}
+
+pub fn polar(l: f64, angle: f64) -> [f64; 2] {
+    [l * angle.cos(), l * angle.sin()]
+}
+
+/// Lengths ground, crank, coupler, rocker; drawn at the crank angle, C on the side ε.
+pub fn four_bar([l0, l1, l2, l3]: [f64; 4], crank: f64, sign: f64) -> Drawing {
+    let (b, d) = (polar(l1, crank), [l0, 0.0]);
+    let c = dyad(b, d, l2, l3, sign);
+    drawing("four-bar")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "coupler", b)
+        .pin("C", "coupler", "rocker", c)
+        .pin("D", "ground", "rocker", d)
+}
+
+pub const ROCKER: [f64; 3] = [0.2, 1.0, 0.3];
+pub const CRANK_AT: [f64; 3] = [0.3, 0.0, 0.1];
+pub const ROCKER_AT: [f64; 3] = [0.9, 0.2, 1.1];
+pub const PIVOT: [f64; 3] = [1.2, 0.0, 0.2];
+
+/// RSSR, or RSUR: crank about z in the origin, rocker about a skew axis.
+pub fn rssr(last: &str) -> Drawing {
+    let d = drawing("RSSR")
+        .joint("crank", JointKind::Revolute, "ground", "crank", [0.0; 3], Z)
+        .joint("A", JointKind::Spherical, "crank", "rod", CRANK_AT, Z);
+    let d = if last == "U" {
+        d.joint("B", JointKind::Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
+    } else {
+        d.joint("B", JointKind::Spherical, "rod", "rocker", ROCKER_AT, Z)
+    };
+    d.joint("rocker", JointKind::Revolute, "ground", "rocker", PIVOT, ROCKER)
+}
+
+/// Crank 0.3 in the origin, coupler 0.9, rocker 0.7 on the pin D at 1; B and C at the crank angle 60 degrees.
+fn crank_and_rocker() -> [[f64; 2]; 3] {
+    let (b, d) = (polar(0.3, TAU / 6.0), [1.0, 0.0]);
+    [b, dyad(b, d, 0.9, 0.7, 1.0), d]
+}
+
+/// The point at `length` from `from`, `angle` on from the direction towards `to`.
+fn arm(from: [f64; 2], to: [f64; 2], length: f64, angle: f64) -> [f64; 2] {
+    let [x, y] = polar(length, angle + (to[1] - from[1]).atan2(to[0] - from[0]));
+    [from[0] + x, from[1] + y]
+}
+
+/// A crank and its rocker, whose second arm drives another pair of links: Watt's chain of the second kind.
+pub fn watt() -> Drawing {
+    let [b, c, d] = crank_and_rocker();
+    let e = arm(d, c, 0.6, -70_f64.to_radians());
+    let (f, g) = (dyad(e, [2.0, 0.0], 0.7, 0.6, 1.0), [2.0, 0.0]);
+    drawing("Watt")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "coupler", b)
+        .pin("C", "coupler", "rocker", c)
+        .pin("D", "ground", "rocker", d)
+        .pin("E", "rocker", "link", e)
+        .pin("F", "link", "lever", f)
+        .pin("G", "ground", "lever", g)
+}
+
+/// The same with the second pair driven by a point of the coupler: Stephenson's chain of the third kind.
+pub fn stephenson() -> Drawing {
+    let [b, c, d] = crank_and_rocker();
+    let p = arm(b, c, 0.6, 50_f64.to_radians());
+    let g = [-0.9, 0.4];
+    let f = dyad(p, g, 0.8, 0.7, -1.0);
+    drawing("Stephenson")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "coupler", b)
+        .pin("C", "coupler", "rocker", c)
+        .pin("D", "ground", "rocker", d)
+        .pin("P", "coupler", "link", p)
+        .pin("F", "link", "lever", f)
+        .pin("G", "ground", "lever", g)
+}
+
+/// Crank of 0.3, rod of 1, the slide 0.1 beside the crank's pin.
+pub fn slider_crank() -> Drawing {
+    let pin = polar(0.3, 0.6);
+    let wrist = [pin[0] + (1.0 - (pin[1] - 0.1).powi(2)).sqrt(), 0.1];
+    drawing("slider-crank")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "rod", pin)
+        .pin("C", "rod", "slider", wrist)
+        .slide("D", "ground", "slider", wrist, [1.0, 0.0])
+}
+
+/// Seven bodies and three loops after Andrews' squeezer, in decimetres: E is the pin of four links.
+pub fn squeezer() -> Drawing {
+    let (a, b) = ([-0.7, -0.02], [-0.36, 0.33]);
+    let f = polar(0.07, 0.4);
+    let e = [f[0] - 0.28 * 0.1_f64.cos(), f[1] - 0.28 * 0.1_f64.sin()];
+    let (g, h) = (arm(a, e, 0.4, 0.5), arm(a, e, 0.4, -0.4));
+    drawing("squeezer")
+        .pin("O", "ground", "OF", [0.0; 2])
+        .pin("F", "OF", "EF", f)
+        .pin("B", "ground", "EBD", b)
+        .pin("A1", "ground", "AG", a)
+        .pin("G", "AG", "GE", g)
+        .pin("A2", "ground", "AH", a)
+        .pin("H", "AH", "HE", h)
+        .pin("E1", "EF", "EBD", e)
+        .pin("E2", "EF", "GE", e)
+        .pin("E3", "EF", "HE", e)
 }
 
 pub fn velocity(model: &Model, name: &str) -> usize {

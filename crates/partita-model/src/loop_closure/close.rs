@@ -28,6 +28,80 @@ impl LoopClosing<'_> {
         }
     }
 
+    /// Coordinates of the edges of one step from q, as far as they belong to the tree.
+    fn read_step(&mut self, step: usize, q: &[f64]) {
+        for &i in &self.steps[step].edges {
+            let e = &self.graph.edges[i];
+            let Home::Tree { q: at, .. } = e.home else { continue };
+            if e.kind == Kind::Ball {
+                self.balls[i] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
+            } else {
+                self.x[i] = q[at];
+            }
+        }
+    }
+
+    /// Largest distance of the coordinates of a step from those in q, in radians and sizes; those of cut joints are no
+    /// part of q.
+    fn apart_from(&self, step: usize, q: &[f64]) -> f64 {
+        let mut apart = 0.0f64;
+        for &i in &self.steps[step].edges {
+            let e = &self.graph.edges[i];
+            let Home::Tree { q: at, .. } = e.home else { continue };
+            apart = apart.max(match e.kind {
+                Kind::Turn => {
+                    let d = self.x[i] - q[at];
+                    (d - (d / TAU).round() * TAU).abs()
+                }
+                Kind::Slide => (self.x[i] - q[at]).abs() / self.model.placed.size,
+                Kind::Ball => {
+                    let r = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
+                    (0..9).fold(0.0, |m: f64, c| m.max((self.balls[i].0[c / 3][c % 3] - r.0[c / 3][c % 3]).abs()))
+                }
+                Kind::Rigid => 0.0,
+            });
+        }
+        apart
+    }
+
+    /// Choose the signs of a step by what stands in q; returns how near the choice was.
+    fn choose_signs(&mut self, step: usize, q: &[f64]) -> f64 {
+        let kept = self.steps[step].signs;
+        let free = kept.iter().filter(|s| **s != 0).count();
+        let mut best = (f64::INFINITY, kept);
+        let mut next = f64::INFINITY;
+        for choice in 0..1u8 << free {
+            // the kept signs first, so that they win a tie
+            let sign = |i: usize| if choice >> i & 1 == 0 { kept[i] } else { -kept[i] };
+            self.steps[step].signs = [sign(0), sign(1)];
+            let apart = match self.solve(step) {
+                Ok(()) => self.apart_from(step, q),
+                Err(_) => f64::INFINITY,
+            };
+            self.read_step(step, q);
+            if apart < best.0 {
+                next = best.0;
+                best = (apart, self.steps[step].signs);
+            } else {
+                next = next.min(apart);
+            }
+        }
+        self.steps[step].signs = best.1;
+        if next.is_finite() && next > 0.0 {
+            best.0 / next
+        } else {
+            0.0
+        }
+    }
+
+    /// States of the blocks from the steps.
+    fn tell(&mut self) {
+        for (state, &(step, k)) in self.states.iter_mut().zip(&self.entries) {
+            let step = &self.steps[step];
+            *state = BlockState { branch: step.signs[k], pivot: step.pivots[k] };
+        }
+    }
+
     /// Edge coordinates to q: the angle and the sign of the quaternion nearest to what stands there.
     fn write(&mut self, step: usize, q: &mut [f64]) {
         for &i in &self.steps[step].edges {
@@ -225,11 +299,23 @@ impl Closing for LoopClosing<'_> {
             self.advance(i, t, q)?;
         }
         self.whole_turns(q)?;
-        for (state, &(step, k)) in self.states.iter_mut().zip(&self.entries) {
-            let step = &self.steps[step];
-            *state = BlockState { branch: step.signs[k], pivot: step.pivots[k] };
-        }
+        self.tell();
         Ok(())
+    }
+
+    fn follow(&mut self, t: f64, q: &mut [f64]) -> Result<f64, SystemError> {
+        self.old.copy_from_slice(q);
+        self.read(q);
+        let mut doubt = 0.0f64;
+        for i in 0..self.steps.len() {
+            if self.steps[i].signs[0] != 0 {
+                doubt = doubt.max(self.choose_signs(i, q));
+            }
+            self.advance(i, t, q)?;
+        }
+        self.whole_turns(q)?;
+        self.tell();
+        Ok(doubt)
     }
 
     fn state(&self) -> &[BlockState] {

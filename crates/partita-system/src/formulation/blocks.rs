@@ -133,6 +133,36 @@ impl Blocks {
         }
     }
 
+    /// Smallest singular value of C_D, rows and unknowns measured in reaches, by inverse iteration with the factors at
+    /// hand: two solves forwards and one backwards. `x` (nv) and `y` (rows) are room.
+    pub(super) fn smallest_singular_value<S: ConstrainedSystem>(
+        &mut self,
+        system: &S,
+        c: &[f64],
+        x: &mut [f64],
+        y: &mut [f64],
+    ) -> f64 {
+        y.fill(0.0);
+        // irregular, so that no self-stress of a mechanism is orthogonal to it
+        self.rows().for_each(|row| y[row] = 1.0 + 0.5 * (row as f64 * 1.7).sin());
+        let (mut given, mut answer) = (1.0, 1.0);
+        for forwards in [true, false, true] {
+            if forwards {
+                given = dense::dot(y, y);
+                self.rows().for_each(|i| y[i] *= system.row_reach(i).unwrap_or(1.0));
+                x.fill(0.0);
+                self.forward(c, x, |i| i, |row| -y[row]);
+                self.unknown().for_each(|i| x[i] /= system.reach(i));
+                answer = dense::dot(x, x);
+            } else {
+                self.unknown().for_each(|i| x[i] /= system.reach(i));
+                self.backward(c, x, y);
+                self.rows().for_each(|i| y[i] *= system.row_reach(i).unwrap_or(1.0));
+            }
+        }
+        (given / answer).sqrt()
+    }
+
     /// Backwards: λ with `C_Dᵀ λ = f_D`; `f` (nv) is used up.                               (43)
     pub(super) fn backward(&mut self, c: &[f64], f: &mut [f64], lambda: &mut [f64]) {
         for p in self.parts.iter().rev() {

@@ -18,6 +18,11 @@ use partita_math::dense;
 
 /// Steps after which the scales are looked at again, and after which a system that had no better inputs is asked again.
 const PERIOD: u32 = 8;
+/// The next step may be so many times as long as the last one.
+const LONGEST_NEXT: f64 = 5.0;
+/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by less
+/// than what lies between them.
+const MOST_DOUBT: f64 = 0.5;
 
 /// The 2k form on an explicit closing.
 ///
@@ -38,8 +43,17 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     /// The position last closed, and a copy to come back to when a closing fails half-way.
     q: Vec<f64>,
     good: Vec<f64>,
-    /// The position at the end of the last step.
+    /// Position and time at the end of the last step, and the branches there.
     home: Vec<f64>,
+    home_t: f64,
+    branches: Vec<i8>,
+    /// Does the march say that a singular position is being passed?
+    passing: bool,
+    /// May the next step meet one, by how the distance fell in the last?
+    approaching: bool,
+    /// Did the branches follow the motion in the last step, and did they at the last evaluation?
+    followed: bool,
+    following: bool,
     qdot: Vec<f64>,
     phi: Vec<f64>,
     c: Vec<f64>,
@@ -57,9 +71,12 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     s2: Vec<f64>,
     force: Vec<f64>,
     lambda: Vec<f64>,
+    move_by: Vec<f64>,
     /// A, row by row in the order of the unknowns (r x k).
     gains: Vec<f64>,
     continuity: Continuity,
+    /// Distance from a singular position at the end of the last step.
+    far: f64,
     steps_since_scales: u32,
     /// Steps to go before the system is asked for other inputs again.
     patience: u32,
@@ -68,8 +85,8 @@ pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     next: Option<Box<dyn Closing + Send + 's>>,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
-    /// Branches that a closing left on its own: block, time.
-    jumps: Vec<(String, f64)>,
+    /// Blocks that went over to their other branch: block, time, and was it foreseen?
+    flips: Vec<(String, f64, bool)>,
 }
 
 /// A closing in use.
@@ -77,7 +94,6 @@ struct Loops<'s> {
     closing: Box<dyn Closing + Send + 's>,
     blocks: Blocks,
     unknown: Vec<usize>,
-    branches: Vec<i8>,
 }
 
 impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
@@ -118,6 +134,12 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             q: vec![0.0; size.nq],
             good: vec![0.0; size.nq],
             home: vec![0.0; size.nq],
+            home_t: 0.0,
+            branches: Vec::new(),
+            passing: false,
+            approaching: false,
+            followed: false,
+            following: false,
             qdot: vec![0.0; size.nq],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -135,15 +157,17 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             s2: vec![1.0; n],
             force: vec![0.0; n],
             lambda: vec![0.0; size.rows],
+            move_by: vec![0.0; n],
             gains: vec![0.0; rank * k],
             continuity: Continuity::default(),
+            far: f64::INFINITY,
             steps_since_scales: 0,
             patience: 0,
             asked_at: 0.0,
             next: None,
             events: Vec::new(),
             counters: FormulationCounters::default(),
-            jumps: Vec::new(),
+            flips: Vec::new(),
         })
     }
 
@@ -159,8 +183,9 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         for (j, &i) in closing.inputs().iter().enumerate() {
             self.dt[i * self.k + j] = 1.0;
         }
-        let branches = closing.state().iter().map(|s| s.branch).collect();
-        self.loops = Some(Loops { unknown: blocks.unknown().collect(), blocks, branches, closing });
+        self.branches.clear();
+        self.branches.extend(closing.state().iter().map(|s| s.branch));
+        self.loops = Some(Loops { unknown: blocks.unknown().collect(), blocks, closing });
         self.counters.plans += 1;
         self.refresh_scales(t)
     }
@@ -174,18 +199,47 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         Ok(())
     }
 
-    /// Close, then P1-P3, at the inputs and input velocities in y.
-    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+    /// `self.q` closed at the inputs in y.                                                   (37)
+    ///
+    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
+    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
+    /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
+    /// the path is known better than any such distance that matters.
+    fn close(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let Some(loops) = &mut self.loops else {
             return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
         };
-        let (k, places) = (self.k, self.states.places());
         self.good.copy_from_slice(&self.q);
-        self.states.scatter(y, &mut self.q);
-        if let Err(e) = loops.closing.close(t, &mut self.q) {
-            self.q.copy_from_slice(&self.good);
-            return Err(e);
+        // before the end of the last step: an output inside it
+        let follow = if t < self.home_t { self.followed } else { self.passing || self.approaching };
+        if std::mem::replace(&mut self.following, follow) && !follow {
+            loops.closing.set_branches(&self.branches);
+            self.q.copy_from_slice(&self.home);
         }
+        let closed = if follow {
+            self.q.copy_from_slice(&self.home);
+            self.continuity.predict(t, &mut self.move_by);
+            self.system.step(&mut self.q, &self.move_by);
+            self.states.scatter(y, &mut self.q);
+            loops.closing.follow(t, &mut self.q).and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
+                true => Ok(()),
+                false => Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 }),
+            })
+        } else {
+            self.states.scatter(y, &mut self.q);
+            loops.closing.close(t, &mut self.q)
+        };
+        if closed.is_err() {
+            self.q.copy_from_slice(&self.good);
+        }
+        closed
+    }
+
+    /// Close, then P1-P3, at the inputs and input velocities in y.
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+        self.close(t, y)?;
+        let Some(loops) = &mut self.loops else { return Ok(()) };
+        let (k, places) = (self.k, self.states.places());
         self.system.position(t, &self.q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
         self.counters.factorisations += 1;
         loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
@@ -327,15 +381,25 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         }
     }
 
-    fn note_jumps(&mut self, t: f64) {
-        let Some(loops) = &mut self.loops else { return };
-        for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut loops.branches)
-        {
+    fn note_flips(&mut self, t: f64) {
+        let Some(loops) = &self.loops else { return };
+        for ((block, state), kept) in loops.closing.blocks().iter().zip(loops.closing.state()).zip(&mut self.branches) {
             if state.branch != 0 && *kept != 0 && state.branch != *kept {
-                self.jumps.push((block.words.clone(), t));
+                self.flips.push((block.words.clone(), t, self.following));
             }
             *kept = state.branch;
         }
+    }
+
+    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in [`super::reduction::Reduction::distance`].
+    fn distance_here(&mut self) -> f64 {
+        let k = self.k;
+        let Some(loops) = self.loops.as_mut().filter(|_| self.rank > 0) else { return f64::INFINITY };
+        let smallest = loops.blocks.smallest_singular_value(self.system, &self.c, &mut self.force, &mut self.lambda);
+        let inputs = loops.closing.inputs();
+        let part = |d: usize, j: usize| self.dt[d * k + j] * self.system.reach(inputs[j]) / self.system.reach(d);
+        let mixed: f64 = loops.unknown.iter().map(|&d| (0..k).map(|j| part(d, j).powi(2)).sum::<f64>()).sum();
+        smallest * (1.0 + mixed).sqrt()
     }
 }
 
@@ -361,8 +425,11 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         y.fill(0.0);
         self.write(y);
         self.evaluate(t, y)?;
-        let gain = self.best_gain();
-        self.continuity.start(t, &self.v, &self.vdot, gain);
+        self.home.copy_from_slice(&self.q);
+        self.home_t = t;
+        self.far = self.distance_here();
+        let near = Continuity::nearness(self.best_gain(), self.far);
+        self.continuity.start(t, &self.v, &self.vdot, near);
         let reason = match &self.fixed {
             Some(_) => "inputs fixed by the user".to_string(),
             None => "inputs that close the loops explicitly".to_string(),
@@ -395,11 +462,17 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     fn review(&mut self, t: f64, _y: &[f64]) -> Review {
         self.next = None;
         let gain = self.best_gain();
-        if !self.continuity.step(t, &self.v, &self.vdot, &self.s, gain) {
+        let here = self.distance_here();
+        let before = std::mem::replace(&mut self.far, here);
+        if !self.continuity.step(t, &self.v, &self.vdot, &self.s, Continuity::nearness(gain, self.far)) {
+            self.far = before;
             return Review::Reject;
         }
         self.home.copy_from_slice(&self.q);
-        self.note_jumps(t);
+        self.home_t = t;
+        self.note_flips(t);
+        self.followed = self.following;
+        self.approaching = self.far < LONGEST_NEXT * (before - self.far);
         if self.k == 0 || self.rank == 0 {
             return Review::Keep;
         }
@@ -412,11 +485,19 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         if self.fixed.is_none() && gain > self.exchange && self.better_inputs(t, gain) {
             return Review::Change;
         }
-        if gain > Continuity::STUCK {
+        if self.continuity.is_stuck(gain) {
             self.continuity.give_up();
             return Review::Reject;
         }
         Review::Keep
+    }
+
+    fn distance(&mut self) -> Option<(f64, u64)> {
+        (self.rank > 0).then_some((self.far, self.counters.plans))
+    }
+
+    fn close_stages(&mut self, on: bool) {
+        self.passing = on;
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
@@ -437,6 +518,8 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         let (from, to) = (self.names(&before), self.names(next.inputs()));
         self.adopt(t, next)?;
         self.counters.exchanges += 1;
+        // distances of different inputs do not compare: be careful once
+        self.approaching = true;
         self.write(y);
         self.derivative(t, y, dy)?;
         let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");
@@ -448,12 +531,8 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         if !self.continuity.is_broken() {
             return Ok(());
         }
-        // the block nearest to its dead point
         let Some(loops) = &self.loops else { return Ok(()) };
-        let blocks = loops.closing.blocks().iter().zip(loops.closing.state());
-        let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-        let block = worst.map_or_else(String::new, |(block, _)| block.words.clone());
-        Err(SystemError::Limit { block, t, shortfall: 0.0 })
+        Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 })
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
@@ -512,9 +591,22 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             let inputs = self.names(self.inputs());
             notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {}", words.join("; ")));
         }
-        for (block, t) in self.jumps.iter().take(6) {
-            notes.push(format!("{block} changed its branch in the step before t = {t}: the motion jumped there"));
+        for (block, t, foreseen) in self.flips.iter().take(6) {
+            notes.push(match foreseen {
+                true => format!("{block} passed its change point in the step before t = {t}: its other branch goes on there"),
+                false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
+            });
+        }
+        if self.flips.len() > 6 {
+            notes.push(format!("{} more changes of branches are not listed", self.flips.len() - 6));
         }
         notes
     }
+}
+
+/// The block that limits the motion first.
+fn nearest_to_dead_point(closing: &dyn Closing) -> String {
+    let blocks = closing.blocks().iter().zip(closing.state());
+    let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
+    worst.map_or_else(String::new, |(block, _)| block.words.clone())
 }

@@ -551,12 +551,18 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         if moved > LARGEST_AMPLIFICATION * residual && moved < POSTPONED {
             return false;
         }
+        self.move_dependent(q);
+        true
+    }
+
+    /// The step that [`Reduction::correct_dependent`] left for later: for those who must close here and see that more than
+    /// round-off is open.
+    pub fn move_dependent(&mut self, q: &mut [f64]) {
         self.residual.fill(0.0);
-        for (x, &i) in x.iter().zip(&self.partition.dependent) {
+        for (x, &i) in self.work.iter().zip(&self.partition.dependent) {
             self.residual[i] = *x;
         }
         self.system.step(q, &self.residual);
-        true
     }
 
     /// The best exchange at the last tangent.                                              (P6)

@@ -9,14 +9,21 @@
 
 use super::continuity::Continuity;
 use super::projective::{Projective, ProjectiveOptions};
+use super::reduction::Reduction;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Newton's method from a neighbouring solution needs two or three iterations; far off it doubles its digits late.
-const MOST_ITERATIONS: u64 = 12;
+/// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late, and next
+/// to a singular position, where two solutions meet, each iteration only halves the distance: 26 for eight digits.
+const MOST_ITERATIONS: u64 = 30;
 /// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
 const ROUND_OFF: f64 = 1e4;
+/// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this started
+/// nearly half-way between them: which one it found is chance.
+const MOST_CHANGE: f64 = 3.0;
+/// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
+const UNDECIDED: f64 = 1e2;
 
 /// The 2k form with closed stages.
 ///
@@ -37,7 +44,11 @@ pub struct WehageHaug<'s, S: ConstrainedSystem> {
     dfull: Vec<f64>,
     /// q at the end of the last step, to start over from.
     home: Vec<f64>,
+    home_t: f64,
     continuity: Continuity,
+    move_by: Vec<f64>,
+    /// Distance from a singular position at the end of the last step, number of its plan.
+    far: Option<(f64, u64)>,
     vdot: Vec<f64>,
     iterations: u64,
 }
@@ -66,7 +77,10 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
             full,
             inner,
             home: vec![0.0; size.nq],
+            home_t: 0.0,
             continuity: Continuity::default(),
+            move_by: vec![0.0; size.nv],
+            far: None,
             vdot: vec![0.0; size.nv],
             iterations: 0,
         })
@@ -87,45 +101,76 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     fn read(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let (nq, places) = (self.nq(), self.states.places());
         self.full[nq..].copy_from_slice(&y[places..]);
+        // where the velocities lead is nearest, and where solutions cross it tells the right one
+        self.full[..nq].copy_from_slice(&self.home);
+        self.continuity.predict(t, &mut self.move_by);
+        self.system.step(&mut self.full[..nq], &self.move_by);
         self.states.scatter(y, &mut self.full[..nq]);
-        if self.newton(t).is_ok() {
+        let closed = self.newton(t);
+        if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > self.home_t) {
+            return Err(self.dead_point(t));
+        }
+        if closed.is_ok() {
             return Ok(());
         }
-        // the last solution may be that of a stage far off: once more from the end of the last step
+        // a long step may lead far off: once more from the end of the last one
         self.full[..nq].copy_from_slice(&self.home);
         self.states.scatter(y, &mut self.full[..nq]);
         let closed = self.newton(t);
         if closed.is_err() {
             self.full[..nq].copy_from_slice(&self.home);
         }
-        closed
+        closed.map(|_| ())
+    }
+
+    /// What there is to say where two solutions cannot be told apart.
+    fn dead_point(&mut self, t: f64) -> SystemError {
+        let independent = &self.inner.reduction().partition.independent;
+        let names: Vec<String> = independent.iter().map(|&i| self.system.velocity_name(i)).collect();
+        SystemError::Limit { block: format!("the mechanism driven by {}", names.join(", ")), t, shortfall: 0.0 }
     }
 
     /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
-    fn newton(&mut self, t: f64) -> Result<(), SystemError> {
+    ///
+    /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else 1.
+    fn newton(&mut self, t: f64) -> Result<f64, SystemError> {
         let nq = self.nq();
+        let near = self.continuity.is_near();
         let (q, r) = (&mut self.full[..nq], self.inner.reduction());
         r.position(t, q)?;
         let mut last = f64::INFINITY;
+        let mut first = None;
+        let change = |r: &mut Reduction<'_, S>, first: Option<f64>| {
+            first.map_or(1.0, |first| {
+                let ratio = r.distance().0 / first;
+                ratio.max(1.0 / ratio)
+            })
+        };
         for _ in 0..MOST_ITERATIONS {
             let (open, _) = r.openness();
             if r.is_closed() || (open <= ROUND_OFF && open > 0.5 * last) {
-                return Ok(());
+                return Ok(change(r, first));
             }
             if !open.is_finite() {
                 return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
             }
             last = open;
             r.factor(t)?;
+            if near && first.is_none() {
+                first = Some(r.distance().0);
+            }
             if !r.correct_dependent(q) {
-                return Ok(()); // what is left would be amplified, not removed
+                if open <= UNDECIDED {
+                    return Ok(change(r, first)); // what is left would be amplified, not removed
+                }
+                r.move_dependent(q);
             }
             self.iterations += 1;
             r.position(t, q)?;
         }
         let (open, row) = r.openness();
         if open <= ROUND_OFF {
-            return Ok(());
+            return Ok(change(r, first));
         }
         let name = self.system.row_words(row);
         let block = format!("{name} (Newton's method for the dependent coordinates, {MOST_ITERATIONS} iterations)");
@@ -162,11 +207,14 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         self.inner.start(t, q, v, &mut self.full)?;
         self.home.copy_from_slice(q);
+        self.home_t = t;
         self.choose();
         self.write(y);
         let r = self.inner.reduction();
         r.full_acceleration(&mut self.vdot);
-        self.continuity.start(t, &r.v, &self.vdot, r.best_exchange().map_or(0.0, |x| x.gain));
+        let gain = r.best_exchange().map_or(0.0, |x| x.gain);
+        let distance = if r.rank() > 0 { r.distance().0 } else { f64::INFINITY };
+        self.continuity.start(t, &r.v, &self.vdot, Continuity::nearness(gain, distance));
         Ok(())
     }
 
@@ -192,16 +240,23 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         let (nq, r) = (self.nq(), self.inner.reduction());
         r.full_acceleration(&mut self.vdot);
         let gain = r.best_exchange().map_or(0.0, |x| x.gain);
-        if !self.continuity.step(t, &r.v, &self.vdot, r.scales(), gain) {
+        self.far = (r.rank() > 0).then(|| r.distance());
+        let near = Continuity::nearness(gain, self.far.map_or(f64::INFINITY, |d| d.0));
+        if !self.continuity.step(t, &r.v, &self.vdot, r.scales(), near) {
             return Review::Reject;
         }
         self.home.copy_from_slice(&self.full[..nq]);
+        self.home_t = t;
         let review = self.inner.review(t, &self.full);
-        if review == Review::Keep && gain > Continuity::STUCK {
+        if review == Review::Keep && self.continuity.is_stuck(gain) {
             self.continuity.give_up();
             return Review::Reject;
         }
         review
+    }
+
+    fn distance(&mut self) -> Option<(f64, u64)> {
+        self.far
     }
 
     fn wrap(&mut self, y: &mut [f64], turns: &mut [i32]) -> bool {
@@ -224,10 +279,7 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.read(t, y)?;
         if self.continuity.is_broken() {
-            let names: Vec<String> =
-                (self.inner.reduction().partition.independent.iter()).map(|&i| self.system.velocity_name(i)).collect();
-            let block = format!("the mechanism driven by {}", names.join(", "));
-            return Err(SystemError::Limit { block, t, shortfall: 0.0 });
+            return Err(self.dead_point(t));
         }
         self.inner.recover(t, &mut self.full, &mut self.dfull)?;
         self.choose();

@@ -39,6 +39,15 @@ pub trait Closing {
     /// The dependent values found in q decide only how many whole turns an angle has made (the result is the nearest
     /// one), and where implicit blocks start. Fails with [`SystemError::Limit`] where a block cannot close.
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError>;
+    /// The same on the branches nearest to the dependent coordinates found in q, which become the kept ones: for where
+    /// the motion passes a change point, beyond which a block goes on with the other sign.
+    ///
+    /// Returns the doubt about it: the largest ratio, over the blocks, of the distances of the solution taken and of
+    /// the next one from q; 0 where there was nothing to choose, 1 where both are as near. A closing without branches
+    /// of its own just closes. Costs all solutions of each block.
+    fn follow(&mut self, t: f64, q: &mut [f64]) -> Result<f64, SystemError> {
+        self.close(t, q).map(|()| 0.0)
+    }
     /// Branch and pivot of each block at the last `close`.
     fn state(&self) -> &[BlockState];
     /// Choose other branches (one sign per block; 0 leaves a block as it is).

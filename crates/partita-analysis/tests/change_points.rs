@@ -1,0 +1,157 @@
+//! Forms in 2k states at change points: parallelograms in line, where both solutions of every loop meet.
+//!
+//! ```text
+//!    B0 ---- B1 ---- B2
+//!    |       |       |       an upright that passes the ground line is followed by all others, or by none
+//!    P0      P1      P2
+//! ```
+
+mod planar;
+
+use partita_integrate::options::Options;
+use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
+use partita_integrate::tableau;
+use partita_model::Model;
+use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::reduction::Reduction;
+use partita_system::formulation::{registry, turns, Formulation};
+use partita_system::kinematics::velocity;
+use partita_system::{start, ConstrainedSystem};
+use planar::{link, model, pin};
+use std::ops::ControlFlow;
+
+fn chain(loops: usize) -> Model {
+    let (mut bodies, mut joints) = (Vec::new(), Vec::new());
+    for i in 0..=loops {
+        let x = i as f64;
+        bodies.push(link(&format!("u{i}"), [x, 0.0], [x, 1.0]));
+        joints.push(pin(&format!("P{i}"), "ground", &format!("u{i}"), [x, 0.0]));
+    }
+    for i in 1..=loops {
+        let x = i as f64;
+        bodies.push(link(&format!("c{i}"), [x - 1.0, 1.0], [x, 1.0]));
+        joints.push(pin(&format!("L{i}"), &format!("u{}", i - 1), &format!("c{i}"), [x - 1.0, 1.0]));
+        joints.push(pin(&format!("R{i}"), &format!("c{i}"), &format!("u{i}"), [x, 1.0]));
+    }
+    model(&bodies, &joints, [0.0, -9.81, 0.0])
+}
+
+/// ((N+1)/3 + N) phi'' = ((N+1)/2 + N) g sin phi with phi'(0) = rate, by fine steps of the classical method of order four.
+fn upright_angle(loops: usize, rate: f64, times: &[f64]) -> Vec<f64> {
+    let n = loops as f64;
+    let k = ((n + 1.0) / 2.0 + n) * 9.81 / ((n + 1.0) / 3.0 + n);
+    let f = |p: f64| k * p.sin();
+    let (mut p, mut w, mut t) = (0.0, rate, 0.0);
+    let mut angles = Vec::new();
+    for &end in times {
+        // steps of a few 1e-4 s: an error of 1e-13, ten thousand times amplified
+        let steps = (4000.0 * (end - t)).ceil() as u32;
+        let h = (end - t) / f64::from(steps);
+        for _ in 0..steps {
+            let k1 = (w, f(p));
+            let k2 = (w + 0.5 * h * k1.1, f(p + 0.5 * h * k1.0));
+            let k3 = (w + 0.5 * h * k2.1, f(p + 0.5 * h * k2.0));
+            let k4 = (w + h * k3.1, f(p + h * k3.0));
+            p += h / 6.0 * (k1.0 + 2.0 * k2.0 + 2.0 * k3.0 + k4.0);
+            w += h / 6.0 * (k1.1 + 2.0 * k2.1 + 2.0 * k3.1 + k4.1);
+        }
+        t = end;
+        angles.push(p);
+    }
+    angles
+}
+
+/// What the uprights and couplers do at the outputs: largest error of all coordinates against the parallelograms.
+struct Seen {
+    outcome: Outcome,
+    error: f64,
+    closure: f64,
+    notes: Vec<String>,
+}
+
+fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], exact: &[f64]) -> Seen {
+    let q = model.initial();
+    let rank = start::analyse(model, 0.0, &q).unwrap().rank;
+    let upright = (0..model.size().nv).find(|&i| model.velocity_name(i) == "P0").unwrap();
+    let mut r = Reduction::new(model, rank);
+    start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
+    let v = velocity::with_rates(&mut r, 0.0, &q, &[(upright, -rate)]).unwrap();
+    let mut f = registry::by_name(rule, model, rank, &FormulationOptions::default()).unwrap();
+    let method = if options.fixed_step.is_some() { "rk4" } else { "dop853" };
+    let settings =
+        Settings { t_end: *times.last().unwrap(), tableau: tableau::by_name(method).unwrap(), options, max_steps: 5000 };
+    let (mut error, mut closure, mut next) = (0.0f64, 0.0f64, 0);
+    let outcome = simulate(
+        &mut f,
+        0.0,
+        &q,
+        &v,
+        times,
+        &settings,
+        &mut |s| {
+            // uprights turn together, couplers stay level: joint by joint the angle of the upright, its opposite, or 0
+            for i in 0..s.q.len() {
+                let angle = turns::whole(s.q[i], s.turns[i]).abs();
+                error = error.max((angle - exact[next].abs()).abs().min(angle.abs()));
+            }
+            error = error.max((turns::whole(s.q[upright], s.turns[upright]) + exact[next]).abs());
+            closure = closure.max(s.closure);
+            next += 1;
+            Ok(())
+        },
+        &mut |_| ControlFlow::Continue(()),
+    )
+    .unwrap();
+    Seen { outcome, error, closure, notes: f.notes() }
+}
+
+/// Ten passages in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to passages as well.
+#[test]
+fn chains_pass_their_change_points_in_2k_states() {
+    let times: Vec<f64> = (1..=200).map(|i| 0.05 * f64::from(i)).collect();
+    for loops in [1, 2, 5, 40] {
+        let model = chain(loops);
+        for k in 0..if loops == 40 { 1 } else { 3 } {
+            let rate = 1.0 + 0.237 * f64::from(k);
+            let exact = upright_angle(loops, rate, &times);
+            for rule in ["explicit-closing", "wehage-haug"] {
+                for rtol in [1e-6, 1e-8, 1e-10, 1e-12] {
+                    let options = Options { rtol, atol: (0.01 * rtol).into(), ..Options::default() };
+                    let seen = run(&model, rule, rate, options, &times, &exact);
+                    let case = format!("{loops} loops, {rule}, rate {rate}, rtol {rtol}: {}", seen.outcome.message);
+                    assert_eq!(seen.outcome.status, Status::Finished, "{case}");
+                    // near the upright position errors grow by 1e3 to 1e4 in 10 s: those of the tolerance and the round-off
+                    // of a passage, up to 1e-10
+                    assert!(seen.error <= 1e5 * rtol + 1e-6, "{case}: error {:.2e}", seen.error);
+                    // lengths of 1 m, closed to round-off, whatever lies between a stage and a change point
+                    assert!(seen.closure <= 1e-13, "{case}: closure {:.2e}", seen.closure);
+                    assert!(seen.outcome.counters.steps < 400, "{case}: {} steps", seen.outcome.counters.steps);
+                    if rule == "explicit-closing" {
+                        let told = seen.notes.iter().filter(|n| n.contains("change point")).count();
+                        assert!(told > 0, "{:?}", seen.notes);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Steps of a given length cannot choose where they meet a change point: the form itself follows the motion.
+#[test]
+fn fixed_steps_pass_change_points_too() {
+    let times: Vec<f64> = (1..=5).map(f64::from).collect();
+    for loops in [1, 2, 40] {
+        let model = chain(loops);
+        let exact = upright_angle(loops, 1.0, &times);
+        for rule in ["explicit-closing", "wehage-haug"] {
+            for h in [0.03, 0.02, 0.01] {
+                let options = Options { fixed_step: Some(h), ..Options::default() };
+                let seen = run(&model, rule, 1.0, options, &times, &exact);
+                assert_eq!(seen.outcome.status, Status::Finished, "{rule} {h}: {}", seen.outcome.message);
+                // RK4 at up to 5 rad/s: (5 h)⁵ / 120 a step, a hundred times amplified in 5 s
+                let allowed = 1e2 * (5.0 * h).powi(5) / 120.0 * 5.0 / h;
+                assert!(seen.error < allowed, "{loops} loops, {rule}, h = {h}: {:e} of {allowed:e}", seen.error);
+            }
+        }
+    }
+}
