@@ -6,13 +6,15 @@
 //! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
 //! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
+mod inputs;
+
 use super::blocks::Blocks;
 use super::continuity::Continuity;
 use super::options::FormulationOptions;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
-use crate::partition::{criterion, exchange};
+use crate::partition::criterion;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense;
 
@@ -246,72 +248,6 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 
     fn inputs(&self) -> &[usize] {
         self.loops.as_ref().map_or(&[], |l| l.closing.inputs())
-    }
-
-    fn quality(&mut self, t: f64) -> Result<criterion::Quality, SystemError> {
-        let (n, k) = (self.v.len(), self.k);
-        let inputs = self.inputs().to_vec();
-        let mut columns = vec![0.0; n * k];
-        self.system.inverse_mass_columns(t, &self.q, &inputs, &mut self.scratch, &mut columns)?;
-        let block: Vec<f64> = inputs.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
-        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-        Ok(criterion::quality(&self.md, &s2, &block))
-    }
-
-    /// Largest gain that a dependent velocity in the place of an input promises.            (P6)
-    fn best_gain(&mut self) -> f64 {
-        let k = self.k;
-        let Some(loops) = &self.loops else { return 0.0 };
-        for (p, &i) in loops.unknown.iter().enumerate() {
-            self.gains[p * k..(p + 1) * k].copy_from_slice(&self.dt[i * k..(i + 1) * k]);
-        }
-        exchange::best(&self.gains, &self.s, &loops.unknown, loops.closing.inputs()).map_or(0.0, |x| x.gain)
-    }
-
-    /// By how much the volume of the choice grows with other inputs: `|det D_I'| Π s_I / Π s_I'`.      (31)
-    fn growth(&self, inputs: &[usize]) -> f64 {
-        let k = self.k;
-        if inputs.len() != k {
-            return 0.0;
-        }
-        let mut block: Vec<f64> = inputs.iter().flat_map(|&i| self.dt[i * k..(i + 1) * k].iter().copied()).collect();
-        let mut pivots = vec![0; k];
-        if dense::lu(&mut block, k, &mut pivots).is_err() {
-            return 0.0;
-        }
-        let scales = self.inputs().iter().zip(inputs).map(|(&old, &new)| self.s[old] / self.s[new]);
-        scales.fold(dense::lu_determinant(&block, k, &pivots).abs(), |x, s| x * s)
-    }
-
-    /// Ask the system for other inputs, now and then or when matters got worse; keeps them in `self.next`.
-    fn better_inputs(&mut self, t: f64, gain: f64) -> bool {
-        self.patience = self.patience.saturating_sub(1);
-        if self.patience > 0 && gain < 2.0 * self.asked_at {
-            return false;
-        }
-        (self.patience, self.asked_at) = (PERIOD, gain);
-        // a system that knows no closing here keeps the one in use, which reports its own limits
-        let Ok(next) = self.system.closing(t, &self.q, None) else { return false };
-        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
-            return false;
-        }
-        self.next = Some(next);
-        true
-    }
-
-    fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
-        let quality = self.quality(t)?;
-        let now = self.inputs().to_vec();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.loops.as_ref().map_or_else(Vec::new, |l| l.unknown.clone()),
-            reason,
-            quality,
-        });
-        Ok(())
     }
 
     fn names(&self, velocities: &[usize]) -> String {

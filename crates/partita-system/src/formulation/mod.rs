@@ -1,6 +1,7 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
 pub mod acceleration;
+pub mod any_tangent;
 pub mod baumgarte;
 mod blocks;
 pub mod chooser;
