@@ -287,6 +287,75 @@ fn what_is_missing_is_asked_for() {
     assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Request(_))));
 }
 
+/// Options that make no sense are refused by every formulation, whichever it reads.
+#[test]
+fn senseless_options_are_refused() {
+    let system = ByHand::new(Angles);
+    let (q, v) = Angles::start();
+    let tangent = AtOneState::map(&system, 0.0, &q, &v);
+    type Change = fn(&mut FormulationOptions);
+    let senseless: [(&str, Change); 13] = [
+        ("exchange is NaN", |o| o.exchange = f64::NAN),
+        ("exchange is 0.5", |o| o.exchange = 0.5),
+        ("exchange is -inf", |o| o.exchange = f64::NEG_INFINITY),
+        ("renew is NaN", |o| o.renew = f64::NAN),
+        ("renew is -0.1", |o| o.renew = -0.1),
+        ("renew is 2", |o| o.renew = 2.0),
+        ("there is no velocity 7", |o| o.independent = Some(vec![7])),
+        ("velocity 0 is named twice", |o| o.independent = Some(vec![0, 0])),
+        ("weights has 2 numbers", |o| o.weights = Some(vec![1.0; 2])),
+        ("weights[1] is NaN", |o| o.weights = Some(vec![1.0, f64::NAN, 1.0])),
+        ("weights[2] is 0", |o| o.weights = Some(vec![1.0, 1.0, 0.0])),
+        ("weights[0] is -1", |o| o.weights = Some(vec![-1.0, 1.0, 1.0])),
+        ("weights[0] is inf", |o| o.weights = Some(vec![f64::INFINITY, 1.0, 1.0])),
+    ];
+    for &(name, needs, _) in TABLE {
+        for (words, change) in senseless {
+            let mut o = options(needs, true, &tangent).unwrap();
+            change(&mut o);
+            match by_name(name, &system, 2, &o) {
+                Err(SystemError::Request(message)) => assert!(message.contains(words), "{name}: {message}"),
+                Err(other) => panic!("{name}: {other}"),
+                Ok(_) => panic!("{name} accepted: {words}"),
+            }
+        }
+    }
+    // the same for those who choose without a formulation
+    let mut r = Reduction::new(&system, 2);
+    for bad in [vec![3], vec![0, 1]] {
+        let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&bad));
+        assert!(matches!(refused, Err(SystemError::Request(_))), "{bad:?}");
+    }
+}
+
+/// The side of a pendulum is a dead point of x: the choice is to blame, and the message names another. Where the length
+/// itself is lost no choice helps, and none is blamed.
+#[test]
+fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
+    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let fixed = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
+    for name in ["projective", "fixed"] {
+        let mut f = by_name(name, &system, 1, &fixed).unwrap();
+        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        f.start(0.0, &[0.6, -0.8], &[0.8, 0.6], &mut y).unwrap();
+        y[..2].copy_from_slice(&[1.0, 0.0]);
+        match f.derivative(0.0, &y, &mut dy) {
+            Err(SystemError::DeadPoint { coordinates, seen, advice, .. }) => {
+                assert!(coordinates == "x" && seen.contains("C_D is singular"), "{coordinates} {seen}");
+                assert!(advice.contains("in no singular position, y would do"), "{advice}");
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+        y[..2].copy_from_slice(&[0.0, 0.0]);
+        assert!(matches!(f.derivative(0.0, &y, &mut dy), Err(SystemError::Singular { .. })), "{name}");
+        // the same at the start
+        match f.start(0.0, &[1.0, 0.0], &[0.0, 1.0], &mut y) {
+            Err(SystemError::Request(message)) => assert!(message.contains("y would do"), "{message}"),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+}
+
 /// Where nothing can be evaluated an error comes back, never a number.
 #[test]
 fn what_is_not_finite_is_refused() {

@@ -10,11 +10,13 @@ mod inputs;
 
 use super::blocks::Blocks;
 use super::continuity::Continuity;
+use super::dead_point::dead_point;
 use super::options::FormulationOptions;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
 use crate::partition::criterion;
+use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense;
 
@@ -98,8 +100,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         let (n, k) = (size.nv, size.nv - rank);
         let mut fixed = options.independent.clone();
         if let Some(inputs) = &mut fixed {
-            inputs.sort_unstable();
-            inputs.dedup();
+            *inputs = start::distinct("inputs", inputs, n)?;
             if inputs.len() != k {
                 return Err(SystemError::Request(format!(
                     "{} inputs were asked for, but the mechanism has {k} degrees of freedom",
@@ -192,8 +193,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         self.counters.factorisations += 1;
         loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
             true => {
-                let block = loops.closing.blocks()[b].words.clone();
-                SystemError::Limit { block, t, shortfall: 0.0 }
+                let seen = format!("{} has no pivot left", loops.closing.blocks()[b].words);
+                dead_point(self.system, self.rank, t, &self.q, loops.closing.inputs(), seen)
             }
             false => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
         })?;
@@ -388,8 +389,10 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         let Some(loops) = &self.loops else { return Ok(()) };
         let blocks = loops.closing.blocks().iter().zip(loops.closing.state());
         let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-        let block = worst.map_or_else(String::new, |(block, _)| block.words.clone());
-        Err(SystemError::Limit { block, t, shortfall: 0.0 })
+        let seen = worst.map_or_else(String::new, |(block, _)| {
+            format!("{} would have to go over to its other branch, where it meets this one", block.words)
+        });
+        Err(dead_point(self.system, self.rank, t, &self.q, loops.closing.inputs(), seen))
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {

@@ -6,6 +6,7 @@ pub mod baumgarte;
 mod blocks;
 pub mod chooser;
 mod continuity;
+mod dead_point;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod gram_schmidt;

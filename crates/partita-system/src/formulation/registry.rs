@@ -38,6 +38,9 @@ pub const NAMES: &[&str] = &[
 ];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
+///
+/// # Errors
+/// `Request` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     name: &str,
     system: &'s S,
@@ -45,10 +48,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
     let o = options;
-    if !(0.0..=1.0).contains(&o.renew) {
-        let message = format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", o.renew);
-        return Err(SystemError::Request(message));
-    }
+    o.check(system.size().nv)?;
     let projective = |exchange: f64| ProjectiveOptions {
         exchange,
         correction: o.correction,

@@ -8,6 +8,7 @@
 //! Where the drift ends is the whole difference to [`Projective`], which does the rest here too: choice, exchange, events.
 
 use super::continuity::Continuity;
+use super::dead_point::dead_point;
 use super::projective::{Projective, ProjectiveOptions};
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
@@ -98,7 +99,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
         if closed.is_err() {
             self.full[..nq].copy_from_slice(&self.home);
         }
-        closed
+        closed.map_err(|e| self.inner.blame(t, &self.home, e))
     }
 
     /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
@@ -224,10 +225,10 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.read(t, y)?;
         if self.continuity.is_broken() {
-            let names: Vec<String> =
-                (self.inner.reduction().partition.independent.iter()).map(|&i| self.system.velocity_name(i)).collect();
-            let block = format!("the mechanism driven by {}", names.join(", "));
-            return Err(SystemError::Limit { block, t, shortfall: 0.0 });
+            let seen = "they cannot tell on which of two branches the others go on".to_string();
+            let (nq, r) = (self.nq(), self.inner.reduction());
+            let independent = r.partition.independent.clone();
+            return Err(dead_point(self.system, r.rank(), t, &self.full[..nq], &independent, seen));
         }
         self.inner.recover(t, &mut self.full, &mut self.dfull)?;
         self.choose();
