@@ -7,17 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline, PchipInterpolator
+from builder_parts import pendulum
 from scipy.spatial.transform import Rotation
 
 import partita as pt
-from builder_parts import pendulum
-from partita.builder.motion import Motion, differences
-from partita.builder.taylor import Jet
 from partita.errors import (
     ArgumentError,
     DescriptionError,
-    EvaluationError,
     UnknownNameError,
 )
 

@@ -1,21 +1,18 @@
 """What the builder accepts of forces and drives, what it refuses and with which words, and the description it makes."""
 
-import json
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from builder_parts import pendulum
 from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.spatial.transform import Rotation
 
 import partita as pt
-from builder_parts import pendulum
 from partita.builder.motion import Motion, differences
 from partita.builder.taylor import Jet
 from partita.errors import (
-    ArgumentError,
     DescriptionError,
     EvaluationError,
     UnknownNameError,

@@ -1,24 +1,17 @@
 """Equations by hand and choices from matrices: what is accepted, what is refused and with which words."""
 
-import json
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.spatial.transform import Rotation
+from builder_parts import pendulum
 
 import partita as pt
-from builder_parts import pendulum
-from partita.builder.motion import Motion, differences
-from partita.builder.taylor import Jet
 from partita.errors import (
     ArgumentError,
     DescriptionError,
     EvaluationError,
-    UnknownNameError,
 )
 
 # ---------------------------------------------------------------- systems
