@@ -151,7 +151,11 @@ impl Model {
         for d in &spec.drives {
             let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
             let q = q.ok_or_else(|| {
-                DescriptionError::new("drive", &d.name, "a turn in space has no single coordinate to drive")
+                DescriptionError::new(
+                    "drive",
+                    &d.name,
+                    "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
+                )
             })?;
             if drives.iter().any(|x: &DriveRow| x.v == v) {
                 return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));

@@ -178,6 +178,7 @@ impl System {
     #[new]
     #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names, closing=None))]
     fn new(
+        py: Python<'_>,
         n: usize,
         mass: Py<PyAny>,
         forces: Py<PyAny>,
@@ -187,9 +188,17 @@ impl System {
         bias: Py<PyAny>,
         names: Vec<String>,
         closing: Option<(Py<PyAny>, Vec<usize>)>,
-    ) -> Self {
+    ) -> PyResult<Self> {
+        if n == 0 {
+            return Err(raise(
+                py,
+                "ArgumentError",
+                "n is 0; a system has a coordinate at least",
+                &[("argument", "n".into())],
+            ));
+        }
         let closing = closing.map(|(function, dependent)| Closing { function, dependent });
-        Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } }
+        Ok(Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } })
     }
 
     #[getter]

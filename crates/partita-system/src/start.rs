@@ -178,7 +178,8 @@ pub fn choose_partition<S: ConstrainedSystem>(
     if let Some(fixed) = fixed {
         if fixed.len() != r.k() {
             return Err(SystemError::Request(format!(
-                "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom",
+                "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom; name as \
+                 many, or none",
                 fixed.len(),
                 r.k()
             )));

@@ -10,8 +10,9 @@ use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::registry::{by_name, NAMES};
+use partita_system::formulation::registry::{by_name, unread, NAMES};
 use partita_system::formulation::{Correction, Sample};
+use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
@@ -326,6 +327,33 @@ fn senseless_options_are_refused() {
         let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&bad));
         assert!(matches!(refused, Err(SystemError::Request(_))), "{bad:?}");
     }
+}
+
+/// What a formulation reads changes what it does or is asked for; the rest is named, and nothing is named that is not set.
+#[test]
+fn unread_options_are_named() {
+    let plain = FormulationOptions::default();
+    let (q, v) = Angles::start();
+    let tangent = AtOneState::map(&ByHand::new(Angles), 0.0, &q, &v);
+    let all = FormulationOptions {
+        correction: Correction::None,
+        exchange: 2.0,
+        independent: Some(vec![0]),
+        weights: Some(vec![1.0; 3]),
+        selection: Selection::Persistence,
+        window: Some(1.0),
+        baumgarte: Some((1.0, 1.0)),
+        renew: 0.1,
+        tangent: options(Needs::Tangent, true, &tangent).unwrap().tangent,
+    };
+    for &name in NAMES {
+        assert!(unread(name, &plain).is_empty(), "{name}");
+        assert!(unread(name, &all).len() < 9, "{name} reads nothing");
+    }
+    assert_eq!(unread("projective", &all), ["baumgarte", "renew", "tangent"]);
+    assert_eq!(unread("tangent-space", &FormulationOptions { renew: 0.1, ..plain.clone() }), [""; 0]);
+    let chosen = FormulationOptions { selection: Selection::Greedy, ..plain };
+    assert_eq!(unread("svd", &chosen), ["selection"]);
 }
 
 /// The side of a pendulum is a dead point of x: the choice is to blame, and the message names another. Where the length

@@ -103,7 +103,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             *inputs = start::distinct("inputs", inputs, n)?;
             if inputs.len() != k {
                 return Err(SystemError::Request(format!(
-                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom",
+                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or \
+                     none",
                     inputs.len()
                 )));
             }

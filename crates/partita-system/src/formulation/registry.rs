@@ -86,3 +86,34 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         }
     })
 }
+
+/// Options that were set and that the formulation of this name does not read: to be told, for they change nothing.
+///
+/// What differs from [`FormulationOptions::default`] counts as set.
+pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
+    let read: &[&str] = match name {
+        "projective" => &["correction", "exchange", "independent", "weights", "selection", "window"],
+        "fixed" => &["correction", "independent", "weights", "selection", "window"],
+        "wehage-haug" => &["exchange", "independent", "weights", "selection", "window"],
+        "explicit-closing" => &["exchange", "independent"],
+        "zero-eigenvalue" | "svd" | "qr" | "gram-schmidt" => &["correction", "renew"],
+        "tangent-space" => &["renew"],
+        "user-tangent" => &["correction", "tangent"],
+        "multipliers" | "range-space" | "proximal" => &["correction", "exchange"],
+        "baumgarte" => &["baumgarte", "exchange"],
+        _ => &[],
+    };
+    let (o, usual) = (options, FormulationOptions::default());
+    let set = [
+        ("correction", o.correction != usual.correction),
+        ("exchange", o.exchange != usual.exchange),
+        ("independent", o.independent.is_some()),
+        ("weights", o.weights.is_some()),
+        ("selection", o.selection != usual.selection),
+        ("window", o.window.is_some()),
+        ("baumgarte", o.baumgarte.is_some()),
+        ("renew", o.renew != usual.renew),
+        ("tangent", o.tangent.is_some()),
+    ];
+    set.into_iter().filter(|(option, set)| *set && !read.contains(option)).map(|(option, _)| option).collect()
+}
