@@ -57,23 +57,9 @@ fn four_bar() -> Spec {
     spec
 }
 
-/// A spatial chain of balls, universals and cylinders closed to the ground, springs across it.
+/// The spatial chain with springs across it.
 fn in_space() -> Spec {
-    let mut rng = fastrand::Rng::with_seed(2);
-    let mut spec = empty("in space");
-    let kinds = [JointKind::Cylindrical, JointKind::Universal, JointKind::Revolute, JointKind::Spherical];
-    let mut from = "ground".to_string();
-    for (i, kind) in kinds.into_iter().enumerate() {
-        let name = format!("body{i}");
-        if i < 3 {
-            spec.bodies.push(body(&mut rng, name.clone()));
-        }
-        let to = if i < 3 { name } else { "ground".into() };
-        let mut j = joint(format!("joint{i}"), kind, &from, &to, mechanisms::point(&mut rng, 1.0));
-        (j.axis, j.axis2) = (Some(mechanisms::point(&mut rng, 1.0)), Some(mechanisms::point(&mut rng, 1.0)));
-        spec.joints.push(j);
-        from = to;
-    }
+    let mut spec = mechanisms::in_space();
     for (i, (a, b)) in [("ground", "body1"), ("body0", "body2")].into_iter().enumerate() {
         spec.forces.push(Force::Spring {
             name: format!("spring{i}"),

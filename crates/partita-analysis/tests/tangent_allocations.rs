@@ -5,35 +5,14 @@ mod counting;
 mod mechanisms;
 
 use counting::allocations;
-use mechanisms::{body, compile, empty, joint, point};
+use mechanisms::{compile, in_space};
 use partita_model::place::Coordinates;
-use partita_model::spec::{JointKind, Spec};
 use partita_model::Model;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::{Arc, Mutex};
-
-/// A spatial chain closed to the ground: cylinder, universal, pin, ball.
-fn in_space() -> Spec {
-    let mut rng = fastrand::Rng::with_seed(2);
-    let mut spec = empty("in space");
-    let kinds = [JointKind::Cylindrical, JointKind::Universal, JointKind::Revolute, JointKind::Spherical];
-    let mut from = "ground".to_string();
-    for (i, kind) in kinds.into_iter().enumerate() {
-        let name = format!("body{i}");
-        if i < 3 {
-            spec.bodies.push(body(&mut rng, name.clone()));
-        }
-        let to = if i < 3 { name } else { "ground".into() };
-        let mut j = joint(format!("joint{i}"), kind, &from, &to, point(&mut rng, 1.0));
-        (j.axis, j.axis2) = (Some(point(&mut rng, 1.0)), Some(point(&mut rng, 1.0)));
-        spec.joints.push(j);
-        from = to;
-    }
-    spec
-}
 
 /// The tangent of a partition, as a user might hand it over.
 struct Partitioned<'m>(Mutex<Reduction<'m, Model>>);

@@ -4,7 +4,7 @@ mod by_hand;
 mod instants;
 
 use by_hand::{Angles, FourBar, Pendulum, Plate, Redundant};
-use instants::Instant;
+use instants::{Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
@@ -50,35 +50,12 @@ const TABLE: &[(&str, Needs, bool)] = &[
 const TOLERANCE: f64 = 1e-10;
 
 /// The tangent of a partition at one state, handed over as if the user had written it.
-struct AtOneState {
-    dt: Vec<f64>,
-    gamma: Vec<f64>,
-    delta: Vec<f64>,
-}
-
-impl AtOneState {
-    fn map<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
-        let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
-        start::choose_partition(&mut r, t, q, None, None).unwrap();
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
-        r.evaluate(t, q, &speeds).unwrap();
-        Arc::new(Self { dt: r.dt, gamma: r.gamma, delta: r.delta })
-    }
-}
-
-impl TangentMap for AtOneState {
-    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
-        dt.copy_from_slice(&self.dt);
-        Ok(())
-    }
-    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
-        gamma.copy_from_slice(&self.gamma);
-        Ok(())
-    }
-    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
-        delta.copy_from_slice(&self.delta);
-        Ok(true)
-    }
+fn tangent_at<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
+    let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
+    start::choose_partition(&mut r, t, q, None, None).unwrap();
+    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    r.evaluate(t, q, &speeds).unwrap();
+    Arc::new(Given { dt: r.dt, gamma: r.gamma, delta: r.delta })
 }
 
 /// The options under which the formulation runs on this system; `None` if it does not apply.
@@ -139,7 +116,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     let s: Vec<f64> = s2.iter().map(|x| x.sqrt()).collect();
     let inverse: Vec<f64> = s.iter().map(|x| 1.0 / x).collect();
     let mut done = 0;
-    let tangent = AtOneState::map(system, t, q, v);
+    let tangent = tangent_at(system, t, q, v);
     for &(name, needs, full) in TABLE {
         let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
@@ -211,7 +188,7 @@ fn accelerations_and_reactions_of_mechanisms() {
 fn regression_values_of_the_four_bar() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
-    let tangent = AtOneState::map(&system, 0.0, &q, &v);
+    let tangent = tangent_at(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
@@ -293,7 +270,7 @@ fn what_is_missing_is_asked_for() {
 fn senseless_options_are_refused() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
-    let tangent = AtOneState::map(&system, 0.0, &q, &v);
+    let tangent = tangent_at(&system, 0.0, &q, &v);
     type Change = fn(&mut FormulationOptions);
     let senseless: [(&str, Change); 13] = [
         ("exchange is NaN", |o| o.exchange = f64::NAN),
@@ -334,7 +311,7 @@ fn senseless_options_are_refused() {
 fn unread_options_are_named() {
     let plain = FormulationOptions::default();
     let (q, v) = Angles::start();
-    let tangent = AtOneState::map(&ByHand::new(Angles), 0.0, &q, &v);
+    let tangent = tangent_at(&ByHand::new(Angles), 0.0, &q, &v);
     let all = FormulationOptions {
         correction: Correction::None,
         exchange: 2.0,
@@ -390,7 +367,7 @@ fn what_is_not_finite_is_refused() {
     for &(name, needs, _) in TABLE {
         let system = ByHand::new(Angles);
         let (q, v) = Angles::start();
-        let tangent = AtOneState::map(&system, 0.0, &q, &v);
+        let tangent = tangent_at(&system, 0.0, &q, &v);
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let mut y = vec![0.0; f.dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();

@@ -59,20 +59,7 @@ impl Drawing {
                 self.0.bodies.push(body(b, point));
             }
         }
-        self.0.joints.push(Joint {
-            name: name.into(),
-            kind,
-            parent: parent.into(),
-            child: child.into(),
-            point,
-            axis: Some(axis),
-            axis2: None,
-            frame: None,
-            free: None,
-            child_point: None,
-            child_axis: None,
-            cut: Cut::Auto,
-        });
+        self.0.joints.push(Joint { axis: Some(axis), ..Joint::new(name, kind, parent, child, point) });
         self
     }
     pub fn pin(self, name: &str, parent: &str, child: &str, at: [f64; 2]) -> Self {

@@ -63,6 +63,29 @@ pub struct PartitionEvent {
     pub quality: Quality,
 }
 
+impl PartitionEvent {
+    /// A choice made at t in the place of `before` (empty: the first one).
+    pub fn new(
+        t: f64,
+        before: &[usize],
+        independent: &[usize],
+        dependent: &[usize],
+        reason: String,
+        quality: Quality,
+    ) -> Self {
+        let without = |x: &[usize], y: &[usize]| x.iter().copied().filter(|i| !y.contains(i)).collect();
+        Self {
+            t,
+            entering: without(independent, before),
+            leaving: without(before, independent),
+            independent: independent.to_vec(),
+            dependent: dependent.to_vec(),
+            reason,
+            quality,
+        }
+    }
+}
+
 /// What to do with an accepted step, seen from its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Review {

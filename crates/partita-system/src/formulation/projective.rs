@@ -117,16 +117,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         let levels = self.r.velocity(t, &q).and_then(|()| self.r.acceleration(t, &q));
         let quality = levels.and_then(|()| self.r.quality(t, &q));
         self.q = q;
-        let now = self.r.partition.independent.clone();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.r.partition.dependent.clone(),
-            reason,
-            quality: quality?,
-        });
+        let p = &self.r.partition;
+        self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality?));
         Ok(())
     }
 

@@ -2,6 +2,8 @@
 
 mod watch;
 
+pub use watch::{largest, quality_of, velocity_residuals};
+
 use crate::partition::Partition;
 use crate::system::{ConstrainedSystem, Size, SystemError, Tangent};
 use partita_math::dense;

@@ -1,5 +1,6 @@
 //! The choice of inputs: how good it is, and whether others would be better.
 
+use super::super::reduction::quality_of;
 use super::super::PartitionEvent;
 use super::{ExplicitClosing, PERIOD};
 use crate::partition::{criterion, exchange};
@@ -8,13 +9,8 @@ use partita_math::dense;
 
 impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
     pub(super) fn quality(&mut self, t: f64) -> Result<criterion::Quality, SystemError> {
-        let (n, k) = (self.v.len(), self.k);
         let inputs = self.inputs().to_vec();
-        let mut columns = vec![0.0; n * k];
-        self.system.inverse_mass_columns(t, &self.q, &inputs, &mut self.scratch, &mut columns)?;
-        let block: Vec<f64> = inputs.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
-        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-        Ok(criterion::quality(&self.md, &s2, &block))
+        quality_of(self.system, t, &self.q, &inputs, &self.md, &mut self.scratch)
     }
 
     /// Largest gain that a dependent velocity in the place of an input promises.            (P6)
@@ -60,16 +56,9 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
 
     pub(super) fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
         let quality = self.quality(t)?;
-        let now = self.inputs().to_vec();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.loops.as_ref().map_or_else(Vec::new, |l| l.unknown.clone()),
-            reason,
-            quality,
-        });
+        let unknown: &[usize] = self.loops.as_ref().map_or(&[], |l| &l.unknown);
+        let event = PartitionEvent::new(t, before, self.inputs(), unknown, reason, quality);
+        self.events.push(event);
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use crate::partition::criterion::{self, Quality};
 use crate::partition::exchange;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
-use partita_math::elimination::Plan;
+use partita_math::elimination::{Pattern, Plan};
 
 /// Redundant rows are chosen anew when what they keep of rank falls below this part of what it was: seldom, and long
 /// before rounding suffers.
@@ -89,7 +89,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |Φ|; NaN counts as infinite.
     pub fn closure(&self) -> f64 {
-        self.phi.iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
+        largest(self.phi.iter().copied())
     }
 
     /// Is Φ zero up to its own round-off?
@@ -111,15 +111,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |C v + a| over all rows at the last position with `self.v`.
     pub fn velocity_closure(&self) -> f64 {
-        let pattern = self.system.pattern();
-        (0..self.size.rows).fold(0.0, |m: f64, i| {
-            let r = pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
-            if r.is_nan() {
-                f64::INFINITY
-            } else {
-                m.max(r.abs())
-            }
-        })
+        largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a))
     }
 
     /// Squared size of row i of C for unit reaches, over what a large move can open it by: 1 for a healthy row.
@@ -137,15 +129,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// σ and √μ at the last evaluation.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
-        let (n, k) = (self.size.nv, self.k);
-        let mut columns = vec![0.0; n * k];
-        self.system.inverse_mass_columns(t, q, &self.partition.independent, &mut self.scratch, &mut columns)?;
-        let mut block = vec![0.0; k * k];
-        for (r, &i) in self.partition.independent.iter().enumerate() {
-            block[r * k..(r + 1) * k].copy_from_slice(&columns[i * k..(i + 1) * k]);
-        }
-        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-        Ok(criterion::quality(&self.md, &s2, &block))
+        quality_of(self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
     }
 
     /// P4 at the last evaluation, with fresh scales.
@@ -156,4 +140,36 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
         Ok(())
     }
+}
+
+/// Largest |x|; NaN counts as infinite.
+pub fn largest(x: impl IntoIterator<Item = f64>) -> f64 {
+    x.into_iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
+}
+
+/// C v + a, row by row, for values of C in pattern order.
+pub fn velocity_residuals<'x>(
+    pattern: &'x Pattern,
+    c: &'x [f64],
+    v: &'x [f64],
+    a: &'x [f64],
+) -> impl Iterator<Item = f64> + 'x {
+    a.iter().enumerate().map(|(i, a)| pattern.row(i).map(|e| c[e] * v[pattern.col_idx[e]]).sum::<f64>() + a)
+}
+
+/// σ and √μ of independent velocities with the reduced mass matrix M_d at `(t, q)`, the last position of the scratch.
+pub fn quality_of<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    q: &[f64],
+    independent: &[usize],
+    md: &[f64],
+    scratch: &mut S::Scratch,
+) -> Result<Quality, SystemError> {
+    let (n, k) = (system.size().nv, independent.len());
+    let mut columns = vec![0.0; n * k];
+    system.inverse_mass_columns(t, q, independent, scratch, &mut columns)?;
+    let block: Vec<f64> = independent.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
+    let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
+    Ok(criterion::quality(md, &s2, &block))
 }
