@@ -2,7 +2,7 @@
 
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
-use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
+use partita_model::spec::{Body, Drive, Joint, JointKind, Spec, Value, VERSION};
 use partita_model::value::NoFunctions;
 use partita_model::Model;
 use std::sync::Arc;
@@ -35,20 +35,7 @@ pub fn body(name: &str, from: [f64; 3], to: [f64; 3]) -> Body {
 }
 
 pub fn joint(name: &str, kind: JointKind, parent: &str, child: &str, point: [f64; 3], axis: [f64; 3]) -> Joint {
-    Joint {
-        name: name.into(),
-        kind,
-        parent: parent.into(),
-        child: child.into(),
-        point,
-        axis: Some(axis),
-        axis2: None,
-        frame: None,
-        free: None,
-        child_point: None,
-        child_axis: None,
-        cut: Cut::Auto,
-    }
+    Joint { axis: Some(axis), ..Joint::new(name, kind, parent, child, point) }
 }
 
 pub fn drive(name: &str, joint: &str) -> Drive {

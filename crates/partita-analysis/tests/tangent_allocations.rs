@@ -1,58 +1,18 @@
 //! After the first call an evaluation with tangent velocities allocates nothing.
-#![allow(unsafe_code, reason = "an allocator that counts can only be installed through an unsafe trait")]
 
+#[path = "../../partita-integrate/tests/counting/mod.rs"]
+mod counting;
 mod mechanisms;
 
-use mechanisms::{body, compile, empty, joint, point};
+use counting::allocations;
+use mechanisms::{compile, in_space};
 use partita_model::place::Coordinates;
-use partita_model::spec::{JointKind, Spec};
 use partita_model::Model;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry;
 use partita_system::{start, ConstrainedSystem, SystemError};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        System.alloc(layout)
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        System.dealloc(pointer, layout);
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// A spatial chain closed to the ground: cylinder, universal, pin, ball.
-fn in_space() -> Spec {
-    let mut rng = fastrand::Rng::with_seed(2);
-    let mut spec = empty("in space");
-    let kinds = [JointKind::Cylindrical, JointKind::Universal, JointKind::Revolute, JointKind::Spherical];
-    let mut from = "ground".to_string();
-    for (i, kind) in kinds.into_iter().enumerate() {
-        let name = format!("body{i}");
-        if i < 3 {
-            spec.bodies.push(body(&mut rng, name.clone()));
-        }
-        let to = if i < 3 { name } else { "ground".into() };
-        let mut j = joint(format!("joint{i}"), kind, &from, &to, point(&mut rng, 1.0));
-        (j.axis, j.axis2) = (Some(point(&mut rng, 1.0)), Some(point(&mut rng, 1.0)));
-        spec.joints.push(j);
-        from = to;
-    }
-    spec
-}
 
 /// The tangent of a partition, as a user might hand it over.
 struct Partitioned<'m>(Mutex<Reduction<'m, Model>>);
@@ -85,19 +45,18 @@ fn count(model: &'static Model, what: &str) {
         f.start(0.0, &q, &v, &mut y).unwrap();
         f.derivative(0.0, &y, &mut dy).unwrap();
         let start = y.clone();
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
-        for i in 0..20 {
-            // stages: a little off the closed position, at other speeds
-            y.iter_mut().zip(&start).for_each(|(y, s)| *y = s * (1.0 + 1e-5 * f64::from(i)));
-            y[0] += 1e-4 * f64::from(i);
-            f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
-        }
-        let after = ALLOCATIONS.load(Ordering::Relaxed);
-        assert_eq!(after - before, 0, "{what}, {name}: {} allocations (nq {})", after - before, size.nq);
+        let ((), counted) = allocations(|| {
+            for i in 0..20 {
+                // stages: a little off the closed position, at other speeds
+                y.iter_mut().zip(&start).for_each(|(y, s)| *y = s * (1.0 + 1e-5 * f64::from(i)));
+                y[0] += 1e-4 * f64::from(i);
+                f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+            }
+        });
+        assert_eq!(counted, 0, "{what}, {name}: {} allocations (nq {})", counted, size.nq);
     }
 }
 
-// The only test of this file: another one running beside it would be counted too.
 #[test]
 fn evaluations_allocate_nothing() {
     let leaked = |coordinates| -> &'static Model { Box::leak(Box::new(compile(&in_space(), coordinates).unwrap())) };

@@ -32,7 +32,7 @@ pub enum Status {
     Interrupted,
     /// No acceptable step was left.
     StepTooSmall,
-    /// At a singular position of the mechanism.
+    /// At a singular position of the mechanism, or at a dead point of coordinates that stay.
     Singular,
     /// After the number of steps allowed.
     MaxSteps,
@@ -154,16 +154,20 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
     }
 }
 
+/// Is there a position, rather than a function, behind the failure?
+fn is_of_a_position(e: &SystemError) -> bool {
+    matches!(e, SystemError::Singular { .. } | SystemError::DeadPoint { .. })
+}
+
 fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
     let message = failure.to_string();
     match failure {
-        StepFailure::TooSmall { last: Some(e @ SystemError::Singular { .. }), .. } => {
+        StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
             (Status::Singular, format!("stopped at t = {t}: {e}"), Some(e))
         }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
-            let status =
-                if matches!(error, SystemError::Singular { .. }) { Status::Singular } else { Status::EvaluationFailed };
+            let status = if is_of_a_position(&error) { Status::Singular } else { Status::EvaluationFailed };
             (status, format!("stopped at t = {t}: {error}"), Some(error))
         }
         StepFailure::NotFinite { .. } => (Status::EvaluationFailed, message, None),

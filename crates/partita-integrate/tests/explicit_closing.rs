@@ -404,8 +404,10 @@ fn a_pendulum_in_x_stops_at_the_side() {
     let outcome =
         simulate(&mut f, 0.0, &q, &v, &[], &reference(2.0), &mut |_| Ok(()), &mut |_| ControlFlow::Continue(()))
             .unwrap();
-    assert_ne!(outcome.status, Status::Finished);
     // x = 1 is reached after about 0.13 s
     assert!(outcome.t > 0.1 && outcome.t < 0.2, "{}", outcome.t);
-    assert!(outcome.message.contains("closing function for y cannot close"), "{}", outcome.message);
+    assert_eq!(outcome.status, Status::Singular);
+    for words in ["coordinates x stand at a dead point", "closing function for y would have to", "y would do"] {
+        assert!(outcome.message.contains(words), "{}", outcome.message);
+    }
 }

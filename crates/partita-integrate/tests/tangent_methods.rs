@@ -10,7 +10,7 @@ use partita_system::formulation::projective::ProjectiveOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::selector::Selector;
 use partita_system::formulation::tangent_space::TangentSpace;
-use partita_system::formulation::{Correction, Formulation};
+use partita_system::formulation::{Correction, Formulation, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
@@ -164,23 +164,31 @@ fn every_stage_is_closed() {
     }
 }
 
+const SHAKEN: Pendulum = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
+const SHAKEN_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
+
+/// Times at which the shaken pendulum is looked at, from its start, and what the compact form finds there.
+fn shaken(system: &ByHand<Pendulum>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
+    let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
+    let exact = run(system, ProjectiveOptions::default(), start, &at, &reference(2.0));
+    (at, exact)
+}
+
 /// Constraints that move with time: order, and the work of the drive.
 #[test]
 fn a_shaken_pivot() {
-    const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
-    let p = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
+    let p = SHAKEN;
     let system = ByHand::new(p);
     let (q, v) = (vec![0.6, -0.8], vec![p.pivot(0.0)[1] + 0.8 * 7.0, 0.6 * 7.0]);
-    let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
-    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let (at, exact) = shaken(&system, &(q.clone(), v.clone()));
     for name in NAMES {
-        let errors = STEPS.map(|h| {
+        let errors = SHAKEN_STEPS.map(|h| {
             let mut f = formulation(&system, name, Correction::Partition, 0.5);
             let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
             samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
             distance(&samples, &exact)
         });
-        let slope = slope(&STEPS, &errors);
+        let slope = slope(&SHAKEN_STEPS, &errors);
         assert!((slope - 4.0).abs() < 0.2, "{name}: order {slope} from {errors:?}");
         let mut f = formulation(&system, name, Correction::Partition, 0.5);
         let samples = march(&mut f, &q, &v, &at, &reference(2.0));
@@ -231,26 +239,24 @@ impl TangentMap for AlongTheBars {
 /// Closed forms by the user: order 4 and the motion of the other forms, with a bias of theirs or one found by differences.
 #[test]
 fn tangent_velocities_of_the_user() {
-    const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
-    let p = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
+    let p = SHAKEN;
     let system = ByHand::new(p);
     let (q, v) = (vec![0.6, -0.8], vec![p.pivot(0.0)[1] + 0.8 * 7.0, 0.6 * 7.0]);
-    let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
-    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let (at, exact) = shaken(&system, &(q.clone(), v.clone()));
     for bias in [true, false] {
         let tangent: Arc<dyn TangentMap> = Arc::new(AboutThePivot { pendulum: p, bias });
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
             let options =
                 FormulationOptions { correction, tangent: Some(tangent.clone()), ..FormulationOptions::default() };
             let make = || registry::by_name("user-tangent", &system, 1, &options).unwrap();
-            let errors = STEPS.map(|h| {
+            let errors = SHAKEN_STEPS.map(|h| {
                 let mut f = make();
                 let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
                 let told = f.notes();
                 assert_eq!(told.is_empty(), bias, "{told:?}");
                 distance(&samples, &exact)
             });
-            let slope = slope(&STEPS, &errors);
+            let slope = slope(&SHAKEN_STEPS, &errors);
             assert!((slope - 4.0).abs() < 0.2, "{bias}, {correction:?}: order {slope} from {errors:?}");
             if correction == Correction::None {
                 continue; // the loop opens with the drift

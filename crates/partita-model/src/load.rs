@@ -142,7 +142,7 @@ impl Load {
                 Force::TorsionSpring { name, joint, coordinate, stiffness, damping, angle } => {
                     let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
                     let q = q.ok_or_else(|| {
-                        DescriptionError::new("force", name, "a turn in space has no single angle to spring back to")
+                        DescriptionError::new("force", name, "a turn in space has no single angle to spring back to; put springs between points of the bodies")
                     })?;
                     loads.push(Self::Torsion { q, v, stiffness: *stiffness, damping: *damping, angle: *angle });
                 }

@@ -7,13 +7,10 @@ use crate::place::{Coordinates, Placed};
 use crate::spec::{Force, Spec, Value};
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use crate::validate;
-use crate::value::{self, Functions};
-use partita_math::dense;
+use crate::value::Functions;
 use partita_math::elimination::Pattern;
-use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
-use partita_system::kinematics::closing::Closing;
-use partita_system::system::{project_dense, Tangent};
-use partita_system::{ConstrainedSystem, Size, SystemError};
+use partita_math::spatial::{Planar, Space, Spatial, Vec3};
+use partita_system::SystemError;
 use std::sync::Arc;
 
 /// A prescribed coordinate: the row `q_i − f(t)`.
@@ -110,6 +107,8 @@ macro_rules! with_engine {
     };
 }
 
+mod system; // below the macro, which it uses
+
 impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
@@ -152,7 +151,11 @@ impl Model {
         for d in &spec.drives {
             let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
             let q = q.ok_or_else(|| {
-                DescriptionError::new("drive", &d.name, "a turn in space has no single coordinate to drive")
+                DescriptionError::new(
+                    "drive",
+                    &d.name,
+                    "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
+                )
             })?;
             if drives.iter().any(|x: &DriveRow| x.v == v) {
                 return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
@@ -323,273 +326,6 @@ impl Model {
 
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
         SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
-    }
-}
-
-impl ConstrainedSystem for Model {
-    type Scratch = ModelScratch;
-
-    fn size(&self) -> Size {
-        let rows = self.pattern.rows;
-        Size { nq: self.placed.nq, nv: self.placed.nv, rows, holonomic: rows }
-    }
-    fn pattern(&self) -> &Pattern {
-        &self.pattern
-    }
-    fn scratch(&self) -> ModelScratch {
-        ModelScratch {
-            flat: match &self.engine {
-                Engine::Flat(tree) => Some(tree.scratch()),
-                Engine::Full => None,
-            },
-            full: self.full.scratch(),
-            dense: Dense::default(),
-            forces_at: false,
-        }
-    }
-    fn velocity_name(&self, i: usize) -> String {
-        self.placed.velocity_names[i].clone()
-    }
-    fn row_name(&self, i: usize) -> String {
-        match self.row_names.get(i) {
-            Some(r) => r.name.clone(),
-            None => format!("drive {}", self.drives[i - self.row_names.len()].name),
-        }
-    }
-    fn row_words(&self, i: usize) -> String {
-        let name = self.row_name(i);
-        match (self.row_names.get(i), name.rsplit_once('.')) {
-            (Some(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
-            _ => name,
-        }
-    }
-    fn rheonomic(&self) -> bool {
-        self.drives.iter().any(|d| !matches!(d.motion, Value::Constant(_)))
-    }
-    fn has_power(&self) -> bool {
-        self.has_power
-    }
-
-    fn position(
-        &self,
-        t: f64,
-        q: &[f64],
-        s: &mut ModelScratch,
-        phi: &mut [f64],
-        c: &mut [f64],
-        a: &mut [f64],
-    ) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.poses(q, x);
-            tree.inertias(x);
-            tree.close(x, phi, c);
-        });
-        let entries = c.len() - self.drives.len();
-        for (i, d) in self.drives.iter().enumerate() {
-            let [p, u, _] = value::motion_at(&d.motion, &*self.functions, t, &d.name)?;
-            phi[d.row] = q[d.q] - p;
-            a[d.row] = -u;
-            c[entries + i] = 1.0;
-        }
-        Ok(())
-    }
-
-    fn velocity(&self, t: f64, _q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.twists(v, x);
-            tree.bias(x, b);
-        });
-        for d in &self.drives {
-            b[d.row] = -value::motion_at(&d.motion, &*self.functions, t, &d.name)?[2];
-        }
-        Ok(())
-    }
-
-    fn dynamics(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        s: &mut ModelScratch,
-        mass: &mut [f64],
-        h: &mut [f64],
-    ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| {
-            tree.mass_matrix(x, mass);
-            // h = −(M 0 − h): inverse dynamics without acceleration
-            let zero = std::mem::take(&mut s.dense.work);
-            let mut zero = zero;
-            zero.clear();
-            zero.resize(v.len(), 0.0);
-            tree.inverse_dynamics(&zero, x, h);
-            s.dense.work = zero;
-        });
-        h.iter_mut().for_each(|x| *x = -*x);
-        Ok(())
-    }
-
-    fn project(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        tangent: &Tangent,
-        s: &mut ModelScratch,
-        md: &mut [f64],
-        hd: &mut [f64],
-    ) -> Result<(), SystemError> {
-        if self.dense_projection {
-            let n = v.len();
-            let mut d = std::mem::take(&mut s.dense);
-            d.mass.resize(n * n, 0.0);
-            d.h.resize(n, 0.0);
-            let (mut mass, mut h) = (std::mem::take(&mut d.mass), std::mem::take(&mut d.h));
-            s.dense = d;
-            self.dynamics(t, q, v, s, &mut mass, &mut h)?;
-            let mut d = std::mem::take(&mut s.dense);
-            d.work.resize(n.max(tangent.k), 0.0);
-            project_dense(&mass, &h, tangent, &mut d.work, md, hd);
-            (d.mass, d.h) = (mass, h);
-            s.dense = d;
-            return Ok(());
-        }
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.project(tangent.k, tangent.dt, tangent.delta, x, md, hd));
-        Ok(())
-    }
-
-    fn inverse_dynamics(
-        &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        vdot: &[f64],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.inverse_dynamics(vdot, x, out));
-        Ok(())
-    }
-
-    fn inverse_mass_diagonal(
-        &self,
-        _t: f64,
-        _q: &[f64],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        with_engine!(self, s, |tree, x| {
-            tree.articulate(x).map_err(|e| self.mass_error(e))?;
-            tree.inverse_mass_diagonal(x, out);
-        });
-        Ok(())
-    }
-
-    fn inverse_mass_columns(
-        &self,
-        _t: f64,
-        _q: &[f64],
-        which: &[usize],
-        s: &mut ModelScratch,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        let n = self.placed.nv;
-        let mut column = vec![0.0; n];
-        with_engine!(self, s, |tree, x| {
-            tree.articulate(x).map_err(|e| self.mass_error(e))?;
-            for (j, &c) in which.iter().enumerate() {
-                tree.inverse_mass_column(c, x, &mut column);
-                for i in 0..n {
-                    out[i * which.len() + j] = column[i];
-                }
-            }
-        });
-        Ok(())
-    }
-
-    fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
-        if !self.has_power {
-            return Ok(0.0);
-        }
-        with_engine!(self, s, |tree, x| {
-            let loads = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-            Ok(tree.spring_energy(x).1 + loads.1)
-        })
-    }
-
-    fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
-        if self.placed.nq == self.placed.nv {
-            qdot.copy_from_slice(v);
-            return;
-        }
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                qdot[l.q..l.q + 4].copy_from_slice(&p.rate(Vec3([v[l.v], v[l.v + 1], v[l.v + 2]])));
-            } else {
-                qdot[l.q] = v[l.v];
-            }
-        }
-    }
-
-    fn step(&self, q: &mut [f64], dv: &[f64]) {
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
-                q[l.q..l.q + 4].copy_from_slice(&turned.0);
-            } else {
-                q[l.q] += dv[l.v];
-            }
-        }
-    }
-
-    fn normalise(&self, q: &mut [f64]) -> bool {
-        if self.placed.nq == self.placed.nv {
-            return false;
-        }
-        let mut moved = false;
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                if (dense::dot(&p.0, &p.0) - 1.0).abs() > 1e-15 {
-                    q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
-                    moved = true;
-                }
-            }
-        }
-        moved
-    }
-
-    fn turns(&self, i: usize) -> bool {
-        self.turns[i]
-    }
-    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
-        self.coordinates_of[i].clone()
-    }
-    fn closing(
-        &self,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Ok(Box::new(self.loop_closing(t, q, inputs)?))
-    }
-
-    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        self.velocity_of[i]
-    }
-
-    fn reach(&self, i: usize) -> f64 {
-        self.reach[i]
-    }
-
-    fn row_reach(&self, i: usize) -> Option<f64> {
-        Some(self.row_reach[i])
     }
 }
 

@@ -383,21 +383,8 @@ impl Placed {
 
 /// A free joint for a body that nothing holds.
 fn floating(spec: &Spec, node: usize) -> Joint {
-    let body = spec.bodies.get(node - 1);
-    Joint {
-        name: body.map_or_else(String::new, |b| b.name.clone()),
-        kind: crate::spec::JointKind::Free,
-        parent: validate::GROUND.into(),
-        child: body.map_or_else(String::new, |b| b.name.clone()),
-        point: [0.0; 3],
-        axis: None,
-        axis2: None,
-        frame: None,
-        free: None,
-        child_point: None,
-        child_axis: None,
-        cut: Cut::Auto,
-    }
+    let name = spec.bodies.get(node - 1).map_or("", |b| &b.name);
+    Joint::new(name, crate::spec::JointKind::Free, validate::GROUND, name, [0.0; 3])
 }
 
 fn closing_points(joint: &Joint, edge: &Edge, moved: &[Moved]) -> (Vec3<f64>, Vec3<f64>) {

@@ -125,6 +125,26 @@ pub struct Joint {
     pub cut: Cut,
 }
 
+impl Joint {
+    /// A joint of this kind between two bodies at a point, without an axis yet; where a loop is cut is left to the tree.
+    pub fn new(name: impl Into<String>, kind: JointKind, parent: &str, child: &str, point: [f64; 3]) -> Self {
+        Self {
+            name: name.into(),
+            kind,
+            parent: parent.into(),
+            child: child.into(),
+            point,
+            axis: None,
+            axis2: None,
+            frame: None,
+            free: None,
+            child_point: None,
+            child_axis: None,
+            cut: Cut::Auto,
+        }
+    }
+}
+
 /// A number, a table or a function.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]

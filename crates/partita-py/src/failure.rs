@@ -91,7 +91,7 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::SingularStart { t, .. } | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
-        SystemError::Basis { t, .. } => {
+        SystemError::Basis { t, .. } | SystemError::DeadPoint { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
         SystemError::Request(_) => raise(py, "ArgumentError", &message, &[("argument", "".into())]),

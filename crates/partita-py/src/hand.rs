@@ -3,17 +3,13 @@
 use crate::arrays::{any_vector, array, entries, vector};
 use crate::failure::{self, guarded, raise};
 use crate::run::{self, read_options};
+use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
-use numpy::{PyArrayDyn, PyReadonlyArray1, ToPyArray};
-use partita_math::dense;
+use numpy::{PyReadonlyArray1, ToPyArray};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::reduction::Reduction;
-use partita_system::kinematics::{assembly, velocity};
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// The callables of a system.
 struct Callables {
@@ -182,6 +178,7 @@ impl System {
     #[new]
     #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names, closing=None))]
     fn new(
+        py: Python<'_>,
         n: usize,
         mass: Py<PyAny>,
         forces: Py<PyAny>,
@@ -191,9 +188,17 @@ impl System {
         bias: Py<PyAny>,
         names: Vec<String>,
         closing: Option<(Py<PyAny>, Vec<usize>)>,
-    ) -> Self {
+    ) -> PyResult<Self> {
+        if n == 0 {
+            return Err(raise(
+                py,
+                "ArgumentError",
+                "n is 0; a system has a coordinate at least",
+                &[("argument", "n".into())],
+            ));
+        }
         let closing = closing.map(|(function, dependent)| Closing { function, dependent });
-        Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } }
+        Ok(Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } })
     }
 
     #[getter]
@@ -220,9 +225,7 @@ impl System {
             let q = vector(&q, self.f.n, "q")?;
             vector(&v, self.f.n, "v")?;
             let system = self.sized(py, t, &q)?;
-            let (q, v, said) =
-                assemble(&system, t, q, &targets, &rates, tolerance, |_| None).map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+            state::assemble(py, &system, t, q, &targets, &rates, tolerance, |_| None)
         })
     }
 
@@ -281,16 +284,14 @@ impl System {
         guarded(py, || {
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = self.sized(py, t, &q)?;
-            let (vdot, lambda) = acceleration(&system, t, &q, &v).map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
+            state::acceleration(py, &system, t, &q, &v)
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
             let system = self.sized(py, t, &q)?;
-            let rho = measure(&system, t, &q).map_err(|e| failure::system(py, e))?;
-            Ok(array(py, &[rho.len()], rho))
+            state::measure(py, &system, t, &q)
         })
     }
 
@@ -312,78 +313,4 @@ impl System {
             run::run(py, &system, &options, &t_eval, (&q, &v), run::tangent(self.f.n, tangent), progress, |_| Ok(None))
         })
     }
-}
-
-/// Close the loops, go to the targets, find the velocities; also the JSON report.
-///
-/// `place` may know a way to the targets that needs no walk (closed forms); its answer is a closed position.
-pub fn assemble<S: ConstrainedSystem>(
-    system: &S,
-    t: f64,
-    mut q: Vec<f64>,
-    targets: &[(usize, f64)],
-    rates: &[(usize, f64)],
-    tolerance: f64,
-    place: impl Fn(&[f64]) -> Option<Vec<f64>>,
-) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
-    let closed = assembly::close(system, t, &mut q, tolerance, &[])?;
-    let mut steps = 0;
-    let (mut iterations, mut residual) = (closed.iterations, closed.residual);
-    let placed = if targets.is_empty() { None } else { place(&q) };
-    let explicit = placed.is_some();
-    if let Some(there) = placed {
-        q = there;
-        let held: Vec<usize> = targets.iter().filter_map(|&(i, _)| system.velocity_of_coordinate(i)).collect();
-        let closed = assembly::close(system, t, &mut q, tolerance, &held)?;
-        iterations += closed.iterations;
-        residual = closed.residual;
-    } else if !targets.is_empty() {
-        let moved = assembly::move_to(system, t, &mut q, targets, tolerance)?;
-        iterations += moved.iterations;
-        residual = moved.residual;
-        steps = moved.target_steps;
-    }
-    let v = if rates.is_empty() && !system.rheonomic() {
-        vec![0.0; system.size().nv]
-    } else {
-        let found = start::analyse(system, t, &q)?;
-        let mut r = Reduction::new(system, found.rank);
-        start::choose_partition(&mut r, t, &q, None, None)?;
-        velocity::with_rates(&mut r, t, &q, rates)?
-    };
-    let said = serde_json::json!({
-        "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": explicit
-    });
-    Ok((q, v, said.to_string()))
-}
-
-/// v' and λ at a state, by a partition chosen there.
-pub fn acceleration<S: ConstrainedSystem>(
-    system: &S,
-    t: f64,
-    q: &[f64],
-    v: &[f64],
-) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
-    let found = start::analyse(system, t, q)?;
-    let mut r = Reduction::new(system, found.rank);
-    start::choose_partition(&mut r, t, q, None, None)?;
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
-    r.evaluate(t, q, &speeds)?;
-    let size = system.size();
-    let (mut vdot, mut lambda) = (vec![0.0; size.nv], vec![0.0; size.rows]);
-    r.full_acceleration(&mut vdot);
-    r.multipliers(t, q, &vdot, &mut lambda)?;
-    Ok((vdot, lambda))
-}
-
-/// ρ at a position.
-pub fn measure<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
-    let found = start::analyse(system, t, q)?;
-    let mut r = Reduction::new(system, found.rank);
-    start::choose_partition(&mut r, t, q, None, None)?;
-    r.evaluate(t, q, &vec![0.0; r.k()])?;
-    let mut rho = vec![0.0; system.size().nv];
-    r.measure(t, q, &mut rho)?;
-    debug_assert!(dense::dot(&rho, &rho).is_finite());
-    Ok(rho)
 }

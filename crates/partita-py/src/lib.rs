@@ -5,8 +5,10 @@ mod failure;
 mod functions;
 mod hand;
 mod model;
+mod outputs;
 mod partition;
 mod run;
+mod state;
 mod tangent;
 mod toml;
 

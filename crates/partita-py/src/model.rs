@@ -1,18 +1,19 @@
 //! The compiled mechanism for Python.
 
-use crate::arrays::{any_vector, array, shaped, vector};
+use crate::arrays::{array, shaped, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::hand;
+use crate::outputs::{self, States};
 use crate::run::{self, read_options};
+use crate::state::{self, Array, Levels};
 use crate::tangent::TangentFunctions;
-use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_system::formulation::Sample;
 use partita_system::kinematics::{assembly, projection::dense_rows};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
@@ -21,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 /// A compiled mechanism: constant; states are handed in.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
-    inner: partita_model::Model,
+    inner: Inner,
     structure: OnceLock<Structure>,
 }
 
@@ -31,11 +32,9 @@ struct Structure {
     note: Option<String>,
 }
 
-/// Φ, C, a or M, h, b.
-type Three = (Vec<f64>, Vec<f64>, Vec<f64>);
+type Inner = partita_model::Model;
 /// Coordinates, branches and residual of an assembly.
 type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Closing conditions are lengths and angles: round-off of the size of the mechanism.
 const CLOSED: f64 = 1e-12;
@@ -65,36 +64,12 @@ impl Model {
         Ok((vector(q, size.nq, "q")?, vector(v, size.nv, "v")?))
     }
 
-    /// Φ, C in pattern order, a.
-    fn position(&self, t: f64, q: &[f64]) -> Result<Three, SystemError> {
-        let size = self.inner.size();
-        let mut s = self.inner.scratch();
-        let (mut phi, mut a) = (vec![0.0; size.rows], vec![0.0; size.rows]);
-        let mut c = vec![0.0; self.inner.pattern().nnz()];
-        self.inner.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
-        Ok((phi, c, a))
-    }
-
-    fn mass_and_forces(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Three, SystemError> {
-        let size = self.inner.size();
-        let mut s = self.inner.scratch();
-        let (mut phi, mut a) = (vec![0.0; size.rows], vec![0.0; size.rows]);
-        let mut c = vec![0.0; self.inner.pattern().nnz()];
-        self.inner.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
-        let mut b = vec![0.0; size.rows];
-        self.inner.velocity(t, q, v, &mut s, &mut b)?;
-        let (mut mass, mut h) = (vec![0.0; size.nv * size.nv], vec![0.0; size.nv]);
-        self.inner.dynamics(t, q, v, &mut s, &mut mass, &mut h)?;
-        Ok((mass, h, b))
-    }
-
-    fn rows_of<'py>(&self, x: &PyReadonlyArray2<'py, f64>, width: usize, what: &str) -> PyResult<Vec<f64>> {
-        let (_, columns, data) = crate::arrays::matrix(x);
-        if columns != width {
-            let message = format!("{what} has {columns} columns, the model has {width}");
-            return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
-        }
-        Ok(data)
+    /// The position level at q.
+    fn position<'py>(&self, py: Python<'py>, t: f64, q: &PyReadonlyArray1<'py, f64>) -> PyResult<Levels<'_, Inner>> {
+        let q = vector(q, self.nq(), "q")?;
+        let mut levels = Levels::new(&self.inner);
+        levels.position(t, &q).map_err(|e| failure::system(py, e))?;
+        Ok(levels)
     }
 }
 
@@ -116,7 +91,7 @@ impl Model {
                 let fields = [("element", "mechanism".into()), ("name", "".into())];
                 raise(py, "DescriptionError", &format!("the description cannot be read: {e}"), &fields)
             })?;
-            let inner = partita_model::Model::new(spec, Arc::new(Callables(functions)), coordinates)
+            let inner = Inner::new(spec, Arc::new(Callables(functions)), coordinates)
                 .map_err(|e| failure::description(py, &e))?;
             Ok(Self { inner, structure: OnceLock::new() })
         })
@@ -223,9 +198,7 @@ impl Model {
         guarded(py, || {
             let (q, _) = self.state(&q, &v)?;
             let place = |q: &[f64]| self.inner.place(t, q, &targets);
-            let (q, v, said) = hand::assemble(&self.inner, t, q, &targets, &rates, tolerance, place)
-                .map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+            state::assemble(py, &self.inner, t, q, &targets, &rates, tolerance, place)
         })
     }
 
@@ -265,9 +238,10 @@ impl Model {
     fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let n = self.nv();
-            let q = vector(&q, self.nq(), "q")?;
-            let (m, _, _) = self.mass_and_forces(t, &q, &vec![0.0; n]).map_err(|e| failure::system(py, e))?;
-            Ok(array(py, &[n, n], m))
+            let (q, rest) = (vector(&q, self.nq(), "q")?, vec![0.0; n]);
+            let mut levels = Levels::new(&self.inner);
+            let found = levels.velocity(t, &q, &rest).and_then(|()| levels.dynamics(t, &q, &rest));
+            Ok(array(py, &[n, n], found.map_err(|e| failure::system(py, e))?.0))
         })
     }
     fn forces<'py>(
@@ -279,21 +253,20 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let (_, h, _) = self.mass_and_forces(t, &q, &v).map_err(|e| failure::system(py, e))?;
-            Ok(array(py, &[h.len()], h))
+            let mut levels = Levels::new(&self.inner);
+            let found = levels.velocity(t, &q, &v).and_then(|()| levels.dynamics(t, &q, &v));
+            Ok(array(py, &[v.len()], found.map_err(|e| failure::system(py, e))?.1))
         })
     }
     fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let (phi, _, _) = self.position(t, &q).map_err(|e| failure::system(py, e))?;
+            let phi = self.position(py, t, &q)?.phi;
             Ok(array(py, &[phi.len()], phi))
         })
     }
     fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let (_, c, _) = self.position(t, &q).map_err(|e| failure::system(py, e))?;
+            let c = self.position(py, t, &q)?.c;
             let rows: Vec<usize> = (0..self.rows()).collect();
             let c = dense_rows(&self.inner, &c, &rows);
             Ok(array(py, &[self.rows(), self.nv()], c.into_vec()))
@@ -301,8 +274,7 @@ impl Model {
     }
     fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let (_, _, a) = self.position(t, &q).map_err(|e| failure::system(py, e))?;
+            let a = self.position(py, t, &q)?.a;
             Ok(array(py, &[a.len()], a))
         })
     }
@@ -315,8 +287,9 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let (_, _, b) = self.mass_and_forces(t, &q, &v).map_err(|e| failure::system(py, e))?;
-            Ok(array(py, &[b.len()], b))
+            let mut levels = Levels::new(&self.inner);
+            levels.velocity(t, &q, &v).map_err(|e| failure::system(py, e))?;
+            Ok(array(py, &[levels.b.len()], levels.b))
         })
     }
     fn acceleration<'py>(
@@ -328,15 +301,13 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let (vdot, lambda) = hand::acceleration(&self.inner, t, &q, &v).map_err(|e| failure::system(py, e))?;
-            Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
+            state::acceleration(py, &self.inner, t, &q, &v)
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            let rho = hand::measure(&self.inner, t, &q).map_err(|e| failure::system(py, e))?;
-            Ok(array(py, &[rho.len()], rho))
+            state::measure(py, &self.inner, t, &q)
         })
     }
 
@@ -354,14 +325,10 @@ impl Model {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
-            let mut scratch = self.inner.scratch();
-            let size = self.inner.size();
-            let (mut phi, mut a, mut b) = (vec![0.0; size.rows], vec![0.0; size.rows], vec![0.0; size.rows]);
-            let mut c = vec![0.0; self.inner.pattern().nnz()];
+            let mut levels = Levels::new(&self.inner);
             let energy = |x: &Sample| {
-                self.inner.position(x.t, &x.q, &mut scratch, &mut phi, &mut c, &mut a)?;
-                self.inner.velocity(x.t, &x.q, &x.v, &mut scratch, &mut b)?;
-                self.inner.energy(x.t, &x.q, &x.v, &scratch).map(Some)
+                levels.velocity(x.t, &x.q, &x.v)?;
+                self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
             };
             run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
         })
@@ -374,55 +341,7 @@ impl Model {
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || {
-            let m = &self.inner;
-            let size = m.size();
-            let t = any_vector(&t);
-            let (nt, nb, nj) = (q.shape()[0], m.spec.bodies.len(), m.spec.joints.len());
-            let (q, v) = (self.rows_of(&q, size.nq, "q")?, self.rows_of(&v, size.nv, "v")?);
-            let mut s = m.scratch();
-            let (mut phi, mut a, mut b) = (vec![0.0; size.rows], vec![0.0; size.rows], vec![0.0; size.rows]);
-            let mut c = vec![0.0; m.pattern().nnz()];
-            let (mut position, mut rotation, mut velocity, mut spin) = (vec![], vec![], vec![], vec![]);
-            let (mut jq, mut jv, mut point) = (vec![], vec![], vec![]);
-            let (mut kinetic, mut potential) = (vec![], vec![]);
-            let mut tracker = partita_model::observe::TurnCounter::new(m);
-            for i in 0..nt {
-                let (qi, vi) = (&q[i * size.nq..(i + 1) * size.nq], &v[i * size.nv..(i + 1) * size.nv]);
-                m.position(t[i], qi, &mut s, &mut phi, &mut c, &mut a).map_err(|e| failure::system(py, e))?;
-                m.velocity(t[i], qi, vi, &mut s, &mut b).map_err(|e| failure::system(py, e))?;
-                let (k, p) = m.energy(t[i], qi, vi, &s).map_err(|e| failure::system(py, e))?;
-                kinetic.push(k);
-                potential.push(p);
-                m.look(qi, vi, &mut s);
-                for body in 0..nb {
-                    let x = m.body_state(body, &s);
-                    position.extend(x.position.0);
-                    rotation.extend(x.rotation.0.concat());
-                    velocity.extend(x.velocity.0);
-                    spin.extend(x.angular_velocity.0);
-                }
-                for j in 0..nj {
-                    let mut x = m.joint_state(j, qi, vi, &s);
-                    tracker.unwrap(j, t[i], &mut x);
-                    jq.extend(x.position);
-                    jv.extend(x.velocity);
-                    point.extend(x.point);
-                }
-            }
-            let width = |x: &Vec<f64>| x.len().checked_div(nt).unwrap_or(0);
-            let d = PyDict::new(py);
-            d.set_item("body_position", array(py, &[nt, nb, 3], position))?;
-            d.set_item("body_rotation", array(py, &[nt, nb, 3, 3], rotation))?;
-            d.set_item("body_velocity", array(py, &[nt, nb, 3], velocity))?;
-            d.set_item("body_angular_velocity", array(py, &[nt, nb, 3], spin))?;
-            d.set_item("joint_position", array(py, &[nt, width(&jq)], jq))?;
-            d.set_item("joint_velocity", array(py, &[nt, width(&jv)], jv))?;
-            d.set_item("joint_point", array(py, &[nt, nj, 3], point))?;
-            d.set_item("kinetic", array(py, &[nt], kinetic))?;
-            d.set_item("potential", array(py, &[nt], potential))?;
-            Ok(d)
-        })
+        guarded(py, || outputs::observe(py, &self.inner, &States::read(&self.inner, &t, &q, &v)?))
     }
 
     fn reactions<'py>(
@@ -435,36 +354,8 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let m = &self.inner;
-            let size = m.size();
-            let t = any_vector(&t);
-            let (nt, nj) = (q.shape()[0], m.spec.joints.len());
-            let (q, v) = (self.rows_of(&q, size.nq, "q")?, self.rows_of(&v, size.nv, "v")?);
-            let vdot = self.rows_of(&vdot, size.nv, "vdot")?;
-            let lambda = self.rows_of(&multipliers, size.rows, "multipliers")?;
-            let mut s = m.scratch();
-            let (mut force, mut moment, mut drive, mut frame, mut residual) = (vec![], vec![], vec![], vec![], vec![]);
-            for i in 0..nt {
-                let row = |x: &[f64], w: usize| x[i * w..(i + 1) * w].to_vec();
-                let (qi, vi, ai) = (row(&q, size.nq), row(&v, size.nv), row(&vdot, size.nv));
-                let li = row(&lambda, size.rows);
-                let r = m.reactions(t[i], &qi, &vi, &ai, &li, &mut s).map_err(|e| failure::system(py, e))?;
-                for (j, w) in r.joints.iter().enumerate() {
-                    force.extend(w.force.0);
-                    moment.extend(w.moment.0);
-                    frame.extend(m.joint_frame(j, &s).0.concat());
-                }
-                drive.extend(r.drives.concat());
-                residual.push(r.residual);
-            }
-            let width = drive.len().checked_div(nt).unwrap_or(0);
-            let d = PyDict::new(py);
-            d.set_item("force", array(py, &[nt, nj, 3], force))?;
-            d.set_item("moment", array(py, &[nt, nj, 3], moment))?;
-            d.set_item("drive", array(py, &[nt, width], drive))?;
-            d.set_item("joint_rotation", array(py, &[nt, nj, 3, 3], frame))?;
-            d.set_item("residual", array(py, &[nt], residual))?;
-            Ok(d)
+            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
+            outputs::reactions(py, &self.inner, &states)
         })
     }
 
@@ -479,26 +370,8 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
-            let m = &self.inner;
-            let size = m.size();
-            let t = any_vector(&t);
-            let (nt, nj) = (q.shape()[0], m.spec.joints.len());
-            let (q, v) = (self.rows_of(&q, size.nq, "q")?, self.rows_of(&v, size.nv, "v")?);
-            let vdot = self.rows_of(&vdot, size.nv, "vdot")?;
-            let lambda = self.rows_of(&multipliers, size.rows, "multipliers")?;
-            let mut s = m.scratch();
-            let (mut force, mut moment) = (Vec::with_capacity(3 * nt * nj), Vec::with_capacity(3 * nt * nj));
-            for i in 0..nt {
-                let (qi, vi) = (&q[i * size.nq..(i + 1) * size.nq], &v[i * size.nv..(i + 1) * size.nv]);
-                let (ai, li) = (&vdot[i * size.nv..(i + 1) * size.nv], &lambda[i * size.rows..(i + 1) * size.rows]);
-                let wrenches =
-                    m.augmented_reactions(t[i], qi, vi, ai, li, &mut s).map_err(|e| failure::system(py, e))?;
-                for w in wrenches {
-                    force.extend(w.force.0);
-                    moment.extend(w.moment.0);
-                }
-            }
-            Ok((array(py, &[nt, nj, 3], force), array(py, &[nt, nj, 3], moment)))
+            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
+            outputs::augmented_reactions(py, &self.inner, &states)
         })
     }
 

@@ -89,13 +89,16 @@ fn frozen(
             let (a, b) = (mass[i * n + j], mass[j * n + i]);
             // what summing in another order can leave
             if (a - b).abs() > 1e-9 * size {
-                return Err(fail("mass", format!("mass is not symmetric: M[{i},{j}] = {a}, M[{j},{i}] = {b}")));
+                return Err(fail("mass", format!("mass is not symmetric: M[{i},{j}] = {a}, M[{j},{i}] = {b}; take the half sum with the transpose")));
             }
         }
     }
     let mut l = mass.clone();
     if let Err(e) = dense::cholesky(&mut l, n) {
-        let message = format!("mass is not positive definite: pivot {:.3e} at coordinate {}", e.pivot, e.index);
+        let message = format!(
+            "mass is not positive definite: pivot {:.3e} at coordinate {}; every motion needs inertia",
+            e.pivot, e.index
+        );
         return Err(fail("mass", message));
     }
     Ok(ByHand::new(Frozen { mass, c, n, m }))

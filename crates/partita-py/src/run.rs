@@ -172,6 +172,10 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
         max_steps: options.max_steps,
     };
     let mut notes = Vec::new();
+    let unread = registry::unread(&options.formulation, &formulation_options);
+    if !unread.is_empty() {
+        notes.push(format!("formulation \"{}\" has no use for {}", options.formulation, unread.join(", ")));
+    }
     let found = start::analyse(system, options.t0, q).map_err(|e| failure::system(py, e))?;
     if !found.dropped.is_empty() {
         let names: Vec<String> = found.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();

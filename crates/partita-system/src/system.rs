@@ -111,6 +111,18 @@ pub enum SystemError {
         /// By how much the lengths miss each other [m].
         shortfall: f64,
     },
+    /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's lengths.
+    #[error("the independent coordinates {coordinates} stand at a dead point at t = {t}: {seen}; {advice}")]
+    DeadPoint {
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// What was seen, and at which block.
+        seen: String,
+        /// Whether others would do, and what to try.
+        advice: String,
+    },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
     Basis {
@@ -150,6 +162,7 @@ impl SystemError {
                 | Self::NotFinite { .. }
                 | Self::Mass { .. }
                 | Self::Limit { .. }
+                | Self::DeadPoint { .. }
                 | Self::Basis { .. }
                 | Self::Choice { .. }
         )

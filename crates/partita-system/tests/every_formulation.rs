@@ -4,14 +4,15 @@ mod by_hand;
 mod instants;
 
 use by_hand::{Angles, FourBar, Pendulum, Plate, Redundant};
-use instants::Instant;
+use instants::{Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::registry::{by_name, NAMES};
+use partita_system::formulation::registry::{by_name, unread, NAMES};
 use partita_system::formulation::{Correction, Sample};
+use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
@@ -49,35 +50,12 @@ const TABLE: &[(&str, Needs, bool)] = &[
 const TOLERANCE: f64 = 1e-10;
 
 /// The tangent of a partition at one state, handed over as if the user had written it.
-struct AtOneState {
-    dt: Vec<f64>,
-    gamma: Vec<f64>,
-    delta: Vec<f64>,
-}
-
-impl AtOneState {
-    fn map<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
-        let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
-        start::choose_partition(&mut r, t, q, None, None).unwrap();
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
-        r.evaluate(t, q, &speeds).unwrap();
-        Arc::new(Self { dt: r.dt, gamma: r.gamma, delta: r.delta })
-    }
-}
-
-impl TangentMap for AtOneState {
-    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
-        dt.copy_from_slice(&self.dt);
-        Ok(())
-    }
-    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
-        gamma.copy_from_slice(&self.gamma);
-        Ok(())
-    }
-    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
-        delta.copy_from_slice(&self.delta);
-        Ok(true)
-    }
+fn tangent_at<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
+    let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
+    start::choose_partition(&mut r, t, q, None, None).unwrap();
+    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    r.evaluate(t, q, &speeds).unwrap();
+    Arc::new(Given { dt: r.dt, gamma: r.gamma, delta: r.delta })
 }
 
 /// The options under which the formulation runs on this system; `None` if it does not apply.
@@ -138,7 +116,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     let s: Vec<f64> = s2.iter().map(|x| x.sqrt()).collect();
     let inverse: Vec<f64> = s.iter().map(|x| 1.0 / x).collect();
     let mut done = 0;
-    let tangent = AtOneState::map(system, t, q, v);
+    let tangent = tangent_at(system, t, q, v);
     for &(name, needs, full) in TABLE {
         let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
@@ -210,7 +188,7 @@ fn accelerations_and_reactions_of_mechanisms() {
 fn regression_values_of_the_four_bar() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
-    let tangent = AtOneState::map(&system, 0.0, &q, &v);
+    let tangent = tangent_at(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
@@ -287,13 +265,109 @@ fn what_is_missing_is_asked_for() {
     assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Request(_))));
 }
 
+/// Options that make no sense are refused by every formulation, whichever it reads.
+#[test]
+fn senseless_options_are_refused() {
+    let system = ByHand::new(Angles);
+    let (q, v) = Angles::start();
+    let tangent = tangent_at(&system, 0.0, &q, &v);
+    type Change = fn(&mut FormulationOptions);
+    let senseless: [(&str, Change); 13] = [
+        ("exchange is NaN", |o| o.exchange = f64::NAN),
+        ("exchange is 0.5", |o| o.exchange = 0.5),
+        ("exchange is -inf", |o| o.exchange = f64::NEG_INFINITY),
+        ("renew is NaN", |o| o.renew = f64::NAN),
+        ("renew is -0.1", |o| o.renew = -0.1),
+        ("renew is 2", |o| o.renew = 2.0),
+        ("there is no velocity 7", |o| o.independent = Some(vec![7])),
+        ("velocity 0 is named twice", |o| o.independent = Some(vec![0, 0])),
+        ("weights has 2 numbers", |o| o.weights = Some(vec![1.0; 2])),
+        ("weights[1] is NaN", |o| o.weights = Some(vec![1.0, f64::NAN, 1.0])),
+        ("weights[2] is 0", |o| o.weights = Some(vec![1.0, 1.0, 0.0])),
+        ("weights[0] is -1", |o| o.weights = Some(vec![-1.0, 1.0, 1.0])),
+        ("weights[0] is inf", |o| o.weights = Some(vec![f64::INFINITY, 1.0, 1.0])),
+    ];
+    for &(name, needs, _) in TABLE {
+        for (words, change) in senseless {
+            let mut o = options(needs, true, &tangent).unwrap();
+            change(&mut o);
+            match by_name(name, &system, 2, &o) {
+                Err(SystemError::Request(message)) => assert!(message.contains(words), "{name}: {message}"),
+                Err(other) => panic!("{name}: {other}"),
+                Ok(_) => panic!("{name} accepted: {words}"),
+            }
+        }
+    }
+    // the same for those who choose without a formulation
+    let mut r = Reduction::new(&system, 2);
+    for bad in [vec![3], vec![0, 1]] {
+        let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&bad));
+        assert!(matches!(refused, Err(SystemError::Request(_))), "{bad:?}");
+    }
+}
+
+/// What a formulation reads changes what it does or is asked for; the rest is named, and nothing is named that is not set.
+#[test]
+fn unread_options_are_named() {
+    let plain = FormulationOptions::default();
+    let (q, v) = Angles::start();
+    let tangent = tangent_at(&ByHand::new(Angles), 0.0, &q, &v);
+    let all = FormulationOptions {
+        correction: Correction::None,
+        exchange: 2.0,
+        independent: Some(vec![0]),
+        weights: Some(vec![1.0; 3]),
+        selection: Selection::Persistence,
+        window: Some(1.0),
+        baumgarte: Some((1.0, 1.0)),
+        renew: 0.1,
+        tangent: options(Needs::Tangent, true, &tangent).unwrap().tangent,
+    };
+    for &name in NAMES {
+        assert!(unread(name, &plain).is_empty(), "{name}");
+        assert!(unread(name, &all).len() < 9, "{name} reads nothing");
+    }
+    assert_eq!(unread("projective", &all), ["baumgarte", "renew", "tangent"]);
+    assert_eq!(unread("tangent-space", &FormulationOptions { renew: 0.1, ..plain.clone() }), [""; 0]);
+    let chosen = FormulationOptions { selection: Selection::Greedy, ..plain };
+    assert_eq!(unread("svd", &chosen), ["selection"]);
+}
+
+/// The side of a pendulum is a dead point of x: the choice is to blame, and the message names another. Where the length
+/// itself is lost no choice helps, and none is blamed.
+#[test]
+fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
+    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let fixed = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
+    for name in ["projective", "fixed"] {
+        let mut f = by_name(name, &system, 1, &fixed).unwrap();
+        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        f.start(0.0, &[0.6, -0.8], &[0.8, 0.6], &mut y).unwrap();
+        y[..2].copy_from_slice(&[1.0, 0.0]);
+        match f.derivative(0.0, &y, &mut dy) {
+            Err(SystemError::DeadPoint { coordinates, seen, advice, .. }) => {
+                assert!(coordinates == "x" && seen.contains("C_D is singular"), "{coordinates} {seen}");
+                assert!(advice.contains("in no singular position, y would do"), "{advice}");
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+        y[..2].copy_from_slice(&[0.0, 0.0]);
+        assert!(matches!(f.derivative(0.0, &y, &mut dy), Err(SystemError::Singular { .. })), "{name}");
+        // the same at the start
+        match f.start(0.0, &[1.0, 0.0], &[0.0, 1.0], &mut y) {
+            Err(SystemError::Request(message)) => assert!(message.contains("y would do"), "{message}"),
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+}
+
 /// Where nothing can be evaluated an error comes back, never a number.
 #[test]
 fn what_is_not_finite_is_refused() {
     for &(name, needs, _) in TABLE {
         let system = ByHand::new(Angles);
         let (q, v) = Angles::start();
-        let tangent = AtOneState::map(&system, 0.0, &q, &v);
+        let tangent = tangent_at(&system, 0.0, &q, &v);
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
         let mut y = vec![0.0; f.dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();

@@ -3,12 +3,12 @@
 
 mod instants;
 
-use instants::{between, inverse, vector, Instant};
+use instants::{between, inverse, vector, Given, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor::FactorError;
 use partita_system::equations::ByHand;
 use partita_system::formulation::gram_schmidt::GramSchmidt;
-use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::qr::OrthogonalTriangular;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::by_name;
@@ -300,29 +300,6 @@ fn a_basis_that_cannot_be_renewed_stays() {
         assert_eq!(f.events().len(), 1);
         assert!(f.notes().iter().any(|n| n.contains("the old one was kept")), "{:?}", f.notes());
     });
-}
-
-/// D, γ and δ written out.
-#[derive(Clone)]
-struct Given {
-    dt: Vec<f64>,
-    gamma: Vec<f64>,
-    delta: Vec<f64>,
-}
-
-impl TangentMap for Given {
-    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
-        dt.copy_from_slice(&self.dt);
-        Ok(())
-    }
-    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
-        gamma.copy_from_slice(&self.gamma);
-        Ok(())
-    }
-    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
-        delta.copy_from_slice(&self.delta);
-        Ok(true)
-    }
 }
 
 /// Any D, γ, δ that fit give the motion of the equations with multipliers; each that does not fit is refused by its row.

@@ -60,20 +60,7 @@ impl Drawing {
                 self.0.bodies.push(body(b, point));
             }
         }
-        self.0.joints.push(Joint {
-            name: name.into(),
-            kind,
-            parent: parent.into(),
-            child: child.into(),
-            point,
-            axis: Some(axis),
-            axis2: None,
-            frame: None,
-            free: None,
-            child_point: None,
-            child_axis: None,
-            cut: Cut::Auto,
-        });
+        self.0.joints.push(Joint { axis: Some(axis), ..Joint::new(name, kind, parent, child, point) });
         self
     }
     pub fn pin(self, name: &str, parent: &str, child: &str, at: [f64; 2]) -> Self {
@@ -142,9 +129,14 @@ pub const PIVOT: [f64; 3] = [1.2, 0.0, 0.2];
 
 /// RSSR, or RSUR: crank about z in the origin, rocker about a skew axis.
 pub fn rssr(last: &str) -> Drawing {
-    let d = drawing("RSSR")
-        .joint("crank", JointKind::Revolute, "ground", "crank", [0.0; 3], Z)
-        .joint("A", JointKind::Spherical, "crank", "rod", CRANK_AT, Z);
+    let d = drawing("RSSR").joint("crank", JointKind::Revolute, "ground", "crank", [0.0; 3], Z).joint(
+        "A",
+        JointKind::Spherical,
+        "crank",
+        "rod",
+        CRANK_AT,
+        Z,
+    );
     let d = if last == "U" {
         d.joint("B", JointKind::Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
     } else {
@@ -353,4 +345,63 @@ pub fn sweep(model: &Model, closing: &mut LoopClosing, input: &str, angle: f64, 
         }
     }
     q
+}
+
+/// The point at l2 from P and l3 from Q on the side ε of the line PQ.
+pub fn dyad(p: [f64; 2], q: [f64; 2], l2: f64, l3: f64, sign: f64) -> [f64; 2] {
+    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+    let r = dx.hypot(dy);
+    let u = (r * r + l2 * l2 - l3 * l3) / (2.0 * r);
+    let h = sign * (l2 * l2 - u * u).sqrt();
+    [p[0] + (u * dx - h * dy) / r, p[1] + (u * dy + h * dx) / r]
+}
+
+/// The point at distance l from the origin.
+pub fn polar(l: f64, angle: f64) -> [f64; 2] {
+    [l * angle.cos(), l * angle.sin()]
+}
+
+/// Lengths ground, crank, coupler, rocker; drawn at the crank angle, C on the side ε.
+pub fn four_bar([l0, l1, l2, l3]: [f64; 4], crank: f64, sign: f64) -> Drawing {
+    let (b, d) = (polar(l1, crank), [l0, 0.0]);
+    let c = dyad(b, d, l2, l3, sign);
+    drawing("four-bar")
+        .pin("A", "ground", "crank", [0.0; 2])
+        .pin("B", "crank", "coupler", b)
+        .pin("C", "coupler", "rocker", c)
+        .pin("D", "ground", "rocker", d)
+}
+
+/// The closing for these inputs from the drawn position.
+pub fn by<'m>(model: &'m Model, names: &[&str]) -> LoopClosing<'m> {
+    let inputs: Vec<usize> = names.iter().map(|n| velocity(model, n)).collect();
+    model.loop_closing(0.0, &model.initial(), Some(&inputs)).unwrap()
+}
+
+/// The blocks of a closing.
+pub fn words(closing: &LoopClosing) -> Vec<String> {
+    closing.blocks().iter().map(|b| b.words.clone()).collect()
+}
+
+/// Two ternary links t1, t2; Watt: t1-t2, two dyads. Stephenson: t1-a-t2, t1-b-t2, t1-c-d-t2.
+pub fn six_bar(watt: bool, ground: &str) -> Drawing {
+    let name = |s: &'static str| if s == ground { "ground" } else { s };
+    let d = drawing("six-bar");
+    if watt {
+        return d
+            .pin("1", name("t1"), name("t2"), [0.0, 0.0])
+            .pin("2", name("t2"), name("a"), [0.3, 0.9])
+            .pin("3", name("a"), name("b"), [1.6, 1.3])
+            .pin("4", name("t1"), name("b"), [1.5, 0.0])
+            .pin("5", name("t2"), name("c"), [-0.4, 0.8])
+            .pin("6", name("c"), name("d"), [-1.5, 1.2])
+            .pin("7", name("t1"), name("d"), [-1.4, -0.2]);
+    }
+    d.pin("1", name("t1"), name("a"), [0.0, 0.0])
+        .pin("2", name("a"), name("t2"), [0.2, 0.8])
+        .pin("3", name("t1"), name("b"), [1.8, 0.1])
+        .pin("4", name("b"), name("t2"), [1.5, 1.4])
+        .pin("5", name("t1"), name("c"), [-0.9, 0.3])
+        .pin("6", name("c"), name("d"), [-0.7, 1.5])
+        .pin("7", name("d"), name("t2"), [0.6, 1.9])
 }

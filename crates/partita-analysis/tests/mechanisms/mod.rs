@@ -64,20 +64,7 @@ pub fn body(rng: &mut fastrand::Rng, name: String) -> Body {
 }
 
 pub fn joint(name: String, kind: JointKind, parent: &str, child: &str, point: [f64; 3]) -> Joint {
-    Joint {
-        name,
-        kind,
-        parent: parent.into(),
-        child: child.into(),
-        point,
-        axis: None,
-        axis2: None,
-        frame: None,
-        free: None,
-        child_point: None,
-        child_axis: None,
-        cut: Cut::Auto,
-    }
+    Joint::new(name, kind, parent, child, point)
 }
 
 pub fn empty(name: &str) -> Spec {
@@ -400,4 +387,24 @@ pub fn apart(x: &[f64], y: &[f64]) -> f64 {
     assert_eq!(x.len(), y.len());
     let size = x.iter().chain(y).fold(1.0, |m: f64, x| m.max(x.abs()));
     x.iter().zip(y).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs())) / size
+}
+
+/// A spatial chain closed to the ground: cylinder, universal, pin, ball.
+pub fn in_space() -> Spec {
+    let mut rng = fastrand::Rng::with_seed(2);
+    let mut spec = empty("in space");
+    let kinds = [JointKind::Cylindrical, JointKind::Universal, JointKind::Revolute, JointKind::Spherical];
+    let mut from = "ground".to_string();
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let name = format!("body{i}");
+        if i < 3 {
+            spec.bodies.push(body(&mut rng, name.clone()));
+        }
+        let to = if i < 3 { name } else { "ground".into() };
+        let mut j = joint(format!("joint{i}"), kind, &from, &to, point(&mut rng, 1.0));
+        (j.axis, j.axis2) = (Some(point(&mut rng, 1.0)), Some(point(&mut rng, 1.0)));
+        spec.joints.push(j);
+        from = to;
+    }
+    spec
 }

@@ -5,7 +5,7 @@
 //! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
 //! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
 
-use super::{replace, Wrench};
+use super::{replace, Reactions, Wrench};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -29,20 +29,7 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench>, SystemError> {
-        self.look(q, v, s);
-        let mut needed = self.needed(t, q, v, vdot, s)?;
-        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
-        for (j, w) in self.closing_reactions(s, lambda) {
-            let p = &self.placed.joints[j];
-            let point = self.joint_point_now(s, j);
-            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
-            self.put(s, &mut needed, p.parent, &w, point);
-            joints[j] = w;
-        }
-        let mut drives: Vec<Vec<f64>> = self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect();
-        for d in &self.drives {
-            drives[d.joint][d.coordinate] = lambda[d.row];
-        }
+        let (Reactions { mut joints, drives, .. }, needed) = self.known(t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.topology.tree.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);

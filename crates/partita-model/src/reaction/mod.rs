@@ -171,8 +171,9 @@ impl Model {
         Ok(needed)
     }
 
-    /// Reactions of all joints for a motion with the multipliers `lambda`.
-    pub fn reactions(
+    /// What the multipliers give by themselves: the reactions of cut joints and the efforts of drives; and what each body
+    /// still needs with them.
+    fn known(
         &self,
         t: f64,
         q: &[f64],
@@ -180,7 +181,7 @@ impl Model {
         vdot: &[f64],
         lambda: &[f64],
         s: &mut ModelScratch,
-    ) -> Result<Reactions, SystemError> {
+    ) -> Result<(Reactions, Vec<Wrench>), SystemError> {
         self.look(q, v, s);
         let mut needed = self.needed(t, q, v, vdot, s)?;
         let mut result = Reactions {
@@ -198,6 +199,20 @@ impl Model {
         for d in &self.drives {
             result.drives[d.joint][d.coordinate] = lambda[d.row];
         }
+        Ok((result, needed))
+    }
+
+    /// Reactions of all joints for a motion with the multipliers `lambda`.
+    pub fn reactions(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        lambda: &[f64],
+        s: &mut ModelScratch,
+    ) -> Result<Reactions, SystemError> {
+        let (mut result, needed) = self.known(t, q, v, vdot, lambda, s)?;
         let transmitted = self.inward(s, needed.clone());
         let efforts = self.efforts(t, q, v)?;
         let mut left = needed;

@@ -37,7 +37,9 @@ impl Blocks {
         c: &[f64],
     ) -> Result<Self, SystemError> {
         let (size, pattern) = (system.size(), system.pattern());
-        let refuse = |what: String| Err(SystemError::Request(format!("the explicit closing cannot be used: {what}")));
+        let refuse = |what: String| {
+            Err(SystemError::Request(format!("the explicit closing cannot be used: {what}; take another formulation")))
+        };
         let mut solved = vec![false; size.nv];
         inputs.iter().for_each(|&i| solved[i] = true);
         let mut parts: Vec<Part> = Vec::with_capacity(blocks.len());

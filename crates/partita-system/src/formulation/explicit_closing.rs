@@ -6,13 +6,18 @@
 //! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
 //! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
+mod inputs;
+
 use super::blocks::Blocks;
 use super::continuity::Continuity;
+use super::dead_point::dead_point;
 use super::options::FormulationOptions;
+use super::reduction::{largest, velocity_residuals};
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
-use crate::partition::{criterion, exchange};
+use crate::partition::criterion;
+use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense;
 
@@ -112,11 +117,11 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         let (n, k) = (size.nv, size.nv - rank);
         let mut fixed = options.independent.clone();
         if let Some(inputs) = &mut fixed {
-            inputs.sort_unstable();
-            inputs.dedup();
+            *inputs = start::distinct("inputs", inputs, n)?;
             if inputs.len() != k {
                 return Err(SystemError::Request(format!(
-                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom",
+                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or \
+                     none",
                     inputs.len()
                 )));
             }
@@ -221,9 +226,10 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             self.continuity.predict(t, &mut self.move_by);
             self.system.step(&mut self.q, &self.move_by);
             self.states.scatter(y, &mut self.q);
-            loops.closing.follow(t, &mut self.q).and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
+            let followed = loops.closing.follow(t, &mut self.q);
+            followed.and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
                 true => Ok(()),
-                false => Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 }),
+                false => Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing)),
             })
         } else {
             self.states.scatter(y, &mut self.q);
@@ -244,8 +250,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         self.counters.factorisations += 1;
         loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
             true => {
-                let block = loops.closing.blocks()[b].words.clone();
-                SystemError::Limit { block, t, shortfall: 0.0 }
+                let seen = format!("{} has no pivot left", loops.closing.blocks()[b].words);
+                dead_point(self.system, self.rank, t, &self.q, loops.closing.inputs(), seen)
             }
             false => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
         })?;
@@ -300,72 +306,6 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 
     fn inputs(&self) -> &[usize] {
         self.loops.as_ref().map_or(&[], |l| l.closing.inputs())
-    }
-
-    fn quality(&mut self, t: f64) -> Result<criterion::Quality, SystemError> {
-        let (n, k) = (self.v.len(), self.k);
-        let inputs = self.inputs().to_vec();
-        let mut columns = vec![0.0; n * k];
-        self.system.inverse_mass_columns(t, &self.q, &inputs, &mut self.scratch, &mut columns)?;
-        let block: Vec<f64> = inputs.iter().flat_map(|&i| columns[i * k..(i + 1) * k].iter().copied()).collect();
-        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-        Ok(criterion::quality(&self.md, &s2, &block))
-    }
-
-    /// Largest gain that a dependent velocity in the place of an input promises.            (P6)
-    fn best_gain(&mut self) -> f64 {
-        let k = self.k;
-        let Some(loops) = &self.loops else { return 0.0 };
-        for (p, &i) in loops.unknown.iter().enumerate() {
-            self.gains[p * k..(p + 1) * k].copy_from_slice(&self.dt[i * k..(i + 1) * k]);
-        }
-        exchange::best(&self.gains, &self.s, &loops.unknown, loops.closing.inputs()).map_or(0.0, |x| x.gain)
-    }
-
-    /// By how much the volume of the choice grows with other inputs: `|det D_I'| Π s_I / Π s_I'`.      (31)
-    fn growth(&self, inputs: &[usize]) -> f64 {
-        let k = self.k;
-        if inputs.len() != k {
-            return 0.0;
-        }
-        let mut block: Vec<f64> = inputs.iter().flat_map(|&i| self.dt[i * k..(i + 1) * k].iter().copied()).collect();
-        let mut pivots = vec![0; k];
-        if dense::lu(&mut block, k, &mut pivots).is_err() {
-            return 0.0;
-        }
-        let scales = self.inputs().iter().zip(inputs).map(|(&old, &new)| self.s[old] / self.s[new]);
-        scales.fold(dense::lu_determinant(&block, k, &pivots).abs(), |x, s| x * s)
-    }
-
-    /// Ask the system for other inputs, now and then or when matters got worse; keeps them in `self.next`.
-    fn better_inputs(&mut self, t: f64, gain: f64) -> bool {
-        self.patience = self.patience.saturating_sub(1);
-        if self.patience > 0 && gain < 2.0 * self.asked_at {
-            return false;
-        }
-        (self.patience, self.asked_at) = (PERIOD, gain);
-        // a system that knows no closing here keeps the one in use, which reports its own limits
-        let Ok(next) = self.system.closing(t, &self.q, None) else { return false };
-        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
-            return false;
-        }
-        self.next = Some(next);
-        true
-    }
-
-    fn log(&mut self, t: f64, before: &[usize], reason: String) -> Result<(), SystemError> {
-        let quality = self.quality(t)?;
-        let now = self.inputs().to_vec();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.loops.as_ref().map_or_else(Vec::new, |l| l.unknown.clone()),
-            reason,
-            quality,
-        });
-        Ok(())
     }
 
     fn names(&self, velocities: &[usize]) -> String {
@@ -532,7 +472,7 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             return Ok(());
         }
         let Some(loops) = &self.loops else { return Ok(()) };
-        Err(SystemError::Limit { block: nearest_to_dead_point(&*loops.closing), t, shortfall: 0.0 })
+        Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing))
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
@@ -541,12 +481,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         self.correct(t, &mut y)?;
         self.evaluate(t, &y)?;
         self.multipliers(t)?;
-        let largest = |m: f64, x: f64| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) };
-        let pattern = self.system.pattern();
-        let rate = |i: usize| pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
         out.t = t;
-        out.closure = self.phi.iter().copied().fold(0.0, largest);
-        out.velocity_closure = (0..self.a.len()).map(rate).fold(0.0, largest);
+        out.closure = largest(self.phi.iter().copied());
+        out.velocity_closure = largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a));
         out.q = self.q.clone();
         out.v = self.v.clone();
         out.vdot = self.vdot.clone();
@@ -593,7 +530,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         }
         for (block, t, foreseen) in self.flips.iter().take(6) {
             notes.push(match foreseen {
-                true => format!("{block} passed its change point in the step before t = {t}: its other branch goes on there"),
+                true => format!(
+                    "{block} passed its change point in the step before t = {t}: its other branch goes on there"
+                ),
                 false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
             });
         }
@@ -604,9 +543,12 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 }
 
-/// The block that limits the motion first.
-fn nearest_to_dead_point(closing: &dyn Closing) -> String {
+/// What there is to say where two branches meet, of the block that meets its other one first.
+fn undecided<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64], closing: &dyn Closing) -> SystemError {
     let blocks = closing.blocks().iter().zip(closing.state());
     let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-    worst.map_or_else(String::new, |(block, _)| block.words.clone())
+    let seen = worst.map_or_else(String::new, |(block, _)| {
+        format!("{} would have to go over to its other branch, where it meets this one", block.words)
+    });
+    dead_point(system, rank, t, q, closing.inputs(), seen)
 }

@@ -161,16 +161,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
     fn log(&mut self, t: f64, q: &[f64], before: &[usize], reason: &str) -> Result<(), SystemError> {
         let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| self.r.v[i]).collect();
         self.r.evaluate(t, q, &speeds)?;
-        let now = self.r.partition.independent.clone();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.r.partition.dependent.clone(),
-            reason: reason.into(),
-            quality: self.r.quality(t, q)?,
-        });
+        let quality = self.r.quality(t, q)?;
+        let p = &self.r.partition;
+        self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason.into(), quality));
         Ok(())
     }
 

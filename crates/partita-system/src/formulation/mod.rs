@@ -1,10 +1,12 @@
 //! Rules that turn S1-S5 into ordinary differential equations, one file each.
 
 pub mod acceleration;
+pub mod any_tangent;
 pub mod baumgarte;
 mod blocks;
 pub mod chooser;
 mod continuity;
+mod dead_point;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod gram_schmidt;
@@ -59,6 +61,29 @@ pub struct PartitionEvent {
     pub reason: String,
     /// Quality right after.
     pub quality: Quality,
+}
+
+impl PartitionEvent {
+    /// A choice made at t in the place of `before` (empty: the first one).
+    pub fn new(
+        t: f64,
+        before: &[usize],
+        independent: &[usize],
+        dependent: &[usize],
+        reason: String,
+        quality: Quality,
+    ) -> Self {
+        let without = |x: &[usize], y: &[usize]| x.iter().copied().filter(|i| !y.contains(i)).collect();
+        Self {
+            t,
+            entering: without(independent, before),
+            leaving: without(before, independent),
+            independent: independent.to_vec(),
+            dependent: dependent.to_vec(),
+            reason,
+            quality,
+        }
+    }
 }
 
 /// What to do with an accepted step, seen from its end.

@@ -8,7 +8,7 @@
 
 use super::chooser::{Change, Chooser};
 use super::reduction::Reduction;
-use super::{turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{dead_point, turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::Selection;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -120,16 +120,8 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         let levels = self.r.velocity(t, &q).and_then(|()| self.r.acceleration(t, &q));
         let quality = levels.and_then(|()| self.r.quality(t, &q));
         self.q = q;
-        let now = self.r.partition.independent.clone();
-        self.events.push(PartitionEvent {
-            t,
-            entering: now.iter().copied().filter(|i| !before.contains(i)).collect(),
-            leaving: before.iter().copied().filter(|i| !now.contains(i)).collect(),
-            independent: now,
-            dependent: self.r.partition.dependent.clone(),
-            reason,
-            quality: quality?,
-        });
+        let p = &self.r.partition;
+        self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality?));
         Ok(())
     }
 
@@ -182,9 +174,12 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         self.log(t, &before, reason)
     }
 
-    fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
+    /// Is a choice that stays, or that of a rule, to blame for a singular C_D?
+    pub(super) fn blame(&self, t: f64, q: &[f64], e: SystemError) -> SystemError {
+        let stays = self.options.fixed.is_some() || !self.options.exchange.is_finite();
         match &self.chooser {
             Some(chooser) => chooser.blame(&self.r, t, q, e),
+            None if stays => dead_point::blame(&self.r, t, q, e),
             None => e,
         }
     }

@@ -1,7 +1,9 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 
-use crate::partition::criterion::{self, Quality};
-use crate::partition::exchange;
+mod watch;
+
+pub use watch::{largest, quality_of, velocity_residuals};
+
 use crate::partition::Partition;
 use crate::system::{ConstrainedSystem, Size, SystemError, Tangent};
 use partita_math::dense;
@@ -14,10 +16,6 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.
 const EMPTY_ROW: f64 = 1e-26;
-
-/// Redundant rows are chosen anew when what they keep of rank falls below this part of what it was: seldom, and long
-/// before rounding suffers.
-const FADING: f64 = 0.3;
 
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
@@ -142,78 +140,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn size(&self) -> Size {
         self.size
     }
-    /// Smallest scaled pivot of the current plan: how far C_D was from losing rank when it was made.
-    pub fn smallest(&self) -> f64 {
-        self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
-    }
-    /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With the
-    /// number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
-    ///
-    /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are measured
-    /// in reaches. Where only the choice of coordinates is singular the one falls as the other grows; where the mechanism
-    /// itself is, A stays as it is. Pivots alone would not do: one of them may vanish for the order of elimination only.
-    /// Three solves with the factors at hand.
-    pub fn distance(&mut self) -> (f64, u64) {
-        let x = &mut self.work[..self.rank];
-        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
-            // irregular, so that no self-stress of a mechanism is orthogonal to it
-            *x = 1.0 + 0.5 * (row as f64 * 1.7).sin();
-        }
-        let mut given = 1.0;
-        let mut answer = 1.0;
-        if let Some(plan) = &self.plan {
-            for transposed in [false, true, false] {
-                given = dense::dot(x, x);
-                let rows = self.partition.rows.iter().map(|&i| self.row_reach[i].unwrap_or(1.0));
-                let columns = self.partition.dependent.iter().map(|&i| self.reach[i]);
-                if transposed {
-                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
-                    plan.solve_transposed(&self.factors, x, 1);
-                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
-                } else {
-                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
-                    plan.solve(&self.factors, x, 1);
-                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
-                }
-                answer = dense::dot(x, x);
-            }
-        }
-        let mut mixed = 1.0;
-        for (p, &d) in self.partition.dependent.iter().enumerate() {
-            for (a, &i) in self.a_matrix[p * self.k..(p + 1) * self.k].iter().zip(&self.partition.independent) {
-                mixed += (a * self.reach[i] / self.reach[d]).powi(2);
-            }
-        }
-        ((given * mixed / answer).sqrt(), self.plans)
-    }
-
-    fn smallest_pivot(&self) -> (f64, u64) {
-        let Some(plan) = &self.plan else { return (1.0, self.plans) };
-        let smallest = (0..self.rank).fold(f64::INFINITY, |m: f64, k| {
-            let (row, column) = (self.partition.rows[k], self.partition.dependent[k]);
-            let open = self.row_reach[row].unwrap_or(1.0);
-            m.min(plan.pivot(&self.factors, k) * self.reach[column] / open)
-        });
-        (smallest, self.plans)
-    }
-    /// Of redundant rows, have those kept come nearer to dependence since they were chosen? Ask after `factor`.
-    ///
-    /// Such rows lose rank in positions where nothing is wrong with the mechanism; others take their place.
-    pub fn rows_fade(&mut self) -> bool {
-        if self.rank == self.size.rows || self.rank == 0 {
-            return false;
-        }
-        let (now, _) = self.smallest_pivot();
-        let fresh = *self.fresh_distance.get_or_insert(now);
-        now < FADING * fresh
-    }
-
-    /// Keep other rows for the same partition, at the last position; leaves the tangent there.
-    pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
-        let independent = self.partition.independent.clone();
-        self.set_partition(t, &independent)?;
-        self.tangent(t)
-    }
 
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
     fn eligible_rows(&self) -> Vec<bool> {
@@ -243,28 +169,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
     }
 
-    /// Largest |Φ|; NaN counts as infinite.
-    pub fn closure(&self) -> f64 {
-        self.phi.iter().fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x.abs()) })
-    }
-
-    /// Is Φ zero up to its own round-off?
-    pub fn is_closed(&self) -> bool {
-        self.phi.iter().zip(&self.noise).all(|(x, n)| x.abs() <= *n)
-    }
-
-    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off; NaN counts as infinite.
-    pub fn openness(&self) -> (f64, usize) {
-        self.phi.iter().zip(&self.noise).enumerate().fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(f64::MIN_POSITIVE) };
-            if open > best.0 {
-                (open, i)
-            } else {
-                best
-            }
-        })
-    }
-
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
     pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?;
@@ -276,14 +180,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
         self.refresh_row_scales();
         Ok(())
-    }
-
-    /// Squared size of row i of C for unit reaches, over what a large move can open it by: 1 for a healthy row.
-    pub fn strength(&self, i: usize) -> Option<f64> {
-        let pattern = self.system.pattern();
-        let reach = self.row_reach[i]?;
-        let sum: f64 = pattern.row(i).map(|e| (self.c[e] * self.reach[pattern.col_idx[e]]).powi(2)).sum();
-        Some(sum / (reach * reach))
     }
 
     /// Scales that bring the rows of C to 1; 0 for rows without a direction.
@@ -512,19 +408,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
-    /// Largest |C v + a| over all rows at the last position with `self.v`.
-    pub fn velocity_closure(&self) -> f64 {
-        let pattern = self.system.pattern();
-        (0..self.size.rows).fold(0.0, |m: f64, i| {
-            let r = pattern.row(i).map(|e| self.c[e] * self.v[pattern.col_idx[e]]).sum::<f64>() + self.a[i];
-            if r.is_nan() {
-                f64::INFINITY
-            } else {
-                m.max(r.abs())
-            }
-        })
-    }
-
     /// One Newton step of the dependent coordinates with the current factors, `q_D ← q_D − C_D⁻¹ Φ`.  (34)
     ///
     /// Needs `position` and `factor` at q, and all rows holonomic. Next to a singular position the step amplifies the
@@ -563,32 +446,5 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             self.residual[i] = *x;
         }
         self.system.step(q, &self.residual);
-    }
-
-    /// The best exchange at the last tangent.                                              (P6)
-    pub fn best_exchange(&self) -> Option<exchange::Exchange> {
-        exchange::best(&self.a_matrix, &self.s, &self.partition.dependent, &self.partition.independent)
-    }
-
-    /// σ and √μ at the last evaluation.
-    pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
-        let (n, k) = (self.size.nv, self.k);
-        let mut columns = vec![0.0; n * k];
-        self.system.inverse_mass_columns(t, q, &self.partition.independent, &mut self.scratch, &mut columns)?;
-        let mut block = vec![0.0; k * k];
-        for (r, &i) in self.partition.independent.iter().enumerate() {
-            block[r * k..(r + 1) * k].copy_from_slice(&columns[i * k..(i + 1) * k]);
-        }
-        let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
-        Ok(criterion::quality(&self.md, &s2, &block))
-    }
-
-    /// P4 at the last evaluation, with fresh scales.
-    pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
-        let mut s2 = vec![0.0; self.size.nv];
-        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
-        let mut work = vec![0.0; self.k];
-        criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
-        Ok(())
     }
 }

@@ -38,6 +38,9 @@ pub const NAMES: &[&str] = &[
 ];
 
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
+///
+/// # Errors
+/// `Request` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     name: &str,
     system: &'s S,
@@ -45,10 +48,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
     let o = options;
-    if !(0.0..=1.0).contains(&o.renew) {
-        let message = format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", o.renew);
-        return Err(SystemError::Request(message));
-    }
+    o.check(system.size().nv)?;
     let projective = |exchange: f64| ProjectiveOptions {
         exchange,
         correction: o.correction,
@@ -85,4 +85,35 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
             return Err(SystemError::Request(message));
         }
     })
+}
+
+/// Options that were set and that the formulation of this name does not read: to be told, for they change nothing.
+///
+/// What differs from [`FormulationOptions::default`] counts as set.
+pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
+    let read: &[&str] = match name {
+        "projective" => &["correction", "exchange", "independent", "weights", "selection", "window"],
+        "fixed" => &["correction", "independent", "weights", "selection", "window"],
+        "wehage-haug" => &["exchange", "independent", "weights", "selection", "window"],
+        "explicit-closing" => &["exchange", "independent"],
+        "zero-eigenvalue" | "svd" | "qr" | "gram-schmidt" => &["correction", "renew"],
+        "tangent-space" => &["renew"],
+        "user-tangent" => &["correction", "tangent"],
+        "multipliers" | "range-space" | "proximal" => &["correction", "exchange"],
+        "baumgarte" => &["baumgarte", "exchange"],
+        _ => &[],
+    };
+    let (o, usual) = (options, FormulationOptions::default());
+    let set = [
+        ("correction", o.correction != usual.correction),
+        ("exchange", o.exchange != usual.exchange),
+        ("independent", o.independent.is_some()),
+        ("weights", o.weights.is_some()),
+        ("selection", o.selection != usual.selection),
+        ("window", o.window.is_some()),
+        ("baumgarte", o.baumgarte.is_some()),
+        ("renew", o.renew != usual.renew),
+        ("tangent", o.tangent.is_some()),
+    ];
+    set.into_iter().filter(|(option, set)| *set && !read.contains(option)).map(|(option, _)| option).collect()
 }

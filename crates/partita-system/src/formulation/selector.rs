@@ -8,19 +8,17 @@
 //! as that of a partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
 //! measured by M⁻¹, and the tangent space. Dense: one LU of [S; C] per evaluation, n³/3 + n²(k + 1).
 
+mod life;
+
+use super::any_tangent::{power, reduced_acceleration, state_sample};
 use super::reduction::{Reduction, SINGULAR_PIVOT};
-use super::{Correction, PartitionEvent, Review, Sample};
+use super::{Correction, PartitionEvent, Sample};
 use crate::kinematics::correction;
 use crate::kinematics::projection::{correct_orthogonally, dense_rows};
 use crate::partition::criterion::{self, Quality};
-use crate::partition::Partition;
-use crate::start;
-use crate::system::{ConstrainedSystem, SystemError, Tangent};
+use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, FactorError};
-
-/// A basis whose quality fell to this part of its threshold within one step spoils the step, which is repeated.
-const HARD_PART: f64 = 0.125;
 
 /// A rule that provides S.
 pub trait Basis: Send {
@@ -121,17 +119,6 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
     /// How often S was frozen.
     pub fn frozen(&self) -> u64 {
         self.frozen
-    }
-
-    /// Keep the rows of a good partition at `(t, q)` and freeze the first S there.
-    pub fn start(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        start::choose_partition(&mut self.r, t, q, None, None)?;
-        self.freeze(t, q)?;
-        let reason = format!(
-            "tangent basis \"{}\" frozen: its velocities are integrated; named is the best choice of coordinates at this time",
-            self.name()
-        );
-        self.log(t, q, reason)
     }
 
     /// Take S from the rule at `(t, q)`; on failure the old one stays. Leaves v at zero.
@@ -412,85 +399,6 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         criterion::quality(md.data(), &lengths, block)
     }
 
-    /// Judge the frozen S at the end of a step; the last evaluation was there.
-    ///
-    /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
-    pub fn judge(&mut self, t: f64, q: &[f64], renew: f64) -> Review {
-        if self.r.k() == 0 || self.r.rank() == 0 {
-            return Review::Keep;
-        }
-        // a failure here would be met by the next evaluation too, which reports it
-        let faded = self.r.rank() < self.r.size().rows && (self.r.factor(t).is_err() || self.r.rows_fade());
-        if faded && self.renew_rows(t, q).is_err() {
-            return Review::Keep;
-        }
-        let Ok(now) = self.quality(t, q) else { return Review::Keep };
-        self.lowest = self.lowest.min(now.sqrt_mu);
-        let part = now.sqrt_mu / self.fresh.sqrt_mu;
-        if renew <= 0.0 || part >= renew {
-            self.rejects_in_a_row = 0;
-            return Review::Keep;
-        }
-        if part < HARD_PART * renew && self.rejects_in_a_row < 3 {
-            self.rejects_in_a_row += 1;
-            return Review::Reject;
-        }
-        self.rejects_in_a_row = 0;
-        Review::Change
-    }
-
-    /// Keep others of redundant rows, with the same S, and come back to the state last evaluated.
-    fn renew_rows(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        let v = self.r.v.clone();
-        start::choose_partition(&mut self.r, t, q, None, None)?;
-        self.r.position(t, q)?;
-        self.factor(t)?;
-        self.tangent();
-        self.r.v.copy_from_slice(&v);
-        self.velocity(t, q)?;
-        self.acceleration(t, q)
-    }
-
-    /// Freeze anew at `(t, q)` and log it; a basis that cannot be had there leaves the old one in place. True if renewed.
-    pub fn renew(&mut self, t: f64, q: &[f64], why: &str) -> Result<bool, SystemError> {
-        self.r.position(t, q)?;
-        self.factor(t)?;
-        self.tangent();
-        let before = match self.quality(t, q) {
-            Ok(now) => now.sqrt_mu,
-            Err(_) => 0.0,
-        };
-        match self.freeze(t, q) {
-            Ok(()) => {}
-            Err(e) if e.is_local() => {
-                self.kept += 1;
-                return Ok(false);
-            }
-            Err(e) => return Err(e),
-        }
-        let reason = format!(
-            "tangent basis \"{}\" renewed ({why}): its quality sqrt(mu) rises from {before:.4} to {:.4}",
-            self.name(),
-            self.fresh.sqrt_mu
-        );
-        self.log(t, q, reason)?;
-        Ok(true)
-    }
-
-    fn log(&mut self, t: f64, q: &[f64], reason: String) -> Result<(), SystemError> {
-        let best = best_partition(self.r.system, self.r.rank(), t, q)?;
-        self.events.push(PartitionEvent {
-            t,
-            independent: best.independent,
-            dependent: best.dependent,
-            entering: Vec::new(),
-            leaving: Vec::new(),
-            reason,
-            quality: self.fresh,
-        });
-        Ok(())
-    }
-
     /// One step `q ← q − G Φ`: the tangent part S·Δ stays untouched. The analogue of (34); needs all rows holonomic.
     pub fn along_the_constraints(&mut self, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
         let k = self.r.k();
@@ -545,120 +453,10 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         state_sample(&mut self.r, t, q, work, out)
     }
 
-    /// What the run should tell about the basis.
-    pub fn notes(&self, renew: f64) -> Vec<String> {
-        if self.r.k() == 0 || self.r.rank() == 0 {
-            return Vec::new();
-        }
-        let renewed = self.frozen.saturating_sub(1);
-        let mut notes = vec![match renew > 0.0 {
-            true => format!(
-                "tangent basis \"{}\": frozen at the start and renewed {renewed} times; its quality sqrt(mu) was {:.3} at the \
-                 lowest",
-                self.name(),
-                self.lowest
-            ),
-            false => format!(
-                "tangent basis \"{}\": frozen at the start and never renewed (renew = 0); its quality sqrt(mu) was {:.3} at \
-                 the lowest",
-                self.name(),
-                self.lowest
-            ),
-        }];
-        if self.kept > 0 {
-            notes.push(format!(
-                "{} times no new tangent basis could be had (next to a singular position) and the old one was kept",
-                self.kept
-            ));
-        }
-        notes
-    }
-
     /// Rows kept, ascending.
     pub fn kept_rows(&self) -> Vec<usize> {
         let mut rows = self.r.partition.rows.clone();
         rows.sort_unstable();
         rows
     }
-}
-
-/// `M_d u' = D (h − M δ)` for any tangent left in r (`dt`, `delta`, `v`); u' in `r.vdot_independent`.
-pub fn reduced_acceleration<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    hd: &mut [f64],
-) -> Result<(), SystemError> {
-    let k = r.k();
-    let tangent = Tangent { k, dt: &r.dt, delta: &r.delta };
-    r.system.project(t, q, &r.v, &tangent, &mut r.scratch, &mut r.md, hd)?;
-    r.md_factor.copy_from_slice(&r.md);
-    r.vdot_independent.copy_from_slice(hd);
-    if let Err(e) = dense::cholesky(&mut r.md_factor, k) {
-        if !r.md.iter().all(|x| x.is_finite()) {
-            return Err(SystemError::NotFinite { what: "the reduced mass matrix".into(), t });
-        }
-        // the velocity with the largest share in the tangent velocity that has no inertia
-        let share = |i: &usize| r.dt[i * k + e.index].abs();
-        let most = (0..r.size().nv).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(0);
-        return Err(SystemError::Mass { name: r.system.velocity_name(most), pivot: e.pivot });
-    }
-    dense::cholesky_solve(&r.md_factor, k, &mut r.vdot_independent);
-    Ok(())
-}
-
-/// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
-///
-/// For any tangent: −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
-pub fn power<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    vdot: &mut [f64],
-    residual: &mut [f64],
-) -> Result<f64, SystemError> {
-    let mut p = r.system.power(t, q, &r.v, &mut r.scratch)?;
-    if r.system.rheonomic() {
-        r.full_acceleration(vdot);
-        r.system.inverse_dynamics(t, q, &r.v, vdot, &mut r.scratch, residual)?;
-        p += dense::dot(residual, &r.gamma);
-    }
-    Ok(p)
-}
-
-/// The best choice of coordinates at `(t, q)` (P5, P6).
-pub fn best_partition<S: ConstrainedSystem>(
-    system: &S,
-    rank: usize,
-    t: f64,
-    q: &[f64],
-) -> Result<Partition, SystemError> {
-    let mut probe = Reduction::new(system, rank);
-    start::choose_partition(&mut probe, t, q, None, None)?;
-    Ok(probe.partition)
-}
-
-/// The part of a sample that is the same for every tangent left in r by an evaluation at `(t, q)`: all but multipliers
-/// and quality. The independent velocities named are the best ones of the moment.
-pub fn state_sample<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: Vec<f64>,
-    work: f64,
-    out: &mut Sample,
-) -> Result<(), SystemError> {
-    let size = r.size();
-    out.t = t;
-    out.work = work;
-    out.closure = r.closure();
-    out.velocity_closure = r.velocity_closure();
-    out.v.clear();
-    out.v.extend_from_slice(&r.v);
-    out.vdot.resize(size.nv, 0.0);
-    r.full_acceleration(&mut out.vdot);
-    out.measure.resize(size.nv, 0.0);
-    r.measure(t, &q, &mut out.measure)?;
-    out.independent = best_partition(r.system, r.rank(), t, &q)?.independent;
-    out.q = q;
-    Ok(())
 }

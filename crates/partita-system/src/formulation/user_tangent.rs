@@ -8,8 +8,8 @@
 //! Drift of positions is removed by the least move in the mass metric (33) whichever correction is asked for: there are no
 //! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
 
+use super::any_tangent::{best_partition, power, reduced_acceleration, state_sample};
 use super::options::TangentMap;
-use super::selector::{best_partition, power, reduced_acceleration, state_sample};
 use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::formulation::reduction::Reduction;
 use crate::kinematics::correction;

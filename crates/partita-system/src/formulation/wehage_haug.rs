@@ -8,6 +8,7 @@
 //! Where the drift ends is the whole difference to [`Projective`], which does the rest here too: choice, exchange, events.
 
 use super::continuity::Continuity;
+use super::dead_point::dead_point;
 use super::projective::{Projective, ProjectiveOptions};
 use super::reduction::Reduction;
 use super::state_coordinates::StateCoordinates;
@@ -120,14 +121,15 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
         if closed.is_err() {
             self.full[..nq].copy_from_slice(&self.home);
         }
-        closed.map(|_| ())
+        closed.map(|_| ()).map_err(|e| self.inner.blame(t, &self.home, e))
     }
 
     /// What there is to say where two solutions cannot be told apart.
     fn dead_point(&mut self, t: f64) -> SystemError {
-        let independent = &self.inner.reduction().partition.independent;
-        let names: Vec<String> = independent.iter().map(|&i| self.system.velocity_name(i)).collect();
-        SystemError::Limit { block: format!("the mechanism driven by {}", names.join(", ")), t, shortfall: 0.0 }
+        let seen = "they cannot tell on which of two branches the others go on".to_string();
+        let (nq, r) = (self.nq(), self.inner.reduction());
+        let independent = r.partition.independent.clone();
+        dead_point(self.system, r.rank(), t, &self.full[..nq], &independent, seen)
     }
 
     /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)

@@ -4,6 +4,7 @@
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
+use partita_system::formulation::options::TangentMap;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::SystemError;
 
@@ -183,4 +184,27 @@ pub fn log_det_general(m: &Matrix) -> f64 {
 /// D = Dᵀᵀ as a matrix (k x n).
 pub fn tangent<S: partita_system::ConstrainedSystem>(r: &Reduction<S>) -> Matrix {
     Matrix::from_vec(r.size().nv, r.k(), r.dt.clone()).transpose()
+}
+
+/// D, γ and δ written out.
+#[derive(Clone)]
+pub struct Given {
+    pub dt: Vec<f64>,
+    pub gamma: Vec<f64>,
+    pub delta: Vec<f64>,
+}
+
+impl TangentMap for Given {
+    fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
+        dt.copy_from_slice(&self.dt);
+        Ok(())
+    }
+    fn offset(&self, _: f64, _: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+        gamma.copy_from_slice(&self.gamma);
+        Ok(())
+    }
+    fn bias(&self, _: f64, _: &[f64], _: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
+        delta.copy_from_slice(&self.delta);
+        Ok(true)
+    }
 }

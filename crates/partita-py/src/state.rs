@@ -1,0 +1,149 @@
+//! What any system answers at one state.
+
+use crate::arrays::array;
+use crate::failure;
+use numpy::PyArrayDyn;
+use partita_system::formulation::reduction::Reduction;
+use partita_system::kinematics::{assembly, velocity};
+use partita_system::{start, ConstrainedSystem, SystemError};
+use pyo3::prelude::*;
+
+/// An array for Python.
+pub type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// Room for the position and the velocity level of a system.
+pub struct Levels<'s, S: ConstrainedSystem> {
+    system: &'s S,
+    /// Scratch of the system, at the state last taken.
+    pub scratch: S::Scratch,
+    /// Φ.
+    pub phi: Vec<f64>,
+    /// C in pattern order.
+    pub c: Vec<f64>,
+    /// a.
+    pub a: Vec<f64>,
+    /// b.
+    pub b: Vec<f64>,
+}
+
+impl<'s, S: ConstrainedSystem> Levels<'s, S> {
+    /// Nothing evaluated yet.
+    pub fn new(system: &'s S) -> Self {
+        let size = system.size();
+        Self {
+            system,
+            scratch: system.scratch(),
+            phi: vec![0.0; size.holonomic],
+            c: vec![0.0; system.pattern().nnz()],
+            a: vec![0.0; size.rows],
+            b: vec![0.0; size.rows],
+        }
+    }
+
+    /// Φ, C and a at (t, q).
+    pub fn position(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
+    }
+
+    /// The same, and b at v.
+    pub fn velocity(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+        self.position(t, q)?;
+        self.system.velocity(t, q, v, &mut self.scratch, &mut self.b)
+    }
+
+    /// M and h, after `velocity` at the same state.
+    pub fn dynamics(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
+        let n = v.len();
+        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
+        self.system.dynamics(t, q, v, &mut self.scratch, &mut mass, &mut h)?;
+        Ok((mass, h))
+    }
+}
+
+/// The reduction with the best partition at (t, q).
+fn chosen<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<Reduction<'s, S>, SystemError> {
+    let found = start::analyse(system, t, q)?;
+    let mut r = Reduction::new(system, found.rank);
+    start::choose_partition(&mut r, t, q, None, None)?;
+    Ok(r)
+}
+
+/// (q, v) with the loops closed, the targets reached and the rates; also the JSON report.
+///
+/// `place` may know a way to the targets that needs no walk (closed forms); its answer is a closed position.
+pub fn assemble<'py, S: ConstrainedSystem>(
+    py: Python<'py>,
+    system: &S,
+    t: f64,
+    mut q: Vec<f64>,
+    targets: &[(usize, f64)],
+    rates: &[(usize, f64)],
+    tolerance: f64,
+    place: impl Fn(&[f64]) -> Option<Vec<f64>>,
+) -> PyResult<(Array<'py>, Array<'py>, String)> {
+    let mut compute = || -> Result<_, SystemError> {
+        let closed = assembly::close(system, t, &mut q, tolerance, &[])?;
+        let mut steps = 0;
+        let (mut iterations, mut residual) = (closed.iterations, closed.residual);
+        let placed = if targets.is_empty() { None } else { place(&q) };
+        let explicit = placed.is_some();
+        if let Some(there) = placed {
+            q = there;
+            let held: Vec<usize> = targets.iter().filter_map(|&(i, _)| system.velocity_of_coordinate(i)).collect();
+            let closed = assembly::close(system, t, &mut q, tolerance, &held)?;
+            iterations += closed.iterations;
+            residual = closed.residual;
+        } else if !targets.is_empty() {
+            let moved = assembly::move_to(system, t, &mut q, targets, tolerance)?;
+            iterations += moved.iterations;
+            residual = moved.residual;
+            steps = moved.target_steps;
+        }
+        let v = if rates.is_empty() && !system.rheonomic() {
+            vec![0.0; system.size().nv]
+        } else {
+            velocity::with_rates(&mut chosen(system, t, &q)?, t, &q, rates)?
+        };
+        let said = serde_json::json!({
+            "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": explicit
+        });
+        Ok((v, said.to_string()))
+    };
+    let (v, said) = compute().map_err(|e| failure::system(py, e))?;
+    Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
+}
+
+/// v' and λ, by a partition chosen there.
+pub fn acceleration<'py, S: ConstrainedSystem>(
+    py: Python<'py>,
+    system: &S,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+) -> PyResult<(Array<'py>, Array<'py>)> {
+    let compute = || -> Result<_, SystemError> {
+        let mut r = chosen(system, t, q)?;
+        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        r.evaluate(t, q, &speeds)?;
+        let size = system.size();
+        let (mut vdot, mut lambda) = (vec![0.0; size.nv], vec![0.0; size.rows]);
+        r.full_acceleration(&mut vdot);
+        r.multipliers(t, q, &vdot, &mut lambda)?;
+        Ok((vdot, lambda))
+    };
+    let (vdot, lambda) = compute().map_err(|e| failure::system(py, e))?;
+    Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
+}
+
+/// ρ at a position.
+pub fn measure<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, t: f64, q: &[f64]) -> PyResult<Array<'py>> {
+    let compute = || -> Result<_, SystemError> {
+        let mut r = chosen(system, t, q)?;
+        r.evaluate(t, q, &vec![0.0; r.k()])?;
+        let mut rho = vec![0.0; system.size().nv];
+        r.measure(t, q, &mut rho)?;
+        Ok(rho)
+    };
+    let rho = compute().map_err(|e| failure::system(py, e))?;
+    Ok(array(py, &[rho.len()], rho))
+}

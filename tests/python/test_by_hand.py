@@ -1,0 +1,154 @@
+"""Equations by hand and choices from matrices: what is accepted, what is refused and with which words."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from builder_parts import pendulum
+
+import partita as pt
+from partita.errors import (
+    ArgumentError,
+    DescriptionError,
+    EvaluationError,
+)
+
+# ---------------------------------------------------------------- systems
+
+
+def circle(**change: Any) -> pt.System:
+    """A point of 1 kg on the unit circle under gravity."""
+    functions: dict[str, Any] = {
+        "mass": np.eye(2),
+        "forces": lambda t, q, v: np.array([0.0, -9.81]),
+        "constraints": lambda t, q: [0.5 * (q @ q - 1)],
+        "jacobian": lambda t, q: [q],
+        "bias": lambda t, q, v: [v @ v],
+        "names": ["x", "y"],
+    }
+    return pt.System(n=2, **{**functions, **change})
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"names": ["x"]}, "2 different texts"),
+        ({"names": ["x", "x"]}, "2 different texts"),
+        ({"jacobian": None}, "need their jacobian"),
+        ({"bias": None}, "needs bias"),
+        ({"mass": "M"}, "function or an array"),
+    ],
+)
+def test_bad_system_is_refused(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(DescriptionError) as caught:
+        circle(**change)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("n", [0, -1, 2.0, True])
+def test_bad_size_of_a_system_is_refused(n: Any) -> None:
+    with pytest.raises(DescriptionError, match="integer above zero"):
+        pt.System(n, mass=np.eye(2), forces=(0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"mass": lambda t, q: np.eye(3)}, "mass at t = 0 s returned shape (3, 3) instead of (2, 2)"),
+        ({"mass": lambda t, q: [[1.0, 0.5], [0.0, 1.0]]}, "not symmetric"),
+        ({"forces": lambda t, q, v: [0.0, math.nan]}, "forces at t = 0 s returned nan at index [1]"),
+        ({"forces": lambda t, q, v: "down"}, "no array of numbers"),
+        ({"jacobian": lambda t, q: q}, "jacobian at t = 0 s returned shape (2,)"),
+        ({"constraints": lambda t, q: [0.0, 0.0]}, "at most 1"),
+        ({"bias": lambda t, q, v: [0.0, 0.0]}, "instead of (1,)"),
+    ],
+)
+def test_functions_of_a_system_are_checked(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(EvaluationError) as caught:
+        pt.simulate(circle(**change), 1.0, [1.0, 0.0], [0.0, 0.0])
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"q0": [1.0]}, "flat array of 2 numbers: x, y"),
+        ({"v0": [0.0, math.inf]}, "finite"),
+        ({"q0": None}, "q0 is missing"),
+        ({"initial": pt.State(0.0, [1.0, 0.0], [0.0, 0.0])}, "not both"),
+        ({"method": "euler"}, "method"),
+    ],
+)
+def test_bad_start_of_a_system(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        pt.simulate(circle(), 1.0, **{"q0": [1.0, 0.0], "v0": [0.0, 0.0], **arguments})
+    assert words in str(caught.value)
+
+
+def test_a_mechanism_is_no_system() -> None:
+    with pytest.raises(ArgumentError, match="call its own method"):
+        pt.simulate(pendulum(), 1.0)  # type: ignore[arg-type]
+
+
+# ---------------------------------------------------------------- partition
+
+
+@pytest.mark.parametrize(
+    ("mass", "jacobian", "words"),
+    [
+        (np.ones((2, 3)), np.ones((1, 2)), "square"),
+        (np.eye(2), np.ones((1, 3)), "3 columns for 2 coordinates"),
+        (np.eye(2), np.ones(2), "matrix"),
+        ([[1.0, 0.5], [0.0, 1.0]], np.ones((1, 2)), "M[0, 1] and M[1, 0]"),
+        ([[1.0, math.nan], [0.0, 1.0]], np.ones((1, 2)), "finite"),
+    ],
+)
+def test_bad_matrices_for_the_criterion(mass: Any, jacobian: Any, words: str) -> None:
+    for function in (pt.partition.measure, pt.partition.choose):
+        with pytest.raises(ArgumentError) as caught:
+            function(mass, jacobian)
+        assert words in str(caught.value)
+
+
+def test_bad_options_of_the_choice() -> None:
+    with pytest.raises(ArgumentError, match="for ever"):
+        pt.partition.choose(np.eye(2), np.ones((1, 2)), threshold=0.5)
+    with pytest.raises(ArgumentError, match="2 positive"):
+        pt.partition.choose(np.eye(2), np.ones((1, 2)), weights=[1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"selection": "largest"}, "no selection 'largest'"),
+        ({"selection": "persistence"}, "needs a history"),
+        ({"selection": "greedy", "threshold": 1.5}, "makes no exchanges"),
+        ({"selection": "determinant", "weights": [1.0, 2.0]}, "no use for weights"),
+        ({"selection": "greedy", "fixed": [0]}, "no rule"),
+        ({"fixed": [0], "weights": [1.0, 2.0]}, "no weights"),
+        ({"fixed": [2]}, "from 0 to 1"),
+        ({"fixed": [0, 0]}, "different indices"),
+        ({"fixed": ["x"]}, "must be indices"),
+        ({"fixed": [0, 1]}, "1 degrees of freedom"),
+    ],
+)
+def test_contradictory_options_of_the_choice(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        pt.partition.choose(np.eye(2), np.ones((1, 2)), **options)
+
+
+def test_rules_of_choice() -> None:
+    # a pendulum at 45 degrees beside three coupled carts: one by one, the two largest measures are both the pendulum's
+    d = math.sqrt(0.5)
+    rows = [[d, -d, 0, 0, 0], [0, 0, 1, -1, 0], [0, 0, 0, 1, -1]]
+    for rule in ("collective", "greedy", "normalised-determinant", "determinant", "complete-pivoting"):
+        choice = pt.partition.choose(np.eye(5), rows, selection=rule)
+        assert len(set(choice.independent) & {0, 1}) == 1
+        assert choice.sigma == pytest.approx(1 / math.sqrt(3))
+        assert np.abs(choice.D @ np.transpose(rows)).max() < 1e-14
+    with pytest.raises(pt.errors.SingularityError, match=r"coordinate 0, coordinate 1.*C_D is singular"):
+        pt.partition.choose(np.eye(5), rows, selection="individual")
+    with pytest.raises(ArgumentError, match="coordinate 0, coordinate 1 cannot be independent"):
+        pt.partition.choose(np.eye(5), rows, fixed=[0, 1])
+    assert pt.partition.choose(np.eye(5), rows, fixed=[4, 1]).independent.tolist() == [1, 4]
