@@ -45,6 +45,7 @@ fn count(model: &Model, inputs: &[&str], explicit: bool) {
             q[v] = start[v] + 1e-3 * f64::from(k);
         }
         closing.close(1e-3 * f64::from(k), &mut q).unwrap();
+        assert!(closing.follow(1e-3 * f64::from(k), &mut q).unwrap() < 1e-3);
     }
     let after = ALLOCATIONS.load(Ordering::Relaxed);
     assert_eq!(after - before, 0, "{}: {} allocations", model.spec.name, after - before);
