@@ -24,6 +24,7 @@ fn count(model: &Model, inputs: &[&str], explicit: bool) {
                 q[v] = start[v] + 1e-3 * f64::from(k);
             }
             closing.close(1e-3 * f64::from(k), &mut q).unwrap();
+            assert!(closing.follow(1e-3 * f64::from(k), &mut q).unwrap() < 1e-3);
         }
     });
     assert_eq!(counted, 0, "{}: {} allocations", model.spec.name, counted);

@@ -92,6 +92,45 @@ fn rsur_has_four_assemblies() {
     }
 }
 
+/// `follow` closes on the branches nearest to what it is given: from a little beside each assembly that assembly, with little
+/// doubt; half-way between two of them in much doubt.
+#[test]
+fn branches_can_follow_the_position() {
+    let cases = [
+        (four_bar([1.0, 0.5, 1.2, 0.8], 0.7, 1.0), "A", 2),
+        (watt(), "A", 2),
+        (stephenson(), "A", 2),
+        (linkages::slider_crank(), "A", 2),
+        (rssr("U").cut("B"), "crank", 4),
+    ];
+    for (drawing, input, count) in cases {
+        let model = drawing.model();
+        let inputs = [velocity(&model, input)];
+        let all = model.assemblies(0.0, &model.initial(), Some(&inputs)).unwrap();
+        assert!(all.found.len() >= count, "{}: {:?}", model.spec.name, all.notes);
+        let mut closing = model.loop_closing(0.0, &model.initial(), Some(&inputs)).unwrap();
+        for a in &all.found {
+            let mut q = a.q.clone();
+            let dv: Vec<f64> = (0..model.size().nv).map(|v| if v == inputs[0] { 0.0 } else { 1e-3 }).collect();
+            model.step(&mut q, &dv);
+            let doubt = closing.follow(0.0, &mut q).unwrap();
+            assert!(doubt > 0.0 && doubt < 0.1, "{}: {doubt}", model.spec.name);
+            let off = q.iter().zip(&a.q).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
+            assert!(off < 1e-12, "{}: {off:e}", model.spec.name);
+            // and from there it keeps that branch
+            let own = branches(&closing);
+            closing.close(0.0, &mut q).unwrap();
+            assert_eq!(branches(&closing), own);
+        }
+        let between = |i: usize| 0.5 * (all.found[0].q[i] + all.found[1].q[i]);
+        if model.is_planar() {
+            let mut q: Vec<f64> = (0..model.size().nq).map(between).collect();
+            let doubt = closing.follow(0.0, &mut q).unwrap();
+            assert!(doubt > 0.9, "{}: {doubt}", model.spec.name);
+        }
+    }
+}
+
 /// Spatial slider-crank: crank about x, rod on a ball, universal joint at the slider.
 fn slider_crank(balls: bool) -> Drawing {
     let d = drawing("spatial slider-crank")

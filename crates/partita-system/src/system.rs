@@ -99,16 +99,13 @@ pub enum SystemError {
         message: String,
     },
     /// A loop cannot close for these values of its inputs.
-    #[error(
-        "{block} cannot close at t = {t}: its lengths miss each other by {shortfall:.6e} m (a limit position of the \
-         mechanism); stop the inputs before it, or take other coordinates as inputs"
-    )]
+    #[error("{}", limit(block, *t, *shortfall))]
     Limit {
         /// Which block, in words.
         block: String,
         /// Time.
         t: f64,
-        /// By how much the lengths miss each other [m].
+        /// By how much the lengths miss each other [m]; 0 where they just meet and the inputs lead no further.
         shortfall: f64,
     },
     /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's lengths.
@@ -151,6 +148,17 @@ pub enum SystemError {
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
+}
+
+fn limit(block: &str, t: f64, shortfall: f64) -> String {
+    let advice = "stop the inputs before it, or take other coordinates as inputs";
+    if shortfall == 0.0 {
+        return format!("{block} cannot close beyond the limit position it has come to at t = {t}; {advice}");
+    }
+    format!(
+        "{block} cannot close at t = {t}: its lengths miss each other by {shortfall:.6e} m (a limit position of the \
+         mechanism); {advice}"
+    )
 }
 
 impl SystemError {

@@ -347,31 +347,6 @@ pub fn sweep(model: &Model, closing: &mut LoopClosing, input: &str, angle: f64, 
     q
 }
 
-/// The point at l2 from P and l3 from Q on the side ε of the line PQ.
-pub fn dyad(p: [f64; 2], q: [f64; 2], l2: f64, l3: f64, sign: f64) -> [f64; 2] {
-    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
-    let r = dx.hypot(dy);
-    let u = (r * r + l2 * l2 - l3 * l3) / (2.0 * r);
-    let h = sign * (l2 * l2 - u * u).sqrt();
-    [p[0] + (u * dx - h * dy) / r, p[1] + (u * dy + h * dx) / r]
-}
-
-/// The point at distance l from the origin.
-pub fn polar(l: f64, angle: f64) -> [f64; 2] {
-    [l * angle.cos(), l * angle.sin()]
-}
-
-/// Lengths ground, crank, coupler, rocker; drawn at the crank angle, C on the side ε.
-pub fn four_bar([l0, l1, l2, l3]: [f64; 4], crank: f64, sign: f64) -> Drawing {
-    let (b, d) = (polar(l1, crank), [l0, 0.0]);
-    let c = dyad(b, d, l2, l3, sign);
-    drawing("four-bar")
-        .pin("A", "ground", "crank", [0.0; 2])
-        .pin("B", "crank", "coupler", b)
-        .pin("C", "coupler", "rocker", c)
-        .pin("D", "ground", "rocker", d)
-}
-
 /// The closing for these inputs from the drawn position.
 pub fn by<'m>(model: &'m Model, names: &[&str]) -> LoopClosing<'m> {
     let inputs: Vec<usize> = names.iter().map(|n| velocity(model, n)).collect();

@@ -1,6 +1,6 @@
 //! Explicit closing: 2k states, the loops closed by inverse kinematics, nothing iterated and nothing to correct.
 //!
-//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion; A, η and ξ follow block by block from small
+//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion between change points; A, η and ξ follow block by block from small
 //! systems (38), the equations of motion from P3, the multipliers of the physical closing conditions from the same blocks
 //! backwards (43). Prefer it for loops that are recognised, with an input that can turn freely: it is the cheapest form,
 //! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
@@ -33,7 +33,8 @@ const MOST_DOUBT: f64 = 0.5;
 ///
 /// States: the coordinates of the inputs (the whole quaternion of a ball joint), their velocities, and the work, where
 /// there is any. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a change of
-/// inputs). At a dead point of inputs that stay the run ends with a message.
+/// inputs). At a dead point of inputs that stay the run ends with a message. Change points, where pivots go through zero
+/// because the mechanism itself is singular, are passed on the branch that the velocities lead to, and told in the notes.
 pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     system: &'s S,
     scratch: S::Scratch,

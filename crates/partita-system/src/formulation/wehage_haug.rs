@@ -1,7 +1,7 @@
 //! Classical coordinate partitioning: 2k states, the dependent coordinates by Newton's method in every evaluation.
 //!
-//! States are the independent coordinates and velocities; at each stage `Φ(q, t) = 0` is solved for q_D from the last
-//! solution, q_I untouched (34), and the rest is P1-P3 as in the compact form. Same motion and same order of error as
+//! States are the independent coordinates and velocities; at each stage `Φ(q, t) = 0` is solved for q_D from where the
+//! motion leads, q_I untouched (34), and the rest is P1-P3 as in the compact form. Same motion and same order of error as
 //! that one, at one to three solves more per stage. Prefer it where forces, tables or events must never see an open loop,
 //! or where the number of states counts. (Wehage, Haug 1982; catalogue row 3.)
 //!
@@ -34,8 +34,9 @@ const UNDECIDED: f64 = 1e2;
 /// that needs most, see [`dim`](Formulation::dim); without ball joints it is 2k.
 ///
 /// At dead points of fixed independent coordinates, and at singular positions of the mechanism, the equations have two
-/// solutions. A step that took the one in which velocities jump is repeated; if none finds the other the run ends with a
-/// message. The compact form, which carries all coordinates, passes there.
+/// solutions that meet. Newton's method starts where the velocities lead and so passes singular positions on the right
+/// one; a stage that might have found either, and a step in which velocities jump, are repeated. If none is left, as at
+/// most dead points of fixed coordinates, the run ends with a message.
 pub struct WehageHaug<'s, S: ConstrainedSystem> {
     system: &'s S,
     inner: Projective<'s, S>,
