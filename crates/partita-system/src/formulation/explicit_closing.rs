@@ -230,7 +230,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
             let followed = loops.closing.follow(t, &mut self.q);
             followed.and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
                 true => Ok(()),
-                false => Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing)),
+                false => Err(undecided(t, &*loops.closing)),
             })
         } else {
             self.states.scatter(y, &mut self.q);
@@ -473,7 +473,7 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             return Ok(());
         }
         let Some(loops) = &self.loops else { return Ok(()) };
-        Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing))
+        Err(undecided(t, &*loops.closing))
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
@@ -544,12 +544,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 }
 
-/// What there is to say where two branches meet, of the block that meets its other one first.
-fn undecided<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64], closing: &dyn Closing) -> SystemError {
+/// Where two branches meet and the inputs lead no further: the limit of the block that meets its other branch first.
+fn undecided(t: f64, closing: &dyn Closing) -> SystemError {
     let blocks = closing.blocks().iter().zip(closing.state());
     let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-    let seen = worst.map_or_else(String::new, |(block, _)| {
-        format!("{} would have to go over to its other branch, where it meets this one", block.words)
-    });
-    dead_point(system, rank, t, q, closing.inputs(), seen)
+    SystemError::Limit { block: worst.map_or_else(String::new, |(block, _)| block.words.clone()), t, shortfall: 0.0 }
 }
