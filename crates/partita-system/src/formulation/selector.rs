@@ -8,13 +8,13 @@
 //! as that of a partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
 //! measured by M⁻¹, and the tangent space. Dense: one LU of [S; C] per evaluation, n³/3 + n²(k + 1).
 
+mod closing;
 mod life;
 
 use super::any_tangent::{power, reduced_acceleration, state_sample};
 use super::reduction::{Reduction, SINGULAR_PIVOT};
-use super::{Correction, PartitionEvent, Sample};
-use crate::kinematics::correction;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows};
+use super::{PartitionEvent, Sample};
+use crate::kinematics::projection::dense_rows;
 use crate::partition::criterion::{self, Quality};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -397,49 +397,6 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         let md = d.transpose().matmul(&Matrix::from_vec(n, n, self.mass.clone())).matmul(&d);
         let lengths: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
         criterion::quality(md.data(), &lengths, block)
-    }
-
-    /// One step `q ← q − G Φ`: the tangent part S·Δ stays untouched. The analogue of (34); needs all rows holonomic.
-    pub fn along_the_constraints(&mut self, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
-        let k = self.r.k();
-        self.r.position(t, q)?;
-        self.factor(t)?;
-        let mut x = std::mem::take(&mut self.rhs);
-        x[..k].fill(0.0);
-        for (x, &row) in x[k..].iter_mut().zip(&self.r.partition.rows) {
-            *x = -self.r.phi[row];
-        }
-        self.solve(&mut x);
-        self.r.system.step(q, &x);
-        self.rhs = x;
-        Ok(true)
-    }
-
-    /// One correction of q by the chosen rule; with nonholonomic rows always by the least move (33).
-    pub fn correct_once(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
-        let size = self.r.size();
-        match rule {
-            Correction::None => Ok(false),
-            Correction::Partition if size.rows == size.holonomic => self.along_the_constraints(t, q),
-            _ => {
-                self.r.position(t, q)?;
-                correct_orthogonally(&mut self.r, t, q)?;
-                Ok(true)
-            }
-        }
-    }
-
-    /// Close the loops at q to round-off by the chosen rule.
-    pub fn close(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<(), SystemError> {
-        if rule == Correction::None || self.r.size().holonomic == 0 || self.r.rank() == 0 {
-            return Ok(());
-        }
-        let open = |x: &mut Self, q: &[f64]| {
-            x.r.position(t, q)?;
-            Ok((!x.r.is_closed()).then(|| x.r.closure()))
-        };
-        correction::close_with(self, q, open, |x, q| x.correct_once(t, q, rule))?;
-        Ok(())
     }
 
     /// Everything known at the point last evaluated, with the quality of S.
