@@ -170,7 +170,9 @@ fn reference_four_bar_reactions() {
     let mut needed = vec![0.0; 3];
     let mut scratch = model.scratch();
     let (_, rows) = position(&model, 0.0, &s.q);
-    model.position(0.0, &s.q, &mut scratch, &mut [0.0; 2], &mut vec![0.0; model.pattern().nnz()], &mut [0.0; 2]).unwrap();
+    model
+        .position(0.0, &s.q, &mut scratch, &mut [0.0; 2], &mut vec![0.0; model.pattern().nnz()], &mut [0.0; 2])
+        .unwrap();
     model.velocity(0.0, &s.q, &s.v, &mut scratch, &mut [0.0; 2]).unwrap();
     model.inverse_dynamics(0.0, &s.q, &s.v, &s.vdot, &mut scratch, &mut needed).unwrap();
     near(&[needed[b], needed[c]], &[47.505507711703, -5.971888165969], "generalised forces");

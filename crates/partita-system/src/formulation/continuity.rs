@@ -75,9 +75,7 @@ impl Continuity {
             let (here, end) = (integrals((t - before) / h), integrals(1.0));
             let [p0, m0, p1, m1] = [0, 1, 2, 3].map(|i| (here[i] - end[i]) * h);
             for (i, d) in dv.iter_mut().enumerate() {
-                *d = p0 * self.v_before[i]
-                    + p1 * self.v[i]
-                    + h * (m0 * self.vdot_before[i] + m1 * self.vdot[i]);
+                *d = p0 * self.v_before[i] + p1 * self.v[i] + h * (m0 * self.vdot_before[i] + m1 * self.vdot[i]);
             }
             return;
         }

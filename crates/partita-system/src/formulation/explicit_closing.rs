@@ -594,7 +594,9 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         }
         for (block, t, foreseen) in self.flips.iter().take(6) {
             notes.push(match foreseen {
-                true => format!("{block} passed its change point in the step before t = {t}: its other branch goes on there"),
+                true => format!(
+                    "{block} passed its change point in the step before t = {t}: its other branch goes on there"
+                ),
                 false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
             });
         }
