@@ -5,6 +5,7 @@ use partita_math::dense::{lu, lu_solve};
 use partita_math::spatial::Quaternion;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::place::Coordinates;
+use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
 use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
@@ -64,7 +65,7 @@ impl Drawing {
         self
     }
     pub fn pin(self, name: &str, parent: &str, child: &str, at: [f64; 2]) -> Self {
-        self.joint(name, JointKind::Revolute, parent, child, [at[0], at[1], 0.0], Z)
+        self.joint(name, Revolute, parent, child, [at[0], at[1], 0.0], Z)
     }
     pub fn slide(self, name: &str, parent: &str, child: &str, at: [f64; 2], along: [f64; 2]) -> Self {
         self.joint(name, JointKind::Prismatic, parent, child, [at[0], at[1], 0.0], [along[0], along[1], 0.0])
@@ -129,20 +130,15 @@ pub const PIVOT: [f64; 3] = [1.2, 0.0, 0.2];
 
 /// RSSR, or RSUR: crank about z in the origin, rocker about a skew axis.
 pub fn rssr(last: &str) -> Drawing {
-    let d = drawing("RSSR").joint("crank", JointKind::Revolute, "ground", "crank", [0.0; 3], Z).joint(
-        "A",
-        JointKind::Spherical,
-        "crank",
-        "rod",
-        CRANK_AT,
-        Z,
-    );
+    let d = drawing("RSSR")
+        .joint("crank", Revolute, "ground", "crank", [0.0; 3], Z)
+        .joint("A", Spherical, "crank", "rod", CRANK_AT, Z);
     let d = if last == "U" {
-        d.joint("B", JointKind::Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
+        d.joint("B", Universal, "rod", "rocker", ROCKER_AT, [0.1, 1.0, 0.0]).and([1.0, 0.0, 0.2])
     } else {
-        d.joint("B", JointKind::Spherical, "rod", "rocker", ROCKER_AT, Z)
+        d.joint("B", Spherical, "rod", "rocker", ROCKER_AT, Z)
     };
-    d.joint("rocker", JointKind::Revolute, "ground", "rocker", PIVOT, ROCKER)
+    d.joint("rocker", Revolute, "ground", "rocker", PIVOT, ROCKER)
 }
 
 /// Crank 0.3 in the origin, coupler 0.9, rocker 0.7 on the pin D at 1; B and C at the crank angle 60 degrees.

@@ -31,3 +31,47 @@ pub fn model(bodies: &[Value], joints: &[Value], gravity: [f64; 3]) -> Model {
     .unwrap();
     Model::new(spec, Arc::new(NoFunctions), Coordinates::Relative).unwrap()
 }
+
+/// `loops` equal four-bars side by side, all links of 1 m, uprights upright.
+#[allow(dead_code, reason = "each test file uses the part it needs")]
+pub fn chain(loops: usize) -> Model {
+    let (mut bodies, mut joints) = (Vec::new(), Vec::new());
+    for i in 0..=loops {
+        let x = i as f64;
+        bodies.push(link(&format!("u{i}"), [x, 0.0], [x, 1.0]));
+        joints.push(pin(&format!("P{i}"), "ground", &format!("u{i}"), [x, 0.0]));
+    }
+    for i in 1..=loops {
+        let x = i as f64;
+        bodies.push(link(&format!("c{i}"), [x - 1.0, 1.0], [x, 1.0]));
+        joints.push(pin(&format!("L{i}"), &format!("u{}", i - 1), &format!("c{i}"), [x - 1.0, 1.0]));
+        joints.push(pin(&format!("R{i}"), &format!("c{i}"), &format!("u{i}"), [x, 1.0]));
+    }
+    model(&bodies, &joints, [0.0, -9.81, 0.0])
+}
+
+/// ((N+1)/3 + N) phi'' = ((N+1)/2 + N) g sin phi with phi'(0) = rate, by fine steps of the classical method of order four.
+#[allow(dead_code, reason = "each test file uses the part it needs")]
+pub fn upright_angle(loops: usize, rate: f64, times: &[f64]) -> Vec<f64> {
+    let n = loops as f64;
+    let k = ((n + 1.0) / 2.0 + n) * 9.81 / ((n + 1.0) / 3.0 + n);
+    let f = |p: f64| k * p.sin();
+    let (mut p, mut w, mut t) = (0.0, rate, 0.0);
+    let mut angles = Vec::new();
+    for &end in times {
+        // steps of 1e-4 s: an error of 1e-14, ten thousand times amplified
+        let steps = (10_000.0 * (end - t)).ceil() as u32;
+        let h = (end - t) / f64::from(steps);
+        for _ in 0..steps {
+            let k1 = (w, f(p));
+            let k2 = (w + 0.5 * h * k1.1, f(p + 0.5 * h * k1.0));
+            let k3 = (w + 0.5 * h * k2.1, f(p + 0.5 * h * k2.0));
+            let k4 = (w + h * k3.1, f(p + h * k3.0));
+            p += h / 6.0 * (k1.0 + 2.0 * k2.0 + 2.0 * k3.0 + k4.0);
+            w += h / 6.0 * (k1.1 + 2.0 * k2.1 + 2.0 * k3.1 + k4.1);
+        }
+        t = end;
+        angles.push(p);
+    }
+    angles
+}
