@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import NoReturn
 
-from ..options import CORRECTIONS, COORDINATES, FORMULATIONS, METHODS, SELECTIONS
+from ..options import COORDINATES, CORRECTIONS, FORMULATIONS, METHODS, SELECTIONS
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
 BAUMGARTE = "the two numbers [1/s] that the formulation baumgarte needs"
