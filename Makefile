@@ -16,7 +16,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python bench docs demo paper clean
+.PHONY: all install format lint test test-rust test-python bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -72,6 +72,10 @@ docs: $(BUILT)
 	cp -r target/doc out/docs/rust
 	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
 	$(BIN)/python tools/docs.py --render out/docs
+
+## compare-docs: run the comparisons on docs/compare.md anew and put their tables there
+compare-docs: $(BUILT)
+	$(BIN)/python tools/compare_page.py --write
 
 ## paper: the claims about the criterion, computed and drawn in out/paper
 paper: $(BUILT)

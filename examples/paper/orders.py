@@ -85,7 +85,9 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         ax.xaxis.set_minor_locator(NullLocator())
         ax.margins(x=0.05)
         ax.set_xlabel("step [ms]", fontsize=9)
-        ax.legend(fontsize=7, frameon=False, loc="upper left", title="measured order", title_fontsize=7, alignment="left")
+        ax.legend(
+            fontsize=7, frameon=False, loc="upper left", title="measured order", title_fontsize=7, alignment="left"
+        )
     finish("Four-bar: orders of convergence", figure, folder / "orders.png", found)
     return found
 
