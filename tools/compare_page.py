@@ -1,5 +1,7 @@
 """The page docs/compare.md: its tables are those of `partita compare`, its figures are drawn with the pages.
 
+The front page has some rows and columns of one of them.
+
 python tools/compare_page.py --write    run the comparisons anew and put their tables on the page
 
 Costs differ from machine to machine and from run to run, so the tables are not rewritten with the pages. Which rows and
@@ -16,11 +18,24 @@ from typing import Any
 
 from partita import catalogue
 from partita.comparison import Comparison
+from partita.comparison.table import grid
 
-PAGE = Path(__file__).parents[1] / "docs" / "compare.md"
+FRONT = Path(__file__).parents[1] / "README.md"
+PAGE = FRONT.parent / "docs" / "compare.md"
 TABLES = ("four-bar", "n-four-bar", "andrews-squeezer")
 FIGURES = ("four-bar", "andrews-squeezer")
 BLOCK = re.compile(r"(<!-- measured ([\w-]+) -->\n```text\n)(.*?)(```\n)", flags=re.DOTALL)
+EXCERPT = re.compile(r"(<!-- some rows of ([\w-]+) -->\n```text\n)(.*?)(```\n)", flags=re.DOTALL)
+ROWS = (
+    "projective",
+    "projective: determinant",
+    "wehage-haug",
+    "explicit-closing",
+    "svd",
+    "gram-schmidt",
+    "multipliers",
+)
+COLUMNS = ("formulation", "evals", "switches", "|Phi|", "energy", "error", "sigma", "us/eval")
 SHORT: dict[str, Any] = {"formulations": ["projective", "multipliers"], "selections": ["collective"]}
 
 
@@ -33,6 +48,7 @@ def main() -> None:
     parser.parse_args()
     text = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(BLOCK.sub(lambda part: f"{part[1]}{compared(part[2])}\n{part[4]}", text), encoding="utf-8")
+    FRONT.write_text(front(), encoding="utf-8")
 
 
 def compared(name: str, **options: Any) -> Comparison:
@@ -46,6 +62,21 @@ def compared(name: str, **options: Any) -> Comparison:
 def tables() -> dict[str, str]:
     """The tables on the page by the name of their mechanism."""
     return {name: text for _, name, text, _ in BLOCK.findall(PAGE.read_text(encoding="utf-8"))}
+
+
+def front() -> str:
+    """The front page with its excerpt as the page has it."""
+    shown = tables()
+    return EXCERPT.sub(lambda part: f"{part[1]}{excerpt(shown[part[2]])}\n{part[4]}", FRONT.read_text(encoding="utf-8"))
+
+
+def excerpt(text: str) -> str:
+    """`ROWS` and `COLUMNS` of a table."""
+    cells = [re.split(r" {2,}", line) for line in text.splitlines()]
+    headings = next(row for row in cells if row[0] == COLUMNS[0])
+    places = [headings.index(column) for column in COLUMNS]
+    named = {row[0]: row for row in cells if len(row) == len(headings)}
+    return grid(COLUMNS, [[named[name][place] for place in places] for name in ROWS], 1)
 
 
 def outline(text: str) -> dict[str, Any]:

@@ -196,6 +196,7 @@ def test_figures_show_every_run_that_finished(tmp_path: Path) -> None:
     assert labels == [row.name for row in found.rows if row.finished]
     ladder = found.work_precision((1e-5, 1e-6), names=SURE)
     drawn = ladder.plot(tmp_path / "work.svg")
+    assert ladder.unit == "m" and drawn.axes[0].get_ylabel().endswith("[m]")
     assert len(drawn.axes[0].lines) == len(SURE)
     assert (tmp_path / "rows.png").stat().st_size and (tmp_path / "work.svg").stat().st_size
 

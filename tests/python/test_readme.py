@@ -93,6 +93,12 @@ def test_tables_of_the_comparison_are_current(name: str, capsys: pytest.CaptureF
     assert module.outline(capsys.readouterr().out) == shown
 
 
+def test_front_page_has_rows_of_the_comparison() -> None:
+    """Where this fails: `make compare-docs`."""
+    module = tool("compare_page")
+    assert module.front() == text_of(ROOT / "README.md") and module.EXCERPT.search(module.front())
+
+
 def test_pages_render(tmp_path: Path) -> None:
     module = tool()
     module.render(tmp_path, short=True)
