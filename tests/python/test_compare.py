@@ -111,6 +111,8 @@ def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
         rules = ("collective", "greedy", "individual", "normalised-determinant")
         logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
         assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == exchanged
+    closed = m.simulate(5.0, initial=start, formulation="explicit-closing")  # asks now and then, by the same measure
+    assert len(closed.partitions) == 1
 
 
 def test_error_is_the_distance_to_the_reference_given() -> None:
