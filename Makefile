@@ -16,7 +16,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python bench docs demo paper clean
+.PHONY: all install format lint test test-rust test-python bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -73,9 +73,13 @@ docs: $(BUILT)
 	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
 	$(BIN)/python tools/docs.py --render out/docs
 
+## compare-docs: run the comparisons on docs/compare.md anew and put their tables there
+compare-docs: $(BUILT)
+	$(BIN)/python tools/compare_page.py --write
+
 ## paper: the claims about the criterion, computed and drawn in out/paper
 paper: $(BUILT)
-	@for script in pendulum four_bar_turn drift determinant individual frozen switching; do \
+	@for script in pendulum four_bar_turn drift orders determinant individual frozen switching; do \
 		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/

@@ -1,7 +1,7 @@
 """The pages of docs/: what is generated in them, and how they are rendered.
 
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
-python tools/docs.py --render FOLDER  pages as HTML, with the figures that examples/paper draws
+python tools/docs.py --render FOLDER  pages as HTML, with the figures that examples/paper and tools/compare_page.py draw
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ import markdown2
 from partita import catalogue
 from partita.io import schema
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAPER = Path(__file__).parents[1] / "examples" / "paper"
+TOOLS = Path(__file__).parent
+DOCS = TOOLS.parent / "docs"
+PAPER = TOOLS.parent / "examples" / "paper"
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
 EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists"]
 
@@ -167,21 +168,27 @@ def render(folder: Path, short: bool = False) -> None:
         target = folder / page.relative_to(DOCS).with_suffix(".html")
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(as_html(page), encoding="utf-8")
-    for figure in figures():
-        draw(figure, folder / "paper", short)
+    for figure in figures("paper"):
+        scripts(PAPER, figure).main(short, folder / "paper")
+    for figure in figures("compare"):
+        scripts(TOOLS, "compare_page").draw(figure, folder / "compare", short)
 
 
-def figures() -> list[str]:
-    """Names of the figures on the pages; each is drawn by the script of examples/paper with its name."""
+def figures(kind: str) -> list[str]:
+    """Names of the figures on the pages that stand in the folder `kind`.
+
+    Those of "paper" are drawn by the scripts of examples/paper with their names, those of "compare" by compare_page.py
+    for the mechanism with that name.
+    """
     text = "".join(page.read_text(encoding="utf-8") for page in pages())
-    return list(dict.fromkeys(re.findall(r"\]\(paper/(\w+)\.png\)", text)))
+    return list(dict.fromkeys(re.findall(rf"\]\({kind}/([\w-]+)\.png\)", text)))
 
 
-def draw(name: str, folder: Path, short: bool) -> None:
-    """Run a script of examples/paper, whose modules import each other by plain names."""
-    if str(PAPER) not in sys.path:
-        sys.path.insert(0, str(PAPER))
-    importlib.import_module(name).main(short, folder)
+def scripts(folder: Path, name: str) -> Any:
+    """A script of `folder`, whose modules import each other by plain names."""
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+    return importlib.import_module(name)
 
 
 def as_html(page: Path) -> str:

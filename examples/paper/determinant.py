@@ -76,6 +76,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     ax.invert_yaxis()
     ax.set_xlim(0, 360)
     ax.set_xticks(range(0, 361, 60))
+    ax.tick_params(axis="x", labelsize=8)
     ax.set_xlabel("angle of the crank [deg]", fontsize=9)
     ax.set_title("Which coordinate is chosen", loc="left", fontsize=10, fontweight="bold")
     ax.legend(

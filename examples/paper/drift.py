@@ -66,19 +66,24 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     coarse, fine = runs["k + n", 0.01], runs["k + n", 0.005]
     found["k + n: |Phi| falls with the step to the"] = float(np.log2(np.max(coarse.closure) / np.max(fine.closure)))
 
-    figure = new_figure(9.0, 3.6)
-    left, right = figure.subplots(1, 2, sharex=True)
-    for (name, h), run_ in runs.items():
-        style = {0.02: ":", 0.01: "-", 0.005: "--"}[h]
-        colour = COLOURS[list(METHODS).index(name)]
-        for ax, values in ((left, run_.closure), (right, run_.velocity_closure)):
-            envelope = np.maximum(np.maximum.accumulate(values[1:]), FLOOR)
-            ax.plot(run_.t[1:], envelope, style, color=colour, lw=1.3, label=f"{name}, h = {h:g} s")
-    for ax, title in ((left, "|Φ|, largest so far"), (right, "|C v|, largest so far")):
-        dressed(ax, title, "")
+    figure = new_figure(10.0, 4.4)
+    axes = figure.subplots(1, 2, sharex=True)
+    panels = (("|Φ|, largest so far", "[m]", "|Phi|"), ("|C v|, largest so far", "[m/s]", "|C v|"))
+    for ax, (title, unit, what) in zip(axes, panels, strict=True):
+        dressed(ax, title, unit)
         ax.set_xscale("log")
         ax.set_yscale("log")
-    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
+        for n, name in enumerate(METHODS):
+            power = found.get(f"{name}: {what} grows like t to the")
+            for h, style in ((0.02, ":"), (0.01, "-"), (0.005, "--")):
+                if (name, h) in runs:
+                    run_ = runs[name, h]
+                    values = run_.closure if what == "|Phi|" else run_.velocity_closure
+                    envelope = np.maximum(np.maximum.accumulate(values[1:]), FLOOR)
+                    grown = f": like t to the {power:.2f}" if h == 0.01 and power is not None else ""
+                    label = f"{name}, h = {1e3 * h:g} ms{grown}"
+                    ax.plot(run_.t[1:], envelope, style, color=COLOURS[n], lw=1.3, label=label)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=7, frameon=False)
     finish("Four-bar: drift without correction, RK4", figure, folder / "drift.png", found)
     return found
 

@@ -58,11 +58,12 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     names = (["joint 1", "joint 2", "joint 3"], linkage.ABSOLUTE)
     for n, (kind, rho) in enumerate((("joint", joint), ("absolute", absolute))):
         strip, ax = axes[2 * n], axes[2 * n + 1]
-        shown = list(range(3)) if n == 0 else [0, 1, 2, 3, 4, 5, 6, 8]
-        colours = {i: COLOURS[place] for place, i in enumerate(shown)}
+        shown = range(len(names[n]))
+        colours = {i: COLOURS[i % len(COLOURS)] for i in shown}
         dressed(ax, "", "ρ", time_axis=False)
         for i in shown:
-            ax.plot(np.degrees(crank), rho[:, i], color=colours[i], lw=1.3, label=names[n][i])
+            style = "-" if i < len(COLOURS) else "--"
+            ax.plot(np.degrees(crank), rho[:, i], style, color=colours[i], lw=1.3, label=names[n][i])
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), fontsize=8, frameon=False)
         ax.set_ylim(-0.03, 1.05)
         chosen = follow(rho, 1.2)

@@ -70,6 +70,43 @@ def test_command_and_function_agree(tmp_path: Path) -> None:
     assert np.array_equal(results.load(path).q, expected.q)
 
 
+def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
+    """Each run from the command line is, bit for bit, the run from Python with that option, and no other."""
+    m = pt.catalogue.load("four-bar")
+    start, path, times = pt.catalogue.entry("four-bar").initial(m), tmp_path / "run.json", np.linspace(0.0, 0.5, 11)
+    common = ("simulate", "four-bar", "--time", 0.5, "--outputs", 11, "--rtol", "1e-6", "--atol", "1e-8")
+    plain = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8)
+    for words, options in (
+        (("--independent", "D"), {"independent": ["D"]}),
+        (("--selection", "determinant"), {"selection": "determinant"}),
+        (("--selection", "persistence", "--window", "0.1"), {"selection": "persistence", "window": 0.1}),
+        (("--correction", "none"), {"correction": "none"}),
+        (("--formulation", "baumgarte", "--baumgarte", "10,10"), {"formulation": "baumgarte", "baumgarte": (10, 10)}),
+    ):
+        assert run(*common, *words, "--quiet", "--save", path) == 0
+        expected = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8, **options)  # type: ignore[arg-type]
+        assert np.array_equal(results.load(path).q, expected.q), words
+        told = {key: value for key, value in results.load(path).options.items() if key in options}
+        assert told.keys() == options.keys()
+        if "selection" not in options:  # which may choose what the default chooses
+            assert not np.array_equal(expected.q, plain.q)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "1 of 3 independent, chosen by the measure rho"),
+        (("--independent", "D"), "1 of 3 independent, as asked for"),
+        (("--selection", "determinant"), "1 of 3 independent, chosen by the rule determinant"),
+        (("--formulation", "svd"), "none independent, tangent velocities integrated"),
+        (("--formulation", "multipliers"), "none independent, all accelerations integrated"),
+    ],
+)
+def test_account_says_who_chose(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("simulate", "four-bar", "--time", 0.1, "--outputs", 5, *words) == 0
+    assert told in capsys.readouterr().out
+
+
 def test_stored_results_can_be_plotted_and_viewed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "run.json"
     assert run("simulate", "four-bar", "--time", 0.5, "--outputs", 11, "--quiet", "--save", path) == 0
@@ -114,6 +151,15 @@ def test_convert_keeps_the_model(tmp_path: Path) -> None:
         ["simulate", "four-bar", "--outputs", "1"],
         ["simulate", "four-bar", "--method", "euler"],
         ["simulate", "four-bar", "--formulation", "magic"],
+        ["simulate", "four-bar", "--formulation", "baumgarte"],
+        ["simulate", "four-bar", "--formulation", "user-tangent"],
+        ["simulate", "four-bar", "--selection", "by-dice"],
+        ["simulate", "four-bar", "--selection", "persistence"],
+        ["simulate", "four-bar", "--window", "1"],
+        ["simulate", "four-bar", "--independent", "Z"],
+        ["simulate", "four-bar", "--independent", "A,D"],
+        ["simulate", "four-bar", "--correction", "twice"],
+        ["simulate", "four-bar", "--baumgarte", "3"],
         ["simulate", "four-bar", "--target", "A"],
         ["simulate", "four-bar", "--target", "Q=1"],
         ["simulate", "four-bar", "--target", "A=1", "--target", "A=2"],

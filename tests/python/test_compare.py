@@ -95,6 +95,26 @@ def test_condition_of_the_dependent_block_is_that_of_the_worst_output() -> None:
     assert all(row.energy_drift is None and row.error is not None and row.error < 1e-6 for row in found.rows)
 
 
+def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
+    """Greedy, one by one, by volume: all are the measure, so they exchange at the same instants as the default.
+
+    The pendulum exchanges x and y. The four-bar takes long steps and has inertias that change on the way: a rule that
+    measured with scales of an earlier step would exchange where nothing is to be gained.
+    """
+    m = pt.catalogue.load("four-bar")
+    start = pt.catalogue.entry("four-bar").initial(m)
+    runs = (
+        (lambda rule: pt.simulate(pendulum(), 3.0, [1.0, 0.0], [0.0, 0.0], selection=rule), True),
+        (lambda rule: m.simulate(5.0, initial=start, selection=rule), False),
+    )
+    for run, exchanged in runs:
+        rules = ("collective", "greedy", "individual", "normalised-determinant")
+        logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
+        assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == exchanged
+    closed = m.simulate(5.0, initial=start, formulation="explicit-closing")  # asks now and then, by the same measure
+    assert len(closed.partitions) == 1
+
+
 def test_error_is_the_distance_to_the_reference_given() -> None:
     """Against itself a run has no error; against a coarse one every run has the error of that one."""
     m = pt.catalogue.load("planar-pendulum")
@@ -178,6 +198,7 @@ def test_figures_show_every_run_that_finished(tmp_path: Path) -> None:
     assert labels == [row.name for row in found.rows if row.finished]
     ladder = found.work_precision((1e-5, 1e-6), names=SURE)
     drawn = ladder.plot(tmp_path / "work.svg")
+    assert ladder.unit == "m" and drawn.axes[0].get_ylabel().endswith("[m]")
     assert len(drawn.axes[0].lines) == len(SURE)
     assert (tmp_path / "rows.png").stat().st_size and (tmp_path / "work.svg").stat().st_size
 

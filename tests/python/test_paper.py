@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "examples" / "paper"
-NAMES = ("pendulum", "four_bar_turn", "drift", "determinant", "individual", "frozen", "switching")
+NAMES = ("pendulum", "four_bar_turn", "drift", "orders", "determinant", "individual", "frozen", "switching")
 
 if str(SCRIPTS) not in sys.path:
     sys.path.insert(0, str(SCRIPTS))
@@ -106,6 +106,15 @@ def test_drift_is_linear_and_quadratic(folder: Path) -> None:
     assert found["k + n: largest |C v|"] < 1e-13  # computed, not integrated
     assert found["k + n: |Phi| falls with the step to the"] == pytest.approx(4.0, abs=0.5)
     assert found["accelerations: largest |Phi|"] > 1e3 * found["k + n: largest |Phi|"]
+
+
+def test_every_formulation_keeps_the_order_of_the_method(folder: Path) -> None:
+    """Slopes over less than a decade of steps: the next term of the error bends them by a tenth or two."""
+    found = numbers("orders", folder)
+    assert len(found) == 18
+    for name, slope in found.items():
+        order = int(name.split(" of order ")[1].split(",")[0])
+        assert slope == pytest.approx(order, abs=0.2), name
 
 
 def test_determinant_follows_the_units_and_the_measure_does_not(folder: Path) -> None:

@@ -8,6 +8,9 @@ from types import ModuleType
 import pytest
 
 import partita as pt
+from partita.cli import main
+from partita.comparison.table import COLUMNS
+from partita.options import FORMULATIONS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -21,10 +24,10 @@ def text_of(page: Path) -> str:
     return page.read_text("utf-8")
 
 
-def tool() -> ModuleType:
-    """tools/docs.py, which is no part of the package."""
+def tool(name: str = "docs") -> ModuleType:
+    """A file of tools/, which is no part of the package."""
     pytest.importorskip("markdown2")
-    found = importlib.util.spec_from_file_location("docs_tool", ROOT / "tools" / "docs.py")
+    found = importlib.util.spec_from_file_location(f"{name}_tool", ROOT / "tools" / f"{name}.py")
     assert found is not None and found.loader is not None
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
@@ -67,6 +70,8 @@ def source_of(page: Path, link: str) -> Path:
     """The file that a link leads to; for a figure of docs/, which is drawn when the pages are rendered, its script."""
     if figure := re.fullmatch(r"paper/(\w+)\.png", link):
         return ROOT / "examples" / "paper" / f"{figure[1]}.py"
+    if (figure := re.fullmatch(r"compare/([\w-]+)\.png", link)) and figure[1] in pt.catalogue.names():
+        return ROOT / "tools" / "compare_page.py"
     return page.parent / link
 
 
@@ -75,6 +80,23 @@ def test_generated_parts_are_current() -> None:
     module = tool()
     stale = [page.name for page in module.pages() if module.current(page) != text_of(page)]
     assert not stale
+
+
+@pytest.mark.parametrize("name", ["four-bar", "n-four-bar", "andrews-squeezer"])
+def test_tables_of_the_comparison_are_current(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows, columns and endings, not costs. Where this fails: `make compare-docs`, then read the page again."""
+    module = tool("compare_page")
+    assert name in module.TABLES and module.tables().keys() == set(module.TABLES)
+    shown = module.outline(module.tables()[name])
+    assert shown["columns"] == list(COLUMNS) and len(shown["rows"]) + len(shown["notes"]) > len(FORMULATIONS)
+    assert main(["compare", name]) == 0
+    assert module.outline(capsys.readouterr().out) == shown
+
+
+def test_front_page_has_rows_of_the_comparison() -> None:
+    """Where this fails: `make compare-docs`."""
+    module = tool("compare_page")
+    assert module.front() == text_of(ROOT / "README.md") and module.EXCERPT.search(module.front())
 
 
 def test_pages_render(tmp_path: Path) -> None:

@@ -269,12 +269,13 @@ def simulate(
             others serve better. A fixed choice fails where it becomes singular.
         selection: the rule that chooses the independent coordinates of "projective": "collective" (the
             projective criterion with lock and repeat, then exchanges), "greedy" (without exchanges),
-            "normalised-determinant", "persistence" (an average over `window`), and those the criterion is held
+            "normalised-determinant", "persistence" (the least volume over `window`), and those the criterion is held
             against: "individual", "determinant", "complete-pivoting".
         weights: preferences, velocity name -> factor on its measure; 1 for those not named.
         window: length of the window of "persistence" [s].
         baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.
-        renew: frozen tangent velocities are renewed when their certificate sqrt_mu falls below this; 0: never.
+        renew: frozen tangent velocities are renewed when their sqrt_mu falls below this part of what it was when they
+            were frozen, 0 to 1; 0: never.
         tangent: `TangentVelocities` for "user-tangent".
 
     Returns:

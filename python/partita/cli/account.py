@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..options import SELECTIONS
 from ..results.names import listed
 
 if TYPE_CHECKING:
     from ..results import Result
 
 LINES = 12
+BY_MEASURE = ("collective", "greedy", "individual")
+_TANGENT, _WHOLE = "none independent, tangent velocities integrated", "none independent, all accelerations integrated"
+INTEGRATED = {
+    **dict.fromkeys(("zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space", "user-tangent"), _TANGENT),
+    **dict.fromkeys(("multipliers", "range-space", "proximal", "baumgarte"), _WHOLE),
+}
+"""What formulations without independent coordinates integrate, in words."""
 
 
 def account(result: Result, measured: Sequence[str] = ()) -> str:
@@ -41,9 +49,11 @@ def choice(result: Result) -> list[str]:
     if len(result.t) == 0 or result.measure.shape[1] == 0:
         return []
     rho, names = result.measure[0], result.names.velocities
-    chosen = {int(i) for i in result.independent[0]}
+    integrated = INTEGRATED.get(str(result.options.get("formulation")))
+    chosen = {int(i) for i in result.independent[0]} if integrated is None else set()
     total = len(rho)
-    lines = [f"Coordinates at t = {result.t[0]:g} s: {len(chosen)} of {total} independent, chosen by the measure rho"]
+    told = integrated or f"{len(chosen)} of {total} independent, {_chooser(result)}"
+    lines = [f"Coordinates at t = {result.t[0]:g} s: {told}"]
     order = sorted(range(total), key=lambda i: (i not in chosen, -rho[i] if np.isfinite(rho[i]) else 0.0))
     width = max(len(names[i]) for i in order[:LINES])
     for i in order[:LINES]:
@@ -52,6 +62,14 @@ def choice(result: Result) -> list[str]:
     if total > LINES:
         lines.append(f"  and {total - LINES} more")
     return lines
+
+
+def _chooser(result: Result) -> str:
+    """Who chose the independent coordinates."""
+    rule = result.options.get("selection") or SELECTIONS[0]
+    if result.options.get("independent"):
+        return "as asked for"
+    return "chosen by the measure rho" if rule in BY_MEASURE else f"chosen by the rule {rule}"
 
 
 def switches(result: Result) -> list[str]:

@@ -6,9 +6,11 @@ import argparse
 import math
 from typing import NoReturn
 
-from ..options import COORDINATES, FORMULATIONS, METHODS, SELECTIONS
+from ..options import COORDINATES, CORRECTIONS, FORMULATIONS, METHODS, SELECTIONS
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
+BAUMGARTE = "the two numbers [1/s] that the formulation baumgarte needs"
+WINDOW = "time [s] over which the rule persistence looks back"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -63,6 +65,11 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--method", choices=METHODS, help="integrator (default dop853)")
     add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
+    add("--selection", choices=SELECTIONS, help="rule that chooses the coordinates of projective (default collective)")
+    add("--independent", metavar="A,B", type=listed, help="velocities to integrate throughout, instead of a choice")
+    add("--window", metavar="S", type=positive, help=WINDOW)
+    add("--correction", choices=CORRECTIONS, help="what closes the loops after a step (default partition)")
+    add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
     add(
         "--target",
         metavar="JOINT=VALUE",
@@ -96,8 +103,8 @@ def _compare(command: argparse.ArgumentParser) -> None:
     add("--formulations", metavar="A,B", type=listed, help=f"which ones, with commas (default all: {known})")
     rules = ", ".join(SELECTIONS)
     add("--selections", metavar="A,B", type=listed, help=f"rules of projective (default all: {rules})")
-    add("--baumgarte", metavar="ALPHA,BETA", type=pair, help="the two numbers [1/s] that this formulation needs")
-    add("--window", metavar="S", type=positive, help="time [s] over which the rule persistence averages")
+    add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
+    add("--window", metavar="S", type=positive, help=WINDOW)
     add("--plot", metavar="FILE", help="write a figure of errors and costs (.png, .pdf, .svg)")
     add("--work-precision", metavar="FILE", help="run over several tolerances, and write the figure of error over work")
     add("--csv", metavar="FILE", help="write the rows")

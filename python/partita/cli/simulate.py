@@ -20,6 +20,20 @@ if TYPE_CHECKING:
     from ..results import Result
     from ..state import State
 
+_OPTIONS = (
+    "rtol",
+    "atol",
+    "method",
+    "formulation",
+    "coordinates",
+    "selection",
+    "independent",
+    "window",
+    "correction",
+    "baumgarte",
+)
+"""Of `Mechanism.simulate`; what is not given is left to the entry of the catalogue, then to the defaults."""
+
 
 def simulate(arguments: argparse.Namespace) -> int:
     """Run, write what was asked for, print what was found; the exit code tells how the run ended."""
@@ -85,7 +99,7 @@ def _settings(pairs: list[tuple[str, list[float]]]) -> dict[str, Any]:
 
 def _run(opened: Opened, start: State | None, arguments: argparse.Namespace) -> Result:
     options: dict[str, Any] = dict(opened.entry.options) if opened.entry else {}
-    for name in ("rtol", "atol", "method", "formulation", "coordinates"):
+    for name in _OPTIONS:
         if getattr(arguments, name) is not None:
             options[name] = getattr(arguments, name)
     duration = arguments.time or (opened.entry.duration if opened.entry else 0.0)

@@ -131,6 +131,12 @@ class Bench:
         return float(np.sqrt(np.max(np.sum(gap**2, axis=-1), initial=0.0)))
 
     @property
+    def unit(self) -> str:
+        """Of the errors: [m] of bodies; empty for coordinates of a `System`, or without a reference."""
+        found = self.reference.result if self.reference is not None else None
+        return "m" if found is not None and found.is_mechanism else ""
+
+    @property
     def size(self) -> float:
         """Largest distance of a body or a joint from their middle at the start of the reference [m]; 1 if they are all
         in one point."""

@@ -14,7 +14,7 @@ DEFAULT = "projective"
 _NEEDS = {
     "baumgarte": ("baumgarte", "it needs baumgarte=(alpha, beta) [1/s]; no value fits every mechanism"),
     "user-tangent": ("tangent", "it needs tangent=TangentVelocities(...)"),
-    "persistence": ("window", "it needs window=, the time [s] over which it averages"),
+    "persistence": ("window", "it needs window=, the time [s] over which it looks back"),
 }
 
 

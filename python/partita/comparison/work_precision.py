@@ -36,10 +36,13 @@ class Point:
 
 
 class WorkPrecision:
-    """Runs of several formulations over several tolerances: `points`. `print` shows them, `plot` draws them."""
+    """Runs of several formulations over several tolerances: `points`. `print` shows them, `plot` draws them.
 
-    def __init__(self, title: str, reference: str, points: Sequence[Point], interrupted: bool) -> None:
-        self.title, self.reference = title, reference
+    `unit` is that of the errors: "m" for mechanisms, empty for a `System`, whose coordinates have units of their own.
+    """
+
+    def __init__(self, title: str, reference: str, points: Sequence[Point], interrupted: bool, unit: str = "") -> None:
+        self.title, self.reference, self.unit = title, reference, unit
         self.points: tuple[Point, ...] = tuple(points)
         self.interrupted = interrupted
 
@@ -102,7 +105,7 @@ def work_precision(bench: Bench, cases: Sequence[Case], tolerances: Sequence[flo
         interrupted = True
     tell.end()
     words = bench.reference.words if bench.reference is not None else "none: interrupted"
-    return WorkPrecision(bench.title, words, points, interrupted)
+    return WorkPrecision(bench.title, words, points, interrupted, bench.unit)
 
 
 def _point(bench: Bench, case: Case, rtol: float, progress: Any) -> Point:

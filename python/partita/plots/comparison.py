@@ -79,7 +79,8 @@ def plot_work_precision(found: WorkPrecision, path: PathLike | None = None) -> F
     figure.suptitle(f"{found.title}: error against work", fontsize=12, fontweight="bold")
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, title, unit in ((left, "Evaluations", "number"), (right, "Time of the run", "[ms]")):
-        dressed(ax, title, "error against the reference" if ax is left else "", time_axis=False)
+        label = f"error against the reference{f' [{found.unit}]' if found.unit else ''}"
+        dressed(ax, title, label if ax is left else "", time_axis=False)
         ax.set_xlabel(unit, fontsize=9)
     errors: list[float] = []
     work: tuple[list[float], list[float]] = ([], [])

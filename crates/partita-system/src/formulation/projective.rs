@@ -379,10 +379,9 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.q.copy_from_slice(&y[..nq]);
         let (v, mut vdot) = (self.r.v.clone(), std::mem::take(&mut self.vdot));
         self.r.full_acceleration(&mut vdot);
-        if self.chooser.is_none() {
-            self.r.refresh_scales(t, &y[..nq])?;
-            self.refresh_weighted();
-        }
+        // what looked better by scales of some steps ago need not be
+        self.r.refresh_scales(t, &y[..nq])?;
+        self.refresh_weighted();
         for _ in 0..4 * k {
             if let Some(chooser) = &mut self.chooser {
                 let Some(change) = chooser.propose(&self.r, t)? else { break };

@@ -47,7 +47,11 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
         (self.patience, self.asked_at) = (PERIOD, gain);
         // a system that knows no closing here keeps the one in use, which reports its own limits
         let Ok(next) = self.system.closing(t, &self.q, None) else { return false };
-        if next.inputs() == self.inputs() || self.growth(next.inputs()) <= self.exchange {
+        if next.inputs() == self.inputs() {
+            return false;
+        }
+        // what looks better by scales of some steps ago need not be; a failure here would be met by the next evaluation
+        if self.refresh_scales(t).is_err() || self.growth(next.inputs()) <= self.exchange {
             return false;
         }
         self.next = Some(next);
