@@ -1,10 +1,11 @@
 //! Explicit closing: 2k states, the loops closed by inverse kinematics, nothing iterated and nothing to correct.
 //!
-//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion between change points; A, η and ξ follow block by block from small
-//! systems (38), the equations of motion from P3, the multipliers of the physical closing conditions from the same blocks
-//! backwards (43). Prefer it for loops that are recognised, with an input that can turn freely: it is the cheapest form,
-//! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
-//! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion between change points; A, η and ξ follow block
+//! by block from small systems (38), the equations of motion from P3, the multipliers of the physical closing
+//! conditions from the same blocks backwards (43). Prefer it for loops that are recognised, with an input that can
+//! turn freely: it is the cheapest form, and closed by construction. An input that runs into a dead point of its
+//! block has to be changed; where the choice is the system's own, that is done between steps. (Woernle 1988; Hiller,
+//! Kecskeméthy; catalogue row 15.)
 
 use super::blocks::Blocks;
 use super::continuity::Continuity;
@@ -20,16 +21,17 @@ use partita_math::dense;
 const PERIOD: u32 = 8;
 /// The next step may be so many times as long as the last one.
 const LONGEST_NEXT: f64 = 5.0;
-/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by less
-/// than what lies between them.
+/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by
+/// less than what lies between them.
 const MOST_DOUBT: f64 = 0.5;
 
 /// The 2k form on an explicit closing.
 ///
 /// States: the coordinates of the inputs (the whole quaternion of a ball joint), their velocities, and the work, where
 /// there is any. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a change of
-/// inputs). At a dead point of inputs that stay the run ends with a message. Change points, where pivots go through zero
-/// because the mechanism itself is singular, are passed on the branch that the velocities lead to, and told in the notes.
+/// inputs). At a dead point of inputs that stay the run ends with a message. Change points, where pivots go through
+/// zero because the mechanism itself is singular, are passed on the branch that the velocities lead to, and told in
+/// the notes.
 pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     system: &'s S,
     scratch: S::Scratch,
@@ -202,10 +204,10 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 
     /// `self.q` closed at the inputs in y.                                                   (37)
     ///
-    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
-    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
-    /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
-    /// the path is known better than any such distance that matters.
+    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end
+    /// of the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell.
+    /// Where they lead too near to the position to tell the branches apart the step has to be another. Inside a
+    /// finished step the path is known better than any such distance that matters.
     fn close(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         let Some(loops) = &mut self.loops else {
             return Err(SystemError::Request("no closing was chosen before the evaluation".into()));
@@ -392,7 +394,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         }
     }
 
-    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in [`super::reduction::Reduction::distance`].
+    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in
+    /// [`super::reduction::Reduction::distance`].
     fn distance_here(&mut self) -> f64 {
         let k = self.k;
         let Some(loops) = self.loops.as_mut().filter(|_| self.rank > 0) else { return f64::INFINITY };

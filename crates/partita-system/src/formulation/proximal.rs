@@ -29,8 +29,8 @@ const STAGNANT: f64 = 1e-9;
 const MOST: u64 = 80;
 
 /// Of redundant rows some direction is pumped by the same amount in each iteration where they contradict each other a
-/// little, as they do with every stage that is not quite closed: its squared sine is that of the opening, far below ε. A
-/// change that falls by less than this ...
+/// little, as they do with every stage that is not quite closed: its squared sine is that of the opening, far below
+/// ε. A change that falls by less than this ...
 const PUMPED: f64 = 0.9;
 /// ... in so many iterations in a row is one (all others have died out by then), and what it has added is taken back.
 const IN_A_ROW: u32 = 3;
