@@ -83,8 +83,8 @@ fn chains_pass_their_change_points_in_2k_states() {
                     let seen = run(&model, rule, rate, options, &times, &exact);
                     let case = format!("{loops} loops, {rule}, rate {rate}, rtol {rtol}: {}", seen.outcome.message);
                     assert_eq!(seen.outcome.status, Status::Finished, "{case}");
-                    // near the upright position errors grow by 1e3 to 1e4 in 10 s: those of the tolerance and the round-off
-                    // of a passage, up to 1e-10
+                    // near the upright position errors grow by 1e3 to 1e4 in 10 s: those of the tolerance and the
+                    // round-off of a passage, up to 1e-10
                     assert!(seen.error <= 1e5 * rtol + 1e-6, "{case}: error {:.2e}", seen.error);
                     // lengths of 1 m, closed to round-off, whatever lies between a stage and a change point
                     assert!(seen.closure <= 1e-13, "{case}: closure {:.2e}", seen.closure);

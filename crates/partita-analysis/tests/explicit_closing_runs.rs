@@ -1,4 +1,5 @@
-//! Runs with the loops closed explicitly: a thousand turns on one branch, assemblies that are kept, limits that are told.
+//! Runs with the loops closed explicitly: a thousand turns on one branch, assemblies that are kept, limits that are
+//! told.
 
 mod linkages;
 
@@ -17,8 +18,8 @@ use partita_system::{start, SystemError};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-/// Angles of up to 25 rad are rounded by 3.6e-15 before their turns are taken off; this is the largest |Φ| over the size
-/// of the mechanism that three or four of them may leave.
+/// Angles of up to 25 rad are rounded by 3.6e-15 before their turns are taken off; this is the largest |Φ| over the
+/// size of the mechanism that three or four of them may leave.
 const CLOSED: f64 = 1e-14;
 
 /// A run from the drawing with given rates, closing and independent velocities by the rule of that name.
@@ -219,7 +220,8 @@ fn swing() -> f64 {
     ((1.0 + 0.64 - 1.21) / 1.6_f64).acos()
 }
 
-/// An input that nobody may change ends the run at the limit of its block, in few steps; one that may be changed goes on.
+/// An input that nobody may change ends the run at the limit of its block, in few steps; one that may be changed goes
+/// on.
 #[test]
 fn a_fixed_crank_stops_at_its_limit() {
     let model = four_bar(SWINGING, 0.6, 1.0).weightless().model();
@@ -236,9 +238,11 @@ fn a_fixed_crank_stops_at_its_limit() {
             println!("{rule} {rtol:e} {} {:?} {angle}", outcome.message, outcome.counters.steps);
             assert_ne!(outcome.status, Status::Finished);
             match outcome.error {
-                // without blocks it is the choice that is told, and what else would do
-                Some(SystemError::DeadPoint { coordinates, advice, .. }) if rule == "wehage-haug" => {
+                // which coordinate stands, at which block, and what else would do
+                Some(SystemError::DeadPoint { coordinates, seen, advice, t }) => {
                     assert!(coordinates == "A" && advice.contains("D would do"), "{coordinates}: {advice}");
+                    assert!(rule != "explicit-closing" || seen.contains("RRR dyad"), "{seen}");
+                    assert!(t > 0.0 && t < 1.0, "{t}");
                 }
                 Some(SystemError::Limit { block, shortfall, t }) => {
                     assert!(rule != "explicit-closing" || block.contains("RRR dyad"), "{block}");

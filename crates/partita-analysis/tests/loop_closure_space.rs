@@ -92,8 +92,8 @@ fn rsur_has_four_assemblies() {
     }
 }
 
-/// `follow` closes on the branches nearest to what it is given: from a little beside each assembly that assembly, with little
-/// doubt; half-way between two of them in much doubt.
+/// `follow` closes on the branches nearest to what it is given: from a little beside each assembly that assembly,
+/// with little doubt; half-way between two of them in much doubt.
 #[test]
 fn branches_can_follow_the_position() {
     let cases = [

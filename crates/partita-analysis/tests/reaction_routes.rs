@@ -1,5 +1,6 @@
-//! Reactions by three routes that share little: multipliers of a cut joint from the explicit closing (43), and for the same
-//! joint kept in the tree, another one cut, the Newton-Euler recursion (R3) and augmented joint coordinates (45).
+//! Reactions by three routes that share little: multipliers of a cut joint from the explicit closing (43), and for
+//! the same joint kept in the tree, another one cut, the Newton-Euler recursion (R3) and augmented joint coordinates
+//! (45).
 
 mod linkages;
 

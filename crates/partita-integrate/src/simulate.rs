@@ -156,7 +156,7 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
 
 /// Is there a position, rather than a function, behind the failure?
 fn is_of_a_position(e: &SystemError) -> bool {
-    matches!(e, SystemError::Singular { .. } | SystemError::DeadPoint { .. })
+    matches!(e, SystemError::Singular { .. } | SystemError::DeadPoint { .. } | SystemError::Limit { .. })
 }
 
 fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {

@@ -50,7 +50,8 @@ pub fn chain(loops: usize) -> Model {
     model(&bodies, &joints, [0.0, -9.81, 0.0])
 }
 
-/// ((N+1)/3 + N) phi'' = ((N+1)/2 + N) g sin phi with phi'(0) = rate, by fine steps of the classical method of order four.
+/// ((N+1)/3 + N) phi'' = ((N+1)/2 + N) g sin phi with phi'(0) = rate, by fine steps of the classical method of order
+/// four.
 #[allow(dead_code, reason = "each test file uses the part it needs")]
 pub fn upright_angle(loops: usize, rate: f64, times: &[f64]) -> Vec<f64> {
     let n = loops as f64;

@@ -55,15 +55,15 @@ impl Continuity {
 
     /// How near the inputs are to a dead point, or the mechanism to a singular position; far is below 1.
     ///
-    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no dead
-    /// point is near. `distance` is that of [`Formulation::distance`](super::Formulation::distance).
+    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no
+    /// dead point is near. `distance` is that of [`Formulation::distance`](super::Formulation::distance).
     pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
         gain.max(Self::DISTANCE / distance)
     }
 
-    /// Displacement (in velocities) from the end of the last step to t. Ahead: how velocities and accelerations there go on,
-    /// and the change of the latter if the step before was not much shorter; inside the step: the cubic of velocities and
-    /// accelerations at both ends.
+    /// Displacement (in velocities) from the end of the last step to t. Ahead: how velocities and accelerations there
+    /// go on, and the change of the latter if the step before was not much shorter; inside the step: the cubic of
+    /// velocities and accelerations at both ends.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
         if let Some(before) = self.before.filter(|before| *before < self.t && t < self.t) {
             let h = self.t - before;
@@ -132,7 +132,8 @@ impl Continuity {
         true
     }
 
-    /// Is there no step from here that leads anywhere? Asked after [`Continuity::step`], for inputs that nothing replaces.
+    /// Is there no step from here that leads anywhere? Asked after [`Continuity::step`], for inputs that nothing
+    /// replaces.
     pub(super) fn is_stuck(&self, gain: f64) -> bool {
         gain > Self::STUCK || self.creeping > Self::PATIENCE
     }

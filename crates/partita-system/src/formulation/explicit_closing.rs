@@ -1,16 +1,18 @@
 //! Explicit closing: 2k states, the loops closed by inverse kinematics, nothing iterated and nothing to correct.
 //!
-//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion between change points; A, η and ξ follow block by block from small
-//! systems (38), the equations of motion from P3, the multipliers of the physical closing conditions from the same blocks
-//! backwards (43). Prefer it for loops that are recognised, with an input that can turn freely: it is the cheapest form,
-//! and closed by construction. An input that runs into a dead point of its block has to be changed; where the choice is
-//! the system's own, that is done between steps. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+//! `q_D = g(q_I, t; ε)` (37), its branches ε constants of the motion between change points; A, η and ξ follow block
+//! by block from small systems (38), the equations of motion from P3, the multipliers of the physical closing
+//! conditions from the same blocks backwards (43). Prefer it for loops that are recognised, with an input that can
+//! turn freely: it is the cheapest form, and closed by construction. An input that runs into a dead point of its
+//! block has to be changed; where the choice is the system's own, that is done between steps. (Woernle 1988; Hiller,
+//! Kecskeméthy; catalogue row 15.)
 
 mod inputs;
 mod levels;
 
 use super::blocks::Blocks;
 use super::continuity::Continuity;
+use super::dead_point::dead_point;
 use super::options::FormulationOptions;
 use super::reduction::{largest, velocity_residuals};
 use super::state_coordinates::StateCoordinates;
@@ -24,16 +26,17 @@ use crate::system::{ConstrainedSystem, SystemError};
 const PERIOD: u32 = 8;
 /// The next step may be so many times as long as the last one.
 const LONGEST_NEXT: f64 = 5.0;
-/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by less
-/// than what lies between them.
+/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by
+/// less than what lies between them.
 const MOST_DOUBT: f64 = 0.5;
 
 /// The 2k form on an explicit closing.
 ///
 /// States: the coordinates of the inputs (the whole quaternion of a ball joint), their velocities, and the work, where
 /// there is any. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a change of
-/// inputs). At a dead point of inputs that stay the run ends with a message. Change points, where pivots go through zero
-/// because the mechanism itself is singular, are passed on the branch that the velocities lead to, and told in the notes.
+/// inputs). At a dead point of inputs that stay the run ends with a message. Change points, where pivots go through
+/// zero because the mechanism itself is singular, are passed on the branch that the velocities lead to, and told in
+/// the notes.
 pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     system: &'s S,
     scratch: S::Scratch,
@@ -231,7 +234,8 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         }
     }
 
-    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in [`super::reduction::Reduction::distance`].
+    /// Smallest singular value of C_D times √(1 + |A|²), all in reaches: as in
+    /// [`super::reduction::Reduction::distance`].
     fn distance_here(&mut self) -> f64 {
         let k = self.k;
         let Some(loops) = self.loops.as_mut().filter(|_| self.rank > 0) else { return f64::INFINITY };
@@ -372,7 +376,7 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
             return Ok(());
         }
         let Some(loops) = &self.loops else { return Ok(()) };
-        Err(undecided(t, &*loops.closing))
+        Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing))
     }
 
     fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
@@ -443,9 +447,15 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
     }
 }
 
-/// Where two branches meet and the inputs lead no further: the limit of the block that meets its other branch first.
-fn undecided(t: f64, closing: &dyn Closing) -> SystemError {
+/// Where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive leads, a limit of the
+/// block that meets its other branch first.
+fn undecided<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64], closing: &dyn Closing) -> SystemError {
     let blocks = closing.blocks().iter().zip(closing.state());
     let worst = blocks.min_by(|x, y| x.1.pivot.total_cmp(&y.1.pivot));
-    SystemError::Limit { block: worst.map_or_else(String::new, |(block, _)| block.words.clone()), t, shortfall: 0.0 }
+    let block = worst.map_or_else(String::new, |(block, _)| block.words.clone());
+    if closing.inputs().is_empty() {
+        return SystemError::Limit { block, t, shortfall: 0.0 };
+    }
+    let seen = format!("{block} would have to go over to its other branch, where it meets this one");
+    dead_point(system, rank, t, q, closing.inputs(), seen)
 }

@@ -28,6 +28,13 @@ const STAGNANT: f64 = 1e-9;
 /// After so many iterations a direction of squared sine ε/4 has come to within 1e-8 of its end.
 const MOST: u64 = 80;
 
+/// Of redundant rows some direction is pumped by the same amount in each iteration where they contradict each other a
+/// little, as they do with every stage that is not quite closed: its squared sine is that of the opening, far below
+/// ε. A change that falls by less than this ...
+const PUMPED: f64 = 0.9;
+/// ... in so many iterations in a row is one (all others have died out by then), and what it has added is taken back.
+const IN_A_ROW: u32 = 3;
+
 /// Multiplier form by proximal iteration.
 pub type Proximal<'s, S> = FullState<'s, S, Iteration>;
 
@@ -35,7 +42,8 @@ impl<'s, S: ConstrainedSystem> Proximal<'s, S> {
     /// For a system of the given rank (of which only the corrections make use).
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let size = system.size();
-        Self::with_rule(system, rank, Iteration::new(size.nv, size.rows), options)
+        let rule = Iteration { redundant: rank < size.rows, ..Iteration::new(size.nv, size.rows) };
+        Self::with_rule(system, rank, rule, options)
     }
 }
 
@@ -46,6 +54,8 @@ pub struct Iteration {
     x: Vec<f64>,
     change: Vec<f64>,
     step: Vec<f64>,
+    /// Are there rows that others imply?
+    redundant: bool,
     unsettled: u64,
     largest: f64,
 }
@@ -59,6 +69,7 @@ impl Iteration {
             x: vec![0.0; m],
             change: vec![0.0; m],
             step: vec![0.0; n],
+            redundant: false,
             unsettled: 0,
             largest: 0.0,
         }
@@ -82,7 +93,7 @@ impl AccelerationRule for Iteration {
         dense::cholesky(&mut self.factor, m).map_err(|e| Failure::Rows { sine2: e.pivot })?;
         let free = dense::dot(&metric.y, &metric.y).sqrt();
         self.x.fill(0.0);
-        let (mut iterations, mut last) = (0, f64::INFINITY);
+        let (mut iterations, mut last, mut pumped) = (0, f64::INFINITY, 0);
         loop {
             // λ⁺ − λ = (M_c + ε 1)⁻¹ (−(b + C v')), with the v' of λ
             for i in 0..m {
@@ -100,6 +111,17 @@ impl AccelerationRule for Iteration {
             let size = free.max(dense::dot(&metric.y, &metric.y).sqrt());
             let now = dense::dot(&self.step, &self.step).sqrt();
             if now <= SETTLED * size || (now >= last && now <= STAGNANT * size) {
+                break;
+            }
+            pumped = if self.redundant && now > PUMPED * last { pumped + 1 } else { 0 };
+            if pumped == IN_A_ROW {
+                // geometric series with the quotient r: the sum of all changes from the last one
+                let r = (now / last).min(1.0);
+                let sum: f64 = (0..iterations).map(|k| r.powi(-(k as i32))).sum();
+                for (i, change) in self.change.iter().enumerate() {
+                    self.x[i] -= sum * change;
+                }
+                metric.y.iter_mut().zip(&self.step).for_each(|(y, d)| *y -= sum * d);
                 break;
             }
             if iterations == MOST || !now.is_finite() {

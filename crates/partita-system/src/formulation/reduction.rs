@@ -438,8 +438,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         true
     }
 
-    /// The step that [`Reduction::correct_dependent`] left for later: for those who must close here and see that more than
-    /// round-off is open.
+    /// The step that [`Reduction::correct_dependent`] left for later: for those who must close here and see that more
+    /// than round-off is open.
     pub fn move_dependent(&mut self, q: &mut [f64]) {
         self.residual.fill(0.0);
         for (x, &i) in self.work.iter().zip(&self.partition.dependent) {

@@ -1,9 +1,9 @@
 //! Classical coordinate partitioning: 2k states, the dependent coordinates by Newton's method in every evaluation.
 //!
 //! States are the independent coordinates and velocities; at each stage `Φ(q, t) = 0` is solved for q_D from where the
-//! motion leads, q_I untouched (34), and the rest is P1-P3 as in the compact form. Same motion and same order of error as
-//! that one, at one to three solves more per stage. Prefer it where forces, tables or events must never see an open loop,
-//! or where the number of states counts. (Wehage, Haug 1982; catalogue row 3.)
+//! motion leads, q_I untouched (34), and the rest is P1-P3 as in the compact form. Same motion and same order of
+//! error as that one, at one to three solves more per stage. Prefer it where forces, tables or events must never see
+//! an open loop, or where the number of states counts. (Wehage, Haug 1982; catalogue row 3.)
 //!
 //! Where the drift ends is the whole difference to [`Projective`], which does the rest here too: choice, exchange, events.
 
@@ -15,13 +15,14 @@ use super::state_coordinates::StateCoordinates;
 use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late, and next
-/// to a singular position, where two solutions meet, each iteration only halves the distance: 26 for eight digits.
+/// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late,
+/// and next to a singular position, where two solutions meet, each iteration only halves the distance: 26 for eight
+/// digits.
 const MOST_ITERATIONS: u64 = 30;
 /// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
 const ROUND_OFF: f64 = 1e4;
-/// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this started
-/// nearly half-way between them: which one it found is chance.
+/// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this
+/// started nearly half-way between them: which one it found is chance.
 const MOST_CHANGE: f64 = 3.0;
 /// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
 const UNDECIDED: f64 = 1e2;
@@ -135,7 +136,8 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
 
     /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
     ///
-    /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else 1.
+    /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
+    /// 1.
     fn newton(&mut self, t: f64) -> Result<f64, SystemError> {
         let nq = self.nq();
         let near = self.continuity.is_near();

@@ -31,7 +31,7 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
             let followed = loops.closing.follow(t, &mut self.q);
             followed.and_then(|doubt| match doubt <= MOST_DOUBT || t < self.home_t {
                 true => Ok(()),
-                false => Err(undecided(t, &*loops.closing)),
+                false => Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing)),
             })
         } else {
             self.states.scatter(y, &mut self.q);
