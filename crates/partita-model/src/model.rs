@@ -1,4 +1,4 @@
-//! The compiled mechanism: immutable, a [`ConstrainedSystem`].
+//! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;

@@ -105,7 +105,7 @@ pub enum SystemError {
         block: String,
         /// Time.
         t: f64,
-        /// By how much the lengths miss each other [m]; 0 where they just meet and the inputs lead no further.
+        /// By how much the lengths miss each other (m); 0 where they just meet and the inputs lead no further.
         shortfall: f64,
     },
     /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's lengths.

@@ -81,7 +81,7 @@ pub struct LoopClosing<'m> {
     states: Vec<BlockState>,
     /// Step and number of the sign of each block.
     entries: Vec<(usize, usize)>,
-    /// Largest mismatch [m] a redundant loop may show.
+    /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,
     // scratch
     x: Vec<f64>,

@@ -27,7 +27,7 @@ pub(super) struct FlatJoint {
     pub axis: [f64; 2],
 }
 
-/// By how much the sides miss each other [m].
+/// By how much the sides miss each other (m).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shortfall(pub f64);
 
@@ -67,7 +67,7 @@ pub(super) fn has_branch(joints: &[FlatJoint]) -> bool {
     joints.len() == 3 && joints.iter().filter(|j| !j.turns).count() < 2
 }
 
-/// Solve the polygon; `frame` is the side called the frame, `tolerance` [m] what a redundant condition may miss.
+/// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) what a redundant condition may miss.
 pub(super) fn solve(joints: &[FlatJoint], sides: &[FlatArm], frame: usize, sign: i8, tolerance: f64) -> Solved {
     let slides = joints.iter().filter(|j| !j.turns).count();
     let find = |turns: bool| joints.iter().position(|j| j.turns == turns).unwrap_or(0);

@@ -34,7 +34,7 @@ pub struct ProjectiveOptions {
     pub weights: Option<Vec<f64>>,
     /// Rule that chooses the independent velocities.
     pub selection: Selection,
-    /// Length of the persistence window [s].
+    /// Length of the persistence window (s).
     pub window: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ pub struct Projective<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
-    /// For a system of the given rank (see [`start::analyse`]).
+    /// For a system of the given rank (see [`crate::start::analyse`]).
     pub fn new(system: &'s S, rank: usize, options: ProjectiveOptions) -> Self {
         let size = system.size();
         Self {
