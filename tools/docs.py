@@ -24,7 +24,8 @@ TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
 PAPER = TOOLS.parent / "examples" / "paper"
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
-EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists"]
+# "code-friendly": q_I and v_I are names, not the ends of something in italics
+EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists", "code-friendly"]
 
 PAGE = """<!DOCTYPE html>
 <html lang="en">
