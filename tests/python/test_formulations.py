@@ -200,6 +200,22 @@ def test_every_formulation_takes_systems_by_hand(formulation: str) -> None:
     assert len(run.t) == len(times)
 
 
+def test_a_closing_that_does_not_close_is_refused() -> None:
+    """Closure is by construction, and the construction is the user's: it is looked at in every evaluation."""
+    ring = pt.System(
+        2,
+        mass=np.eye(2),
+        forces=(0.0, -9.81),
+        constraints=lambda t, q: [0.5 * (q @ q - 1.0)],
+        jacobian=lambda t, q: [q],
+        bias=lambda t, q, v: [v @ v],
+        names=["x", "y"],
+        closing=("y", lambda t, q: [-0.7]),
+    )
+    with pytest.raises(pt.errors.ArgumentError, match="constraint 0 open by"):
+        pt.simulate(ring, 0.3, [0.6, -0.8], [0.0, 0.0], formulation="explicit-closing")
+
+
 LENGTHS, GROUND = np.array([1.0, 2.5, 2.0]), 2.2
 
 

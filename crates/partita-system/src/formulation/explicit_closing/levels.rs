@@ -5,6 +5,10 @@ use super::{undecided, ExplicitClosing, MOST_DOUBT};
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense;
 
+/// A closing that leaves more than this open (in reaches) does not close: closed forms leave round-off, a function that
+/// iterates what it was told to.
+const OPEN: f64 = 1e-6;
+
 impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
     /// `self.q` closed at the inputs in y.                                                   (37)
     ///
@@ -49,6 +53,15 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
         let Some(loops) = &mut self.loops else { return Ok(()) };
         let (k, places) = (self.k, self.states.places());
         self.system.position(t, &self.q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
+        let reach = |i: usize| self.system.row_reach(i).unwrap_or(1.0);
+        let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > OPEN * reach(i);
+        if let Some((row, phi)) = self.phi.iter().enumerate().find(wide) {
+            return Err(SystemError::Request(format!(
+                "the explicit closing leaves {} open by {phi:.3e} at t = {t}; check the function that closes the loops, and that it \
+                 takes the branch of the start",
+                self.system.row_words(row)
+            )));
+        }
         self.counters.factorisations += 1;
         loops.blocks.factor(&self.c).map_err(|b| match self.c.iter().all(|x| x.is_finite()) {
             true => {
