@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
 import threading
 import time
 from pathlib import Path
@@ -223,7 +221,6 @@ def test_run_that_stops_early_is_saved(
     assert "closure" in said.out and path.exists()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of a terminal")
 def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A run of months, interrupted after two seconds, ends soon and is saved."""
     path = tmp_path / "run.nc"
@@ -231,7 +228,7 @@ def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.Captur
 
     def press() -> None:
         pressed.append(time.monotonic())
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
 
     timer = threading.Timer(2.0, press)
     # where the tests run in the background the signal may come ignored, as no terminal's would

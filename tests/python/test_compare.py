@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import signal
 import threading
 import time
@@ -226,7 +225,6 @@ def test_interrupt_keeps_the_rows_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.rows[1].status == "not run" and "interrupted" in found.rows[1].message
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_signal_ends_a_long_run_and_the_command_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
