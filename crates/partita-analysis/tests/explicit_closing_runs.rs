@@ -111,12 +111,6 @@ fn a_thousand_turns(drawing: Drawing, names: &[&str]) {
     assert!((angle - counted).abs() < 1e-6, "{angle} {counted}");
     // no block went over to its other branch
     assert!(notes.iter().all(|n| !n.contains("change")), "{notes:?}");
-    println!(
-        "{}: {:.1} turns, {} steps, closure {worst:.1e}, branch {strayed:.1e}",
-        model.spec.name,
-        angle / TAU,
-        outcome.counters.steps
-    );
 }
 
 #[test]
@@ -235,7 +229,6 @@ fn a_fixed_crank_stops_at_its_limit() {
             };
             let mut angle = 0.0;
             let (outcome, _) = run(Some(&inputs[..])).march(|s| angle = s.q[0]);
-            println!("{rule} {rtol:e} {} {:?} {angle}", outcome.message, outcome.counters.steps);
             assert_ne!(outcome.status, Status::Finished);
             match outcome.error {
                 // which coordinate stands, at which block, and what else would do

@@ -51,7 +51,6 @@ fn redundant_rows_do_not_shorten_the_steps() {
             let v = vec![0.0; model.size().nv];
             let outcome = simulate(&mut f, 0.0, &q, &v, &[3.0], &settings, &mut sink, go_on).unwrap();
             assert_eq!(outcome.status, Status::Finished, "{name}: {}", outcome.message);
-            println!("{name} {rtol:e}: {} evaluations, {end}", outcome.counters.evaluations);
             (outcome.counters.evaluations as f64, end)
         };
         let (all, chosen) = (run("proximal"), run("range-space"));
