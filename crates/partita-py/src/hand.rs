@@ -1,11 +1,12 @@
 //! Equations S1-S5 given as Python functions.
 
-use crate::arrays::{any_vector, array, entries, vector};
+use crate::arrays::{any_vector, array, vector};
+use crate::calls;
 use crate::failure::{self, guarded, raise};
 use crate::run::{self, read_options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
-use numpy::{PyReadonlyArray1, ToPyArray};
+use numpy::PyReadonlyArray1;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::SystemError;
 use pyo3::prelude::*;
@@ -30,10 +31,6 @@ struct Closing {
     dependent: Vec<usize>,
 }
 
-fn fault(what: &str, e: PyErr) -> SystemError {
-    SystemError::Function { what: what.into(), source: Box::new(e) }
-}
-
 impl Callables {
     fn clone_ref(&self, py: Python<'_>) -> Self {
         Self {
@@ -50,39 +47,6 @@ impl Callables {
                 .as_ref()
                 .map(|c| Closing { function: c.function.clone_ref(py), dependent: c.dependent.clone() }),
         }
-    }
-
-    /// Entries of f(t, q) or f(t, q, v).
-    fn call(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>) -> Result<Vec<f64>, SystemError> {
-        Python::attach(|py| {
-            let q = q.to_pyarray(py);
-            let x = match v {
-                Some(v) => f.bind(py).call1((t, q, v.to_pyarray(py))),
-                None => f.bind(py).call1((t, q)),
-            }
-            .map_err(|e| fault(what, e))?;
-            entries(&x).ok_or_else(|| SystemError::NotFinite { what: what.into(), t })
-        })
-    }
-
-    fn fill(
-        f: &Py<PyAny>,
-        what: &str,
-        t: f64,
-        q: &[f64],
-        v: Option<&[f64]>,
-        out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        let x = Self::call(f, what, t, q, v)?;
-        if x.len() != out.len() {
-            return Err(SystemError::Request(format!(
-                "{what} returned {} numbers at t = {t}, {} were expected; it must keep its shape",
-                x.len(),
-                out.len()
-            )));
-        }
-        out.copy_from_slice(&x);
-        Ok(())
     }
 }
 
@@ -110,20 +74,20 @@ impl Equations for Sized {
         self.f.constraint_rate.is_some()
     }
     fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        Callables::fill(&self.f.mass, "mass", t, q, None, out)
+        calls::fill(&self.f.mass, "mass", t, q, None, out)
     }
     fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        Callables::fill(&self.f.forces, "forces", t, q, Some(v), out)
+        calls::fill(&self.f.forces, "forces", t, q, Some(v), out)
     }
     fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        Callables::fill(&self.f.constraints, "constraints", t, q, None, out)
+        calls::fill(&self.f.constraints, "constraints", t, q, None, out)
     }
     fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        Callables::fill(&self.f.jacobian, "jacobian", t, q, None, out)
+        calls::fill(&self.f.jacobian, "jacobian", t, q, None, out)
     }
     fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
         match &self.f.constraint_rate {
-            Some(f) => Callables::fill(f, "constraint_rate", t, q, None, out),
+            Some(f) => calls::fill(f, "constraint_rate", t, q, None, out),
             None => {
                 out.fill(0.0);
                 Ok(())
@@ -131,7 +95,7 @@ impl Equations for Sized {
         }
     }
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        Callables::fill(&self.f.bias, "bias", t, q, Some(v), out)
+        calls::fill(&self.f.bias, "bias", t, q, Some(v), out)
     }
     fn closes(&self) -> Option<&[usize]> {
         self.f.closing.as_ref().map(|c| c.dependent.as_slice())
@@ -139,7 +103,7 @@ impl Equations for Sized {
     fn close(&self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         let Some(closing) = &self.f.closing else { return Ok(()) };
         let mut values = vec![0.0; closing.dependent.len()];
-        Callables::fill(&closing.function, "closing", t, q, None, &mut values)?;
+        calls::fill(&closing.function, "closing", t, q, None, &mut values)?;
         for (&i, x) in closing.dependent.iter().zip(values) {
             q[i] = x;
         }
@@ -156,9 +120,8 @@ pub struct System {
 impl System {
     fn sized(&self, py: Python<'_>, t: f64, q: &[f64]) -> PyResult<ByHand<Sized>> {
         let n = self.f.n;
-        let c = Callables::call(&self.f.jacobian, "jacobian", t, q, None).map_err(|e| failure::system(py, e))?;
-        let phi =
-            Callables::call(&self.f.constraints, "constraints", t, q, None).map_err(|e| failure::system(py, e))?;
+        let c = calls::call(&self.f.jacobian, "jacobian", t, q, None).map_err(|e| failure::system(py, e))?;
+        let phi = calls::call(&self.f.constraints, "constraints", t, q, None).map_err(|e| failure::system(py, e))?;
         let rows = c.len() / n;
         if rows * n != c.len() || phi.len() > rows {
             let message = format!(
@@ -230,7 +193,7 @@ impl System {
     }
 
     fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
-        let m = Callables::call(&self.f.mass, "mass", t, &any_vector(&q), None).map_err(|e| failure::system(py, e))?;
+        let m = calls::call(&self.f.mass, "mass", t, &any_vector(&q), None).map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[self.f.n, self.f.n], m))
     }
     fn forces<'py>(
@@ -240,18 +203,18 @@ impl System {
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Array<'py>> {
-        let h = Callables::call(&self.f.forces, "forces", t, &any_vector(&q), Some(&any_vector(&v)))
+        let h = calls::call(&self.f.forces, "forces", t, &any_vector(&q), Some(&any_vector(&v)))
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[h.len()], h))
     }
     fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
-        let x = Callables::call(&self.f.constraints, "constraints", t, &any_vector(&q), None)
+        let x = calls::call(&self.f.constraints, "constraints", t, &any_vector(&q), None)
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[x.len()], x))
     }
     fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
-        let x = Callables::call(&self.f.jacobian, "jacobian", t, &any_vector(&q), None)
-            .map_err(|e| failure::system(py, e))?;
+        let x =
+            calls::call(&self.f.jacobian, "jacobian", t, &any_vector(&q), None).map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[x.len() / self.f.n, self.f.n], x))
     }
     fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
@@ -270,7 +233,7 @@ impl System {
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Array<'py>> {
-        let b = Callables::call(&self.f.bias, "bias", t, &any_vector(&q), Some(&any_vector(&v)))
+        let b = calls::call(&self.f.bias, "bias", t, &any_vector(&q), Some(&any_vector(&v)))
             .map_err(|e| failure::system(py, e))?;
         Ok(array(py, &[b.len()], b))
     }

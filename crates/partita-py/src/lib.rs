@@ -1,6 +1,7 @@
 //! The door to Python: plain data in, arrays out. No mechanics here.
 
 mod arrays;
+mod calls;
 mod failure;
 mod functions;
 mod hand;

@@ -1,7 +1,6 @@
 //! The user's tangent velocities: D, γ and δ as Python functions.
 
-use crate::arrays::entries;
-use numpy::ToPyArray;
+use crate::calls;
 use partita_system::formulation::options::TangentMap;
 use partita_system::SystemError;
 use pyo3::prelude::*;
@@ -14,32 +13,6 @@ pub struct TangentFunctions {
     bias: Option<Py<PyAny>>,
 }
 
-fn call(
-    f: &Py<PyAny>,
-    what: &str,
-    t: f64,
-    q: &[f64],
-    v: Option<&[f64]>,
-    length: usize,
-) -> Result<Vec<f64>, SystemError> {
-    let x = Python::attach(|py| {
-        let q = q.to_pyarray(py);
-        let x = match v {
-            Some(v) => f.bind(py).call1((t, q, v.to_pyarray(py))),
-            None => f.bind(py).call1((t, q)),
-        }
-        .map_err(|e| SystemError::Function { what: what.into(), source: Box::new(e) })?;
-        entries(&x).ok_or_else(|| SystemError::NotFinite { what: what.into(), t })
-    })?;
-    if x.len() != length {
-        return Err(SystemError::Request(format!(
-            "{what} returned {} numbers at t = {t}, {length} were expected; it must keep its shape",
-            x.len()
-        )));
-    }
-    Ok(x)
-}
-
 /// The same for a system of n velocities.
 pub struct UserTangent {
     /// Velocities.
@@ -50,7 +23,8 @@ pub struct UserTangent {
 
 impl TangentMap for UserTangent {
     fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
-        let d = call(&self.functions.directions, "tangent directions", t, q, None, dt.len())?;
+        let mut d = vec![0.0; dt.len()];
+        calls::fill(&self.functions.directions, "tangent directions", t, q, None, &mut d)?;
         // D (k x n) arrives row by row, Dᵀ (n x k) is wanted
         let k = dt.len() / self.n;
         for i in 0..self.n {
@@ -62,15 +36,17 @@ impl TangentMap for UserTangent {
     }
     fn offset(&self, t: f64, q: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
         match &self.functions.offset {
-            Some(f) => gamma.copy_from_slice(&call(f, "tangent offset", t, q, None, gamma.len())?),
-            None => gamma.fill(0.0),
+            Some(f) => calls::fill(f, "tangent offset", t, q, None, gamma),
+            None => {
+                gamma.fill(0.0);
+                Ok(())
+            }
         }
-        Ok(())
     }
     fn bias(&self, t: f64, q: &[f64], v: &[f64], delta: &mut [f64]) -> Result<bool, SystemError> {
         match &self.functions.bias {
             Some(f) => {
-                delta.copy_from_slice(&call(f, "tangent bias", t, q, Some(v), delta.len())?);
+                calls::fill(f, "tangent bias", t, q, Some(v), delta)?;
                 Ok(true)
             }
             None => Ok(false),
