@@ -11,6 +11,7 @@ use crate::value::Functions;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Planar, Space, Spatial, Vec3};
 use partita_system::SystemError;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A prescribed coordinate: the row `q_i − f(t)`.
@@ -143,13 +144,15 @@ impl Model {
             (Engine::Full, full_rows.clone(), compile::columns(&full))
         };
         let out_of_plane = if placed.planar {
-            full_rows.iter().filter(|r| !row_names.iter().any(|k| k.name == r.name)).cloned().collect()
+            let in_plane: HashSet<&str> = row_names.iter().map(|r| r.name.as_str()).collect();
+            full_rows.iter().filter(|r| !in_plane.contains(r.name.as_str())).cloned().collect()
         } else {
             Vec::new()
         };
-        let mut drives = Vec::new();
+        let mut drives = Vec::with_capacity(spec.drives.len());
+        let mut driven = HashSet::new();
         for d in &spec.drives {
-            let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
+            let (q, v) = load::tree_coordinate(&placed, "drive", &d.name, &d.joint, d.coordinate)?;
             let q = q.ok_or_else(|| {
                 DescriptionError::new(
                     "drive",
@@ -157,12 +160,12 @@ impl Model {
                     "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
                 )
             })?;
-            if drives.iter().any(|x: &DriveRow| x.v == v) {
+            if !driven.insert(v) {
                 return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
             }
             drives.push(DriveRow {
                 name: d.name.clone(),
-                joint: load::joint_index(&spec, &d.joint),
+                joint: load::joint_index(&placed, &d.joint),
                 coordinate: d.coordinate,
                 q,
                 v,
@@ -250,18 +253,11 @@ impl Model {
         // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
         let partial = links * (k * k * 6 + 24 * k);
         // a column of M touches what it carries; then D M Dᵀ
-        let carried: usize = (1..links).map(|i| self.depth(i)).sum();
+        let mut depth = vec![0; links];
+        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        let carried: usize = depth.iter().sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
-    }
-
-    fn depth(&self, mut i: usize) -> usize {
-        let mut d = 0;
-        while i != 0 {
-            i = self.full.links[i].parent;
-            d += 1;
-        }
-        d
     }
 
     /// Which coordinates the tree is made of.

@@ -5,14 +5,20 @@ use pyo3::prelude::*;
 use serde_json::{Map, Value as Json};
 use toml_edit::{Document, Item, Table, TableLike, Value};
 
-struct Lines<'t> {
-    text: &'t str,
+struct Lines {
+    /// Where each line but the first begins, ascending.
+    begins: Vec<usize>,
     found: Map<String, Json>,
 }
 
-impl Lines<'_> {
+impl Lines {
+    fn new(text: &str) -> Self {
+        let begins = text.bytes().enumerate().filter(|x| x.1 == b'\n').map(|x| x.0 + 1).collect();
+        Self { begins, found: Map::new() }
+    }
+
     fn line(&self, at: usize) -> usize {
-        1 + self.text.as_bytes()[..at.min(self.text.len())].iter().filter(|b| **b == b'\n').count()
+        1 + self.begins.partition_point(|&begin| begin <= at)
     }
     fn note(&mut self, path: &str, span: Option<std::ops::Range<usize>>) {
         if let Some(span) = span {
@@ -82,7 +88,7 @@ impl Lines<'_> {
 #[pyfunction]
 pub fn parse_toml(py: Python<'_>, text: &str, path: &str) -> PyResult<(String, String)> {
     guarded(py, || {
-        let mut lines = Lines { text, found: Map::new() };
+        let mut lines = Lines::new(text);
         match Document::parse(text) {
             Ok(document) => {
                 let json = lines.table(document.as_table(), "");

@@ -112,8 +112,8 @@ def resolve(mechanism: Mechanism, asker: Element, what: str, body: Body | str, *
         if not ground:
             asker.fail(f"{what} is the ground, which does not move; name a body")
         return name
-    known = list(mechanism._description.bodies) + ([GROUND] if ground else [])
-    return find("body", name, known, where=f'{asker.kind} "{asker.name}": {what}: ')
+    more = (GROUND,) if ground else ()
+    return find("body", name, mechanism._description.bodies, *more, where=f'{asker.kind} "{asker.name}": {what}: ')
 
 
 def own_name(mechanism: Mechanism, asker: Element, what: str, item: Any, kind: type[Handle]) -> str:

@@ -236,16 +236,20 @@ def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: 
 def _named(mechanism: Mechanism, name: str | None, words: str, owner: Any) -> Element:
     """The element with the user's name, or with one made from its owner's; a second one becomes "... 2"."""
     taken = mechanism._description.forces
-    return name_of("force", name if name is not None else free_name(f"{words} {owner}", taken), taken)
+    return name_of("force", name if name is not None else free_name(mechanism, f"{words} {owner}", taken), taken)
 
 
-def free_name(wanted: str, taken: dict[str, Any]) -> str:
+def free_name(mechanism: Mechanism, wanted: str, taken: dict[str, Any]) -> str:
     """`wanted`, or the first of "wanted 2", "wanted 3", ... that is free."""
-    name, count = wanted, 1
-    while name in taken:
+    if wanted not in taken:
+        return wanted
+    # names are never given back: the search goes on where it last ended
+    numbers = mechanism._description.numbers
+    count = numbers.get(wanted, 2)
+    while f"{wanted} {count}" in taken:
         count += 1
-        name = f"{wanted} {count}"
-    return name
+    numbers[wanted] = count
+    return f"{wanted} {count}"
 
 
 def _store(mechanism: Mechanism, record: ForceLike) -> Force:

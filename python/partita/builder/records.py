@@ -146,7 +146,9 @@ class Description:
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
+    driven: dict[tuple[str, int], str] = field(default_factory=dict)  # (joint, coordinate) -> drive
     forces: dict[str, ForceLike] = field(default_factory=dict)
+    numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
     version: int = 0
 
     def store(self, table: dict[str, Any], record: Any) -> None:

@@ -153,8 +153,9 @@ def _indexed(
     if not isinstance(wanted, Mapping):
         raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {wanted!r}", argument=what)
     pairs: dict[int, float] = {}
+    place = {name: index for index, name in enumerate(names)} if wanted else {}
     for key, value in wanted.items():
-        first, count = _where(what, str(key), names, span, layout)
+        first, count = _where(what, str(key), place, span, layout)
         numbers = _numbers(what, key, value, count)
         for index, number in zip(range(first, first + count), numbers, strict=True):
             if index in pairs:
@@ -163,14 +164,14 @@ def _indexed(
     return list(pairs.items())
 
 
-def _where(what: str, key: str, names: list[str], span: Any, layout: Layout) -> tuple[int, int]:
+def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout) -> tuple[int, int]:
     """First index and count of the coordinates that `key` means."""
-    if key in names:
-        return names.index(key), 1
+    if key in place:
+        return place[key], 1
     try:
         first, count = span(key)
     except UnknownNameError:
-        known = sorted({*layout.tree_joints, *names})
+        known = sorted({*layout.tree_joints, *place})
         raise UnknownNameError(
             f"{what}: {key!r} is neither a joint nor a coordinate; known: {', '.join(known)}",
             name=key,
