@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +50,8 @@ def read(path: Path) -> Mechanism:
 
 def parse(text: str, path: str = "text") -> Mechanism:
     """The mechanism in a TOML text; `path` is named in errors."""
-    content, lines = _core.parse_toml(text, path)
-    file = _File(path, json.loads(content), json.loads(lines))
+    content, begins = _core.parse_toml(text, path)
+    file = _File(path, text, json.loads(content), json.loads(begins))
     return file.mechanism()
 
 
@@ -64,10 +65,10 @@ def write(mechanism: Mechanism, path: Path) -> None:
 
 
 class _File:
-    """The content of a file with the line of every key."""
+    """The content of a file, and where the members of each list in it begin."""
 
-    def __init__(self, path: str, content: dict[str, Any], lines: dict[str, int]) -> None:
-        self.path, self.content, self.lines = path, content, lines
+    def __init__(self, path: str, text: str, content: dict[str, Any], begins: dict[str, list[int]]) -> None:
+        self.path, self.text, self.content, self.begins = path, text, content, begins
 
     def mechanism(self) -> Mechanism:
         """Check the content by the schema, then say it to a `Mechanism`."""
@@ -88,9 +89,14 @@ class _File:
     def _in_order(self, tables: tuple[str, ...]) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Tables of these kinds as they follow each other in the file."""
         found = [
-            (kind, f"/{kind}/{index}", item) for kind in tables for index, item in enumerate(self.content.get(kind, []))
+            (begin, kind, f"/{kind}/{index}", item)
+            for kind in tables
+            for index, (item, begin) in enumerate(
+                zip(self.content.get(kind, []), self.begins.get(kind, []), strict=True)
+            )
         ]
-        yield from sorted(found, key=lambda entry: self._line(entry[1]) or 0)
+        for _, kind, pointer, item in sorted(found, key=itemgetter(0)):
+            yield kind, pointer, item
 
     def _call(self, pointer: str, function: Any, arguments: dict[str, Any]) -> Any:
         """Call the builder; what it refuses is told with the line."""
@@ -100,15 +106,9 @@ class _File:
             raise self._error(pointer, error.message) from error
 
     def _error(self, pointer: str, sentence: str) -> FileFormatError:
-        line = self._line(pointer)
+        line = _core.toml_line(self.text, pointer)
         place = f'"{self.path}", line {line}' if line is not None else f'"{self.path}"'
         return FileFormatError(f"{place}: {sentence}", path=self.path, line=line)
-
-    def _line(self, pointer: str) -> int | None:
-        """Line of a key, or of the nearest table around it."""
-        while pointer and pointer not in self.lines:
-            pointer = pointer.rpartition("/")[0]
-        return self.lines.get(pointer)
 
 
 def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
