@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from .checks import Element, name_of
+from .drawing import Drawing
 from .forces import coordinate_of, free_name, joint_record
 from .joints import scalars
 from .motion import Motion
 from .records import Drive, DriveRecord, Joint
 from .values import Function, Table, scalar
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
-
 
 def add_drive(
-    self: Mechanism,
+    self: Drawing,
     joint: Joint | str,
     position: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     velocity: Callable[..., Any] | None = None,

@@ -24,38 +24,41 @@ before joints, joints before drives and forces, and among themselves in the orde
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from .. import _core
-from ..builder import Mechanism
+from ..builder import Builder
 from ..errors import ArgumentError, DescriptionError, EvaluationError, FileFormatError, UnknownNameError
 from . import schema
 from .toml_writer import document
+
+Maker = Callable[..., Builder]
+"""Makes an empty mechanism of a name and, if given, a gravity: `Mechanism` itself."""
 
 # Tables that are made together, in the order of the file.
 _STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
 
 
-def read(path: Path) -> Mechanism:
+def read(path: Path, make: Maker) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
-    return parse(text, str(path))
+    return parse(text, make, str(path))
 
 
-def parse(text: str, path: str = "text") -> Mechanism:
+def parse(text: str, make: Maker, path: str = "text") -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
     content, begins = _core.parse_toml(text, path)
     file = _File(path, text, json.loads(content), json.loads(begins))
-    return file.mechanism()
+    return file.mechanism(make)
 
 
-def write(mechanism: Mechanism, path: Path) -> None:
+def write(mechanism: Builder, path: Path) -> None:
     """Write a mechanism to a TOML file."""
     text = document(mechanism)
     try:
@@ -70,16 +73,14 @@ class _File:
     def __init__(self, path: str, text: str, content: dict[str, Any], begins: dict[str, list[int]]) -> None:
         self.path, self.text, self.content, self.begins = path, text, content, begins
 
-    def mechanism(self) -> Mechanism:
-        """Check the content by the schema, then say it to a `Mechanism`."""
+    def mechanism(self, make: Maker) -> Any:
+        """Check the content by the schema, then say it to what `make` makes."""
         try:
             schema.check(self.content)
         except schema.Mismatch as error:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
-        mechanism: Mechanism = self._call(
-            "/mechanism", Mechanism, {key: head[key] for key in ("name", "gravity") if key in head}
-        )
+        mechanism = self._call("/mechanism", make, {key: head[key] for key in ("name", "gravity") if key in head})
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
