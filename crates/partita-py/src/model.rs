@@ -12,7 +12,7 @@ use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
-use partita_system::formulation::Sample;
+use partita_system::formulation::Output;
 use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
@@ -359,7 +359,7 @@ impl Model {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
             let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Sample| {
+            let energy = |x: &Output| {
                 levels.velocity(x.t, &x.q, &x.v)?;
                 self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
             };
