@@ -267,8 +267,9 @@ mod tests {
     fn chains_rings_and_shared_columns_fill_in_proportion_to_their_length() {
         let fill = |rows: &[Vec<usize>], cols| LeastNorm::new(&Pattern::from_rows(cols, rows)).fill();
         // loops in series, three rows each, sharing a column with the next
-        let chain =
-            |n: usize| fill(&(0..3 * n).map(|i| (2 * (i / 3)..2 * (i / 3) + 4).collect()).collect::<Vec<_>>(), 2 * n + 2);
+        let chain = |n: usize| {
+            fill(&(0..3 * n).map(|i| (2 * (i / 3)..2 * (i / 3) + 4).collect()).collect::<Vec<_>>(), 2 * n + 2)
+        };
         assert!(chain(400) < 11 * chain(40));
         // one ring
         let ring = |n: usize| fill(&vec![(0..n).collect::<Vec<_>>(); 3], n);
