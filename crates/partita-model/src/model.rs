@@ -91,6 +91,8 @@ pub struct Model {
     reach: Vec<f64>,
     /// What a large move can open each row by.
     row_reach: Vec<f64>,
+    /// Rows that close directions.
+    row_is_angle: Vec<bool>,
     /// Nodes at the ends of each spring, and where the first end is in the zero position.
     pub(crate) spring_nodes: Vec<(usize, usize, Vec3<f64>)>,
 }
@@ -219,6 +221,12 @@ impl Model {
             Engine::Full => closing_reaches(&full, &placed),
         };
         row_reach.extend(drives.iter().map(|d| reach[d.v]));
+        let turned = |l: &crate::tree::Link<Spatial<f64>>, v| l.v == v && matches!(l.motion, LinkMotion::Turn(_));
+        let mut row_is_angle = match &engine {
+            Engine::Flat(tree) => closing_angles(tree),
+            Engine::Full => closing_angles(&full),
+        };
+        row_is_angle.extend(drives.iter().map(|d| full.links.iter().skip(1).any(|l| turned(l, d.v))));
         let mut model = Self {
             reference,
             spring_nodes,
@@ -227,6 +235,7 @@ impl Model {
             turns,
             reach,
             row_reach,
+            row_is_angle,
             coordinates,
             dense_projection: false,
             spec,
@@ -343,6 +352,11 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
         reaches.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
     }
     reaches
+}
+
+/// Which closing rows are turns.
+fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
+    tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
 }
 
 /// Axis helper for outputs: a length of the engine's space as three numbers.

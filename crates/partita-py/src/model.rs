@@ -41,9 +41,6 @@ type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 const LONG: usize = 200_000;
 const MANY: usize = 300;
 
-/// Closing conditions are lengths and angles: round-off of the size of the mechanism.
-const CLOSED: f64 = 1e-12;
-
 impl Model {
     /// May questions to the whole model take long?
     fn is_large(&self) -> bool {
@@ -64,7 +61,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&self.inner, 0.0, &mut q, CLOSED * self.inner.placed.size.max(1.0), &[]);
+            let closed = assembly::close(&self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
             if closed.is_err() {
                 q = self.inner.initial();
             }
