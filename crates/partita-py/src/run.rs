@@ -225,10 +225,11 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
         };
         let mut f = registry::by_name(&options.formulation, system, found.rank, &formulation_options)
             .map_err(|e| refuse(py, "formulation", e.to_string()))?;
-        py.detach(|| {
-            let report = march(&mut f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch)?;
+        let marched = py.detach(|| march(&mut f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch));
+        let outputs = &collected.outputs;
+        marched.and_then(|report| {
             let described = |output: &Output| Sample::of(&mut f, output, &report.events);
-            let samples: Vec<Sample> = collected.outputs.iter().map(described).collect::<Result<_, _>>()?;
+            let samples: Vec<Sample> = py.detach(|| outputs.iter().map(described).collect::<Result<_, _>>())?;
             Ok((report, samples))
         })
     };

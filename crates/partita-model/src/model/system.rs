@@ -1,9 +1,9 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
-use super::{Dense, Engine, Model, ModelScratch};
+use super::{Dense, Model, ModelScratch};
+use crate::evaluator::with_engine;
 use crate::spec::Value;
 use crate::tree::LinkMotion;
-use crate::value;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Quaternion, Vec3};
@@ -22,15 +22,7 @@ impl ConstrainedSystem for Model {
         &self.pattern
     }
     fn scratch(&self) -> ModelScratch {
-        ModelScratch {
-            flat: match &self.engine {
-                Engine::Flat(tree) => Some(tree.scratch()),
-                Engine::Full => None,
-            },
-            full: self.full.scratch(),
-            dense: Dense::default(),
-            forces_at: false,
-        }
+        ModelScratch { own: self.own.scratch(), dense: Dense::default() }
     }
     fn velocity_name(&self, i: usize) -> String {
         self.placed.velocity_names[i].clone()
@@ -64,32 +56,11 @@ impl ConstrainedSystem for Model {
         c: &mut [f64],
         a: &mut [f64],
     ) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.poses(q, x);
-            tree.inertias(x);
-            tree.close(x, phi, c);
-        });
-        let entries = c.len() - self.drives.len();
-        for (i, d) in self.drives.iter().enumerate() {
-            let [p, u, _] = value::motion_at(&d.motion, &*self.functions, t, &d.name)?;
-            phi[d.row] = q[d.q] - p;
-            a[d.row] = -u;
-            c[entries + i] = 1.0;
-        }
-        Ok(())
+        self.own.position(t, q, s, phi, c, a)
     }
 
     fn velocity(&self, t: f64, _q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.twists(v, x);
-            tree.bias(x, b);
-        });
-        for d in &self.drives {
-            b[d.row] = -value::motion_at(&d.motion, &*self.functions, t, &d.name)?[2];
-        }
-        Ok(())
+        self.own.velocity(t, v, s, b)
     }
 
     fn dynamics(
@@ -101,19 +72,7 @@ impl ConstrainedSystem for Model {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| {
-            tree.mass_matrix(x, mass);
-            // h = −(M 0 − h): inverse dynamics without acceleration
-            let zero = std::mem::take(&mut s.dense.work);
-            let mut zero = zero;
-            zero.clear();
-            zero.resize(v.len(), 0.0);
-            tree.inverse_dynamics(&zero, x, h);
-            s.dense.work = zero;
-        });
-        h.iter_mut().for_each(|x| *x = -*x);
-        Ok(())
+        self.own.dynamics(t, q, v, s, mass, h)
     }
 
     fn project(
@@ -141,9 +100,7 @@ impl ConstrainedSystem for Model {
             s.dense = d;
             return Ok(());
         }
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.project(tangent.k, tangent.dt, tangent.delta, x, md, hd));
-        Ok(())
+        self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s, md, hd)
     }
 
     fn inverse_dynamics(
@@ -155,9 +112,7 @@ impl ConstrainedSystem for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.inverse_dynamics(vdot, x, out));
-        Ok(())
+        self.own.inverse_dynamics(t, q, v, vdot, s, out)
     }
 
     fn inverse_mass_diagonal(
@@ -200,25 +155,11 @@ impl ConstrainedSystem for Model {
         if !self.has_power {
             return Ok(0.0);
         }
-        with_engine!(self, s, |tree, x| {
-            let loads = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-            Ok(tree.spring_energy(x).1 + loads.1)
-        })
+        Ok(self.energies(t, q, v, s)?[2])
     }
 
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
-        if self.placed.nq == self.placed.nv {
-            qdot.copy_from_slice(v);
-            return;
-        }
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                qdot[l.q..l.q + 4].copy_from_slice(&p.rate(Vec3([v[l.v], v[l.v + 1], v[l.v + 2]])));
-            } else {
-                qdot[l.q] = v[l.v];
-            }
-        }
+        self.own.rate(q, v, qdot);
     }
 
     fn step(&self, q: &mut [f64], dv: &[f64]) {
