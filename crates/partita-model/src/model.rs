@@ -1,5 +1,6 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
+use crate::clusters::{self, Preference};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
 use crate::load::{self, Load};
@@ -10,6 +11,7 @@ use crate::validate;
 use crate::value::Functions;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Planar, Space, Spatial, Vec3};
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -47,6 +49,7 @@ pub struct ModelScratch {
     pub(crate) full: TreeScratch<Spatial<f64>>,
     dense: Dense,
     forces_at: bool,
+    recursion: clusters::Plan,
 }
 
 #[derive(Default)]
@@ -75,6 +78,8 @@ pub struct Model {
     pub out_of_plane: Vec<RowName>,
     pub(crate) functions: Arc<dyn Functions>,
     pattern: Pattern,
+    clusters: Clusters,
+    preference: Preference,
     has_power: bool,
     dense_projection: bool,
     coordinates: Coordinates,
@@ -113,6 +118,12 @@ impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         Self::build(spec, functions, coordinates, true)
+    }
+
+    /// The same model with its reduced equations found in this way.
+    pub fn with_recursion(mut self, preference: Preference) -> Self {
+        self.preference = preference;
+        self
     }
 
     /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
@@ -173,6 +184,10 @@ impl Model {
         }
         let has_power = loads.iter().any(Load::is_dissipative) || full.springs.iter().any(|s| s.damping != 0.0);
         let pattern = Pattern::from_rows(placed.nv, &columns);
+        let clusters = match &engine {
+            Engine::Flat(tree) => clusters::clusters(tree, &pattern),
+            Engine::Full => clusters::clusters(&full, &pattern),
+        };
         let nodes = validate::nodes(&spec)?;
         let spring_nodes = spec
             .forces
@@ -236,6 +251,8 @@ impl Model {
             out_of_plane,
             functions,
             pattern,
+            clusters,
+            preference: Preference::default(),
             has_power,
         };
         model.dense_projection = model.dense_is_cheaper();
@@ -247,12 +264,22 @@ impl Model {
         let n = self.placed.nv;
         let k = n.saturating_sub(self.pattern.rows);
         let links = self.full.links.len();
-        // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
-        let partial = links * (k * k * 6 + 24 * k);
+        let partial = Self::partial_cost(links, k);
         // a column of M touches what it carries; then D M Dᵀ
         let carried: usize = (1..links).map(|i| self.depth(i)).sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
+    }
+
+    /// A partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns.
+    fn partial_cost(links: usize, k: usize) -> usize {
+        links * (k * k * 6 + 24 * k)
+    }
+
+    /// Multiplications for one dense M_d of k freedoms, its factor included.
+    fn dense_cost(&self, k: usize) -> usize {
+        let scale = if self.is_planar() { 1 } else { 4 };
+        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     fn depth(&self, mut i: usize) -> usize {
