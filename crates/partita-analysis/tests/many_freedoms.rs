@@ -8,7 +8,6 @@ use partita_model::place::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::start;
-use partita_system::ConstrainedSystem;
 
 /// What well-posed random mechanisms lose: C M⁻¹ Cᵀ squares a condition of up to 1e3.
 const CLOSE: f64 = 1e-10;
@@ -57,13 +56,20 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
             assert!(apart(x, y) < CLOSE, "{way:?}: {what} differ by {:.1e}", apart(x, y));
         }
         if one_cluster && r.clusters.count == 1 {
-            assert!(apart(&found.quality, &expected.quality) < 1e-6, "{way:?}: {:?} {:?}", found.quality, expected.quality);
+            assert!(
+                apart(&found.quality, &expected.quality) < 1e-6,
+                "{way:?}: {:?} {:?}",
+                found.quality,
+                expected.quality
+            );
         } else {
             // a cluster with the others free to move is no worse than all at once
             assert!((0..2).all(|i| found.quality[i] > expected.quality[i] - 1e-6));
         }
-        let (a, b) = (r.distance().0, dense.distance().0);
-        assert!(a.is_finite() && a >= 0.0 && b.is_finite());
+        if m.rank > 0 {
+            let (a, b) = (r.distance().0, dense.distance().0);
+            assert!(a > 0.0 && a.is_finite() && b > 0.0, "{way:?}: margins {a} and {b}");
+        }
     }
 }
 
@@ -90,7 +96,7 @@ fn absolute_coordinates_are_gone_through_as_well() {
     });
 }
 
-/// Cost and result of one evaluation, for N of something.
+/// Mechanisms with as many freedoms as wanted.
 mod families {
     use super::mechanisms::{body, empty};
     use partita_model::spec::{Joint, JointKind, Spec};
@@ -225,58 +231,9 @@ fn chains_rings_and_rows_of_loops_move_as_one_dense_mass_matrix_says() {
         let mut dense = Reduction::dense(&model, rank);
         let expected = seen(&mut dense, &m, &independent);
         assert!(r.by_clusters(), "{}", spec.name);
-        for (x, y) in [(&found.vdot, &expected.vdot), (&found.lambda, &expected.lambda), (&found.rho2, &expected.rho2)] {
+        for (x, y) in [(&found.vdot, &expected.vdot), (&found.lambda, &expected.lambda), (&found.rho2, &expected.rho2)]
+        {
             assert!(apart(x, y) < CLOSE, "{}: {:.1e}", spec.name, apart(x, y));
-        }
-    }
-}
-
-#[test]
-#[ignore]
-fn timing() {
-    type Family = fn(usize) -> partita_model::spec::Spec;
-    for (name, family, counts) in [
-        ("side", families::side_by_side as Family, vec![1, 10, 40, 320]),
-        ("series", families::in_series, vec![8, 32, 128]),
-        ("ring", families::ring, vec![10, 50, 200]),
-        ("open", families::open_chain, vec![50, 200, 1000]),
-        ("five", families::shared_uprights, vec![10, 50, 200]),
-    ] {
-        for n in counts {
-            let clock = std::time::Instant::now();
-            let spec = family(n);
-            let model = compile(&spec, Coordinates::Relative).unwrap();
-            let compiled = clock.elapsed().as_secs_f64();
-            let q = model.initial();
-            let clock = std::time::Instant::now();
-            let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
-            let analysed = clock.elapsed().as_secs_f64();
-            let clock = std::time::Instant::now();
-            let mut r = Reduction::new(&model, rank);
-            start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
-            let chosen = clock.elapsed().as_secs_f64();
-            let speeds = vec![0.1; r.k()];
-            r.evaluate(0.0, &q, &speeds).unwrap();
-            let count = (20000 / n).max(5);
-            let clock = std::time::Instant::now();
-            for _ in 0..count {
-                r.evaluate(0.0, &q, &speeds).unwrap();
-            }
-            let each = clock.elapsed().as_secs_f64() / count as f64 * 1e6;
-            let clock = std::time::Instant::now();
-            let scales = r.scales().to_vec();
-            for _ in 0..3 {
-                r.best_exchanges(&scales, 1.25);
-                r.distance();
-            }
-            let review = clock.elapsed().as_secs_f64() / 3.0 * 1e6;
-            let clock = std::time::Instant::now();
-            let quality = r.quality(0.0, &q).unwrap();
-            let judged = clock.elapsed().as_secs_f64();
-            println!(
-                "{name} {n}: k {} clusters {} {}: {each:.2} us, {:.3} per n; review {review:.1} us; compile {compiled:.3} analyse {analysed:.3} choose {chosen:.3} quality {judged:.3} s {:.2}",
-                r.k(), r.clusters.count, r.by_clusters(), each / n as f64, quality.sigma
-            );
         }
     }
 }

@@ -52,9 +52,8 @@ impl Clusters {
             }
             of_velocity.push(number[r]);
         }
-        let of_row = (0..pattern.rows)
-            .map(|i| pattern.col_idx[pattern.row(i)].first().map_or(0, |&j| of_velocity[j]))
-            .collect();
+        let of_row =
+            (0..pattern.rows).map(|i| pattern.col_idx[pattern.row(i)].first().map_or(0, |&j| of_velocity[j])).collect();
         Self { of_velocity, of_row, count: count as usize }
     }
 

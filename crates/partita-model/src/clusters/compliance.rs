@@ -248,7 +248,9 @@ impl<G: Space> Tree<G> {
             }
         }
         let shared = |a: usize, b: usize| {
-            (0..d).fold(o, |sum, r| sum + follow[a * d + r] * dot(&omega[r * d..(r + 1) * d], &follow[b * d..(b + 1) * d]))
+            (0..d).fold(o, |sum, r| {
+                sum + follow[a * d + r] * dot(&omega[r * d..(r + 1) * d], &follow[b * d..(b + 1) * d])
+            })
         };
         let k = which.len();
         let mut values = vec![o; k * k];

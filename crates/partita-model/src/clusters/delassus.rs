@@ -4,8 +4,8 @@
 //! eliminated: nothing further in acts on it any more. Rows that are complete at the same link go in the order of least
 //! degree. Any order is safe: the matrix is symmetric and positive definite for rows that are independent.
 
-use super::plan::{Carried, Plan, NONE};
 use super::freedoms;
+use super::plan::{Carried, Plan, NONE};
 use crate::tree::Tree;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Space;
@@ -126,17 +126,19 @@ pub(super) fn plan<G: Space>(plan: &mut Plan, tree: &Tree<G>, pattern: &Pattern,
 /// The innermost link that carries all of these: where nothing further in moves them apart.
 fn completed_at<G: Space>(tree: &Tree<G>, links: impl Iterator<Item = usize>) -> usize {
     // the parent of each, brought together: the larger number is further out
-    links.map(|i| tree.links[i].parent).reduce(|mut a, mut b| {
-        while a != b {
-            if a > b {
-                a = tree.links[a].parent;
-            } else {
-                b = tree.links[b].parent;
+    links
+        .map(|i| tree.links[i].parent)
+        .reduce(|mut a, mut b| {
+            while a != b {
+                if a > b {
+                    a = tree.links[a].parent;
+                } else {
+                    b = tree.links[b].parent;
+                }
             }
-        }
-        a
-    })
-    .unwrap_or(0)
+            a
+        })
+        .unwrap_or(0)
 }
 
 fn eliminate(

@@ -1,8 +1,8 @@
 //! A cluster with few freedoms, as one joint: its links move by `S_c = S D_cᵀ`.                       (48)
 
+use super::freedoms;
 use super::plan::{FewPlan, Plan, NONE};
 use super::sweep::{add_force_at, add_inertia_at, dot, flat_length, shift_motion, ClusterScratch, Given};
-use super::freedoms;
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -133,8 +133,7 @@ impl<G: Space> Tree<G> {
             // L⁻¹ U: then U 𝒟⁻¹ Uᵀ is its square, and symmetric to the last bit
             for i in 0..k {
                 for r in 0..d {
-                    let sum =
-                        (0..i).fold(gain[i * d + r], |sum, j| sum - factor[i * k + j] * gain[j * d + r]);
+                    let sum = (0..i).fold(gain[i * d + r], |sum, j| sum - factor[i * k + j] * gain[j * d + r]);
                     gain[i * d + r] = sum / factor[i * k + i];
                 }
                 half[..d].copy_from_slice(&gain[i * d..(i + 1) * d]);
@@ -147,8 +146,7 @@ impl<G: Space> Tree<G> {
             }
             for i in (0..k).rev() {
                 for r in 0..d {
-                    let sum =
-                        (i + 1..k).fold(gain[i * d + r], |sum, j| sum - factor[j * k + i] * gain[j * d + r]);
+                    let sum = (i + 1..k).fold(gain[i * d + r], |sum, j| sum - factor[j * k + i] * gain[j * d + r]);
                     gain[i * d + r] = sum / factor[i * k + i];
                 }
             }

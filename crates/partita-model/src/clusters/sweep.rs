@@ -1,8 +1,8 @@
 //! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number type.
 
 use super::few::FewScratch;
-use super::plan::{Duty, Plan, NONE};
 use super::freedoms;
+use super::plan::{Duty, Plan, NONE};
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;

@@ -8,8 +8,8 @@ use crate::value;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Quaternion, Vec3};
-use partita_system::kinematics::closing::Closing;
 use partita_system::clusters::Clusters;
+use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
 

@@ -56,11 +56,10 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// Entries of the kept rows in independent columns: step of the elimination, entry, place in v_I.
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
-    /// Does an independent velocity occur in a row that is kept?
-    coupled: Vec<bool>,
     /// Reach of the independent velocity of each column, by cluster.
     column_reach: Vec<f64>,
     margins: Vec<watch::Margin>,
+    room: watch::Room,
     /// Room for a left singular vector of C_D.
     left: Vec<f64>,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
@@ -133,9 +132,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             column_of: Vec::new(),
             spread_entries: Vec::new(),
             vdot: Vec::new(),
-            coupled: Vec::new(),
             column_reach: Vec::new(),
             margins: Vec::new(),
+            room: watch::Room::default(),
             left: vec![0.0; rank],
             system,
             scratch: system.scratch(),
@@ -302,10 +301,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
                 }
             }
         }
-        self.coupled.clear();
-        self.coupled.resize(self.k, false);
-        for &(_, _, j) in &self.spread_entries {
-            self.coupled[j as usize] = true;
+        if self.recursion.is_some() {
+            self.lay_out();
         }
         self.column_reach.clear();
         self.column_reach.resize(self.clusters.count.max(1) * self.columns, 0.0);
@@ -511,13 +508,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// `M_d v_I' = h_d` with the state of the lower levels.                                (P3)
     pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         if self.recursion.is_some() {
-            let tangent = ClusterTangent {
-                columns: self.columns,
-                dt: &self.dt,
-                delta: &self.delta,
-                c: &self.c,
-                b: &self.b,
-            };
+            let tangent =
+                ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
             self.system.accelerate(t, q, &self.v, &tangent, &mut self.scratch, &mut self.vdot)?;
             for (x, &i) in self.vdot_independent.iter_mut().zip(&self.partition.independent) {
                 *x = self.vdot[i];

@@ -83,21 +83,19 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the rank of C
     /// and not with that of C_D alone.
     fn margins_without_a(&mut self) {
-        let mut along = vec![0.0; self.k];
+        let room = &mut self.room;
+        room.along.fill(0.0);
+        room.sums.fill(None);
         for &(step, e, j) in &self.spread_entries {
-            along[j as usize] += self.c[e as usize] * self.left[step as usize];
+            room.along[j as usize] += self.c[e as usize] * self.left[step as usize];
         }
-        let mut sums = vec![0.0; self.clusters.count];
-        let mut bare = vec![false; self.clusters.count];
-        for ((&i, &c), x) in self.partition.independent.iter().zip(&self.column_of).zip(&along) {
-            let cluster = self.clusters.of_velocity[i] as usize;
-            bare[cluster] |= c == super::NONE;
-            sums[cluster] += (x * self.reach[i]).powi(2);
-        }
-        for ((m, sum), bare) in self.margins.iter_mut().zip(sums).zip(bare) {
-            if bare {
-                m.complete = Some((m.before + sum) / m.given);
+        for ((&i, &c), x) in self.partition.independent.iter().zip(&self.column_of).zip(&room.along) {
+            if c == super::NONE {
+                *room.sums[self.clusters.of_velocity[i] as usize].get_or_insert(0.0) += (x * self.reach[i]).powi(2);
             }
+        }
+        for (m, sum) in self.margins.iter_mut().zip(&room.sums) {
+            m.complete = sum.map(|sum| (m.before + sum) / m.given);
         }
     }
 
@@ -219,8 +217,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for (j, &(i, _)) in rates.iter().enumerate() {
             effort.fill(0.0);
             effort[i] = 1.0;
-            let tangent =
-                ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
+            let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
             self.system.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
         }
         // in natural scales, so that units cannot decide what counts as nothing
@@ -260,7 +257,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let best = exchange::best(&self.a_matrix, scales, &p.dependent, &p.independent);
             return best.into_iter().filter(|x| x.gain > threshold).collect();
         }
-        let mut best: Vec<Option<exchange::Exchange>> = vec![None; self.clusters.count];
+        let room = &mut self.room;
+        room.best.fill(None);
+        let best = &mut room.best;
         let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
             let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
             if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + 1e-9)) {
@@ -269,16 +268,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         };
         let k = self.columns;
         let of = |i: usize| self.clusters.of_velocity[i] as usize;
-        // the packed columns: which independent velocity stands in each, by cluster
-        let mut place = vec![usize::MAX; self.clusters.count * k];
-        for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
-            if c != super::NONE {
-                place[of(i) * k + c as usize] = j;
-            }
-        }
         for (e, &d) in p.dependent.iter().enumerate() {
             for c in 0..k {
-                let j = place[of(d) * k + c];
+                let j = room.place[of(d) * k + c];
                 if j != usize::MAX {
                     see(of(d), e, j, self.a_matrix[e * k + c]);
                 }
@@ -286,48 +278,33 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let Some(plan) = &self.plan else { return Vec::new() };
         // the other clusters, some columns at a time: the n-th freedom of each shares a column
-        let mut order = vec![0usize; self.clusters.count];
-        let mut waves: Vec<Vec<usize>> = Vec::new();
-        for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
-            let wave = &mut order[of(i)];
-            if c == super::NONE && self.coupled[j] {
-                if waves.len() <= *wave {
-                    waves.push(Vec::new());
-                }
-                waves[*wave].push(j);
-                *wave += 1;
-            }
-        }
-        const WIDTH: usize = 8;
-        let mut x = vec![0.0; self.rank * WIDTH];
-        let mut column = vec![usize::MAX; p.independent.len()];
-        let mut here = vec![usize::MAX; self.clusters.count * WIDTH];
-        for chunk in waves.chunks(WIDTH) {
+        let x = &mut room.columns;
+        for chunk in room.waves.chunks(WIDTH) {
             x.fill(0.0);
-            column.fill(usize::MAX);
-            here.fill(usize::MAX);
+            room.column.fill(usize::MAX);
+            room.here.fill(usize::MAX);
             for (w, wave) in chunk.iter().enumerate() {
                 for &j in wave {
-                    column[j] = w;
-                    here[of(p.independent[j]) * WIDTH + w] = j;
+                    room.column[j] = w;
+                    room.here[of(p.independent[j]) * WIDTH + w] = j;
                 }
             }
             for &(step, e, j) in &self.spread_entries {
-                if column[j as usize] != usize::MAX {
-                    x[step as usize * WIDTH + column[j as usize]] = -self.c[e as usize];
+                if room.column[j as usize] != usize::MAX {
+                    x[step as usize * WIDTH + room.column[j as usize]] = -self.c[e as usize];
                 }
             }
-            plan.solve(&self.factors, &mut x, WIDTH);
+            plan.solve(&self.factors, x, WIDTH);
             for (e, &d) in p.dependent.iter().enumerate() {
                 for w in 0..WIDTH {
-                    let j = here[of(d) * WIDTH + w];
+                    let j = room.here[of(d) * WIDTH + w];
                     if j != usize::MAX {
                         see(of(d), e, j, x[e * WIDTH + w]);
                     }
                 }
             }
         }
-        best.into_iter().flatten().collect()
+        room.best.iter().flatten().copied().collect()
     }
 
     /// σ and √μ at the last evaluation; of many clusters, those of the worst.
@@ -348,16 +325,23 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.system.mobility(&tangent, independent, &mut self.scratch, &mut diagonal, &mut |_, which, values| {
             blocks.push((which.to_vec(), values.to_vec()));
         });
+        let mut lengths = vec![0.0; self.size.nv];
+        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut lengths)?;
         let mut worst = Quality { sigma: 1.0, sqrt_mu: 1.0 };
         for (which, mut values) in blocks {
             let k = which.len();
             if k == 0 {
                 continue;
             }
+            let s2: Vec<f64> = which.iter().map(|&i| lengths[i]).collect();
+            if k == 1 {
+                let x = (values[0] / s2[0]).max(0.0).sqrt().min(1.0);
+                worst = Quality { sigma: worst.sigma.min(x), sqrt_mu: worst.sqrt_mu.min(x) };
+                continue;
+            }
             let mut block = vec![0.0; self.size.nv * k];
             self.system.inverse_mass_columns(t, q, &which, &mut self.scratch, &mut block)?;
             let block: Vec<f64> = which.iter().flat_map(|&i| block[i * k..(i + 1) * k].iter().copied()).collect();
-            let s2: Vec<f64> = (0..k).map(|j| block[j * k + j]).collect();
             if dense::cholesky(&mut values, k).is_err() {
                 return Ok(Quality { sigma: 0.0, sqrt_mu: 0.0 });
             }
@@ -391,6 +375,60 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut work = vec![0.0; self.k];
         criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
         Ok(())
+    }
+}
+
+/// Columns of A solved for at a time where A is not kept.
+const WIDTH: usize = 8;
+
+/// Room for looking at clusters after a step, and what about it stays with the choice.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    /// Independent velocity in each packed column, by cluster.
+    place: Vec<usize>,
+    /// Independent velocities of clusters that form no A: one of each cluster at a time.
+    waves: Vec<Vec<usize>>,
+    best: Vec<Option<exchange::Exchange>>,
+    columns: Vec<f64>,
+    column: Vec<usize>,
+    here: Vec<usize>,
+    along: Vec<f64>,
+    sums: Vec<Option<f64>>,
+}
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// Lay out the room for the choice just adopted.
+    pub(super) fn lay_out(&mut self) {
+        let (k, count) = (self.columns, self.clusters.count);
+        let p = &self.partition;
+        let mut coupled = vec![false; self.k];
+        self.spread_entries.iter().for_each(|&(_, _, j)| coupled[j as usize] = true);
+        let mut room = Room {
+            place: vec![usize::MAX; count * k],
+            waves: Vec::new(),
+            best: vec![None; count],
+            columns: vec![0.0; self.rank * WIDTH],
+            column: vec![usize::MAX; self.k],
+            here: vec![usize::MAX; count * WIDTH],
+            along: vec![0.0; self.k],
+            sums: vec![None; count],
+        };
+        let mut order = vec![0usize; count];
+        for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
+            let cluster = self.clusters.of_velocity[i] as usize;
+            if c != super::NONE {
+                room.place[cluster * k + c as usize] = j;
+            } else if coupled[j] {
+                let wave = &mut order[cluster];
+                if room.waves.len() <= *wave {
+                    room.waves.push(Vec::new());
+                }
+                room.waves[*wave].push(j);
+                *wave += 1;
+            }
+        }
+        self.margins.resize(count.max(1), Margin::default());
+        self.room = room;
     }
 }
 
