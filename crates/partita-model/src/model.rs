@@ -1,5 +1,6 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
+use crate::clusters::{self, Preference};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
 use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
@@ -14,6 +15,7 @@ use crate::value::{Callers, Functions};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::ops::{Deref, DerefMut};
@@ -23,6 +25,7 @@ use std::sync::Arc;
 pub struct ModelScratch {
     own: Scratch<f64>,
     dense: Dense,
+    recursion: clusters::Plan,
 }
 
 impl Deref for ModelScratch {
@@ -55,6 +58,8 @@ pub struct Model {
     /// Rows of the spatial closings that the plane makes superfluous.
     pub out_of_plane: Vec<RowName>,
     pattern: Pattern,
+    clusters: Clusters,
+    preference: Preference,
     has_power: bool,
     dense_projection: bool,
     coordinates: Coordinates,
@@ -85,6 +90,12 @@ impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         Self::build(spec, functions, coordinates, true)
+    }
+
+    /// The same model with its reduced equations found in this way.
+    pub fn with_recursion(mut self, preference: Preference) -> Self {
+        self.preference = preference;
+        self
     }
 
     /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
@@ -130,6 +141,10 @@ impl Model {
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
+        let clusters = match &own.engine {
+            Engine::Flat(tree) => clusters::clusters(tree, &pattern),
+            Engine::Full => clusters::clusters(&own.full, &pattern),
+        };
         let mut turns = links.turns;
         if elements.iter().any(Element::sees_coordinates) {
             turns.fill(false);
@@ -151,6 +166,8 @@ impl Model {
             row_names,
             out_of_plane,
             pattern,
+            clusters,
+            preference: Preference::default(),
             has_power,
         };
         model.dense_projection = model.dense_is_cheaper();
@@ -171,14 +188,24 @@ impl Model {
         let n = self.placed.nv;
         let k = n.saturating_sub(self.pattern.rows);
         let links = self.full.links.len();
-        // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
-        let partial = links * (k * k * 6 + 24 * k);
+        let partial = Self::partial_cost(links, k);
         // a column of M touches what it carries; then D M Dᵀ
         let mut depth = vec![0; links];
         (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
         let carried: usize = depth.iter().sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
+    }
+
+    /// A partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns.
+    fn partial_cost(links: usize, k: usize) -> usize {
+        links * (k * k * 6 + 24 * k)
+    }
+
+    /// Multiplications for one dense M_d of k freedoms, its factor included.
+    fn dense_cost(&self, k: usize) -> usize {
+        let scale = if self.is_planar() { 1 } else { 4 };
+        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     /// Which coordinates the tree is made of.
