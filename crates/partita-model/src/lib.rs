@@ -15,6 +15,7 @@ pub mod mechanics;
 pub mod model;
 pub mod numbers;
 pub mod observe;
+pub mod parameters;
 pub mod place;
 pub mod reaction;
 pub mod spec;

@@ -116,11 +116,26 @@ impl Model {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let links = Links::new(&placed);
-        let closing_rows = compile::row_count(&placed);
-        let drives: Vec<DriveRow> = drives(&spec, &placed, closing_rows)?;
-        let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
+        let drives = drives(&spec, &placed, compile::row_count(&placed))?;
         let numbers = Numbers::new(&spec, &placed);
+        Self::made(spec, placed, numbers, drives, functions, coordinates)
+    }
+
+    /// This model with another description of the same structure.
+    pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
+        Self::made(spec, placed, numbers, self.drives.clone(), self.callers.functions.clone(), self.coordinates)
+    }
+
+    fn made(
+        spec: Spec,
+        placed: Placed,
+        numbers: Numbers<f64>,
+        drives: Vec<DriveRow>,
+        functions: Arc<dyn Functions>,
+        coordinates: Coordinates,
+    ) -> Result<Self, DescriptionError> {
+        let links = Links::new(&placed);
+        let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
         let placed = Arc::new(placed);
         let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let (mut columns, mut row_reach, mut row_is_angle) = match &own.engine {

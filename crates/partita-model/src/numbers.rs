@@ -140,17 +140,15 @@ impl<S: Scalar> Numbers<S> {
             com: lift(b.com),
             inertia: Mat3::from_f64(b.inertia.0),
         });
-        Self::with_reference(
-            placed,
-            Self {
-                gravity: lift(placed.basis.apply(Vec3(spec.gravity))),
-                bodies: bodies.collect(),
-                joints: placed.joints.iter().map(|p| (lift(p.parent_point), lift(p.child_point))).collect(),
-                links: placed.links.iter().map(|l| lift(l.point)).collect(),
-                reference: Vec::new(),
-                forces: Described::new(spec).forces,
-            },
-        )
+        let new = Self {
+            gravity: lift(placed.basis.apply(Vec3(spec.gravity))),
+            bodies: bodies.collect(),
+            joints: placed.joints.iter().map(|p| (lift(p.parent_point), lift(p.child_point))).collect(),
+            links: placed.links.iter().map(|l| lift(l.point)).collect(),
+            reference: Vec::new(),
+            forces: Described::new(spec).forces,
+        };
+        new.referred(placed)
     }
 
     /// The zero position for other parameters: what placing the description does, with the turns that are already known.
@@ -217,11 +215,12 @@ impl<S: Scalar> Numbers<S> {
         }
         let gravity = basis.apply(given.gravity);
         let forces = given.forces.clone();
-        Self::with_reference(placed, Self { gravity, bodies, joints, links, reference: Vec::new(), forces })
+        Self { gravity, bodies, joints, links, reference: Vec::new(), forces }.referred(placed)
     }
 
-    /// Which links have mass is a matter of structure.
-    fn with_reference(placed: &Placed, mut numbers: Self) -> Self {
+    /// With the reference points for a zero position, whose masses say which links have any: a matter of structure.
+    pub(crate) fn referred(mut self, placed: &Placed) -> Self {
+        let numbers = &mut self;
         let mut massive = vec![0.0; placed.links.len()];
         let mut mass = vec![S::zero(); placed.links.len()];
         let mut first = vec![Vec3::<S>::zero(); placed.links.len()];
@@ -237,7 +236,7 @@ impl<S: Scalar> Numbers<S> {
                 _ => numbers.links[i],
             })
             .collect();
-        numbers
+        self
     }
 
     /// Where a point given in the axes of a node's body is; on the ground it is given in the world.
