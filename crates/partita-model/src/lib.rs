@@ -18,6 +18,7 @@ pub mod observe;
 pub mod parameters;
 pub mod place;
 pub mod reaction;
+pub mod reduced;
 pub mod spec;
 pub mod topology;
 pub mod tree;

@@ -37,6 +37,16 @@ impl Model {
     }
 }
 
+impl Model {
+    /// The recursion over clusters with these rows kept.
+    pub fn recursion(&self, kept: &[usize]) -> Plan {
+        match &self.own.engine {
+            Engine::Flat(tree) => Plan::new(tree, &self.pattern, &self.clusters, kept, self.preference),
+            Engine::Full => Plan::new(&self.own.full, &self.pattern, &self.clusters, kept, self.preference),
+        }
+    }
+}
+
 impl ConstrainedSystem for Model {
     type Scratch = ModelScratch;
 
@@ -139,8 +149,7 @@ impl ConstrainedSystem for Model {
         if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
             return None;
         }
-        let plan =
-            with_engine!(self, s, |tree, _x| Plan::new(tree, &self.pattern, &self.clusters, kept, self.preference));
+        let plan = self.recursion(kept);
         if counted && self.dense_cost(k) <= plan.cost {
             return None;
         }
