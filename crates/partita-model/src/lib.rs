@@ -11,6 +11,7 @@ pub mod load;
 pub mod loop_closure;
 pub mod model;
 pub mod observe;
+mod part;
 pub mod place;
 pub mod reaction;
 pub mod spec;
@@ -21,3 +22,4 @@ pub mod value;
 
 pub use error::DescriptionError;
 pub use model::Model;
+pub use part::Part;

@@ -38,15 +38,12 @@ pub(crate) fn node_state(model: &Model, s: &ModelScratch, node: usize) -> LinkSt
 }
 
 impl Model {
-    /// Poses and twists of the spatial tree at (q, v), for the outputs of this module; positions also of the plane's.
+    /// Poses and twists of all links at (q, v), in space and in the plane of the engine.
     pub fn look(&self, q: &[f64], v: &[f64], s: &mut ModelScratch) {
         self.full.poses(q, &mut s.full);
-        self.full.inertias(&mut s.full);
         self.full.twists(v, &mut s.full);
         if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
             tree.poses(q, flat);
-            tree.inertias(flat);
-            tree.twists(v, flat);
         }
     }
 
@@ -155,6 +152,11 @@ impl TurnCounter {
             })
             .collect();
         Self { turns, last: vec![None; model.placed.joints.len()] }
+    }
+
+    /// Does joint `j` have angles whose turns are counted?
+    pub fn counts(&self, j: usize) -> bool {
+        self.turns[j].contains(&true)
     }
 
     /// Add full turns to the angles of joint `j` at `t`; calls go forward in time.

@@ -27,6 +27,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<hand::System>()?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
+    m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;
     m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     Ok(())

@@ -3,15 +3,15 @@
 use crate::arrays::{array, shaped, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, States};
+use crate::outputs::{self, Acting, Motion};
 use crate::run::{self, read_options};
-use crate::state::{self, Array, Levels};
+use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
+use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
-use partita_system::formulation::Sample;
 use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
@@ -304,6 +304,21 @@ impl Model {
             state::acceleration(py, &self.inner, t, &q, &v)
         })
     }
+    /// S1-S5 and their reduction at one instant, by name.
+    #[pyo3(signature = (t, q, v))]
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
+            state::at(py, &self.inner, t, &q, v.as_deref())
+        })
+    }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
@@ -325,25 +340,64 @@ impl Model {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Sample| {
-                levels.velocity(x.t, &x.q, &x.v)?;
-                self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
-            };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
+            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress)
         })
     }
 
-    fn observe<'py>(
+    /// Poses and twists of the bodies `which` at nt samples.
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::bodies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Coordinates, velocities and points of the joints `which` at nt samples.
+    fn joints<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Kinetic and potential energy at nt samples.
+    fn energies<'py>(
         &self,
         py: Python<'py>,
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::observe(py, &self.inner, &States::read(&self.inner, &t, &q, &v)?))
+        guarded(py, || outputs::energies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 
+    /// Wrench of one joint at nt samples.
+    fn reaction<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+        joint: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reaction(py, &self.inner, &motion, &acting, joint)
+        })
+    }
+
+    /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,
         py: Python<'py>,
@@ -354,8 +408,9 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reactions(py, &self.inner, &motion, &acting)
         })
     }
 
@@ -370,8 +425,9 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::augmented_reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::augmented_reactions(py, &self.inner, &motion, &acting)
         })
     }
 

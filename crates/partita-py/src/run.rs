@@ -70,13 +70,6 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
     functions.map(|functions| Arc::new(UserTangent { n, functions }) as Arc<dyn TangentMap>)
 }
 
-/// Everything collected during a run.
-#[derive(Default)]
-struct Collected {
-    samples: Vec<Sample>,
-    energies: Vec<(f64, f64)>,
-}
-
 struct Report {
     outcome: Outcome,
     events: Vec<PartitionEvent>,
@@ -101,8 +94,6 @@ fn march<F: Formulation>(
 }
 
 /// March `system` from `(q, v)` and return the dictionary of results.
-///
-/// `energy` gives kinetic and potential energy of a sample, if the system knows them.
 pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
     py: Python<'py>,
     system: &S,
@@ -111,7 +102,6 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     tangent: Option<Arc<dyn TangentMap>>,
     progress: Option<Py<PyAny>>,
-    mut energy: impl FnMut(&Sample) -> Result<Option<(f64, f64)>, SystemError> + Send,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = crate::arrays::any_vector(t_eval);
     let tableau = tableau::by_name(&options.method).ok_or_else(|| {
@@ -188,7 +178,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             found.gap
         ));
     }
-    let mut collected = Collected::default();
+    let mut samples: Vec<Sample> = Vec::new();
     // an exception out of `progress`, or Ctrl-C
     let mut stopped: Option<PyErr> = None;
     let mut last = Instant::now();
@@ -214,12 +204,8 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
         }
     };
     let report = {
-        let collected = &mut collected;
         let mut sink = |s: &Sample| {
-            if let Some(e) = energy(s)? {
-                collected.energies.push(e);
-            }
-            collected.samples.push(s.clone());
+            samples.push(s.clone());
             Ok(())
         };
         let f = registry::by_name(&options.formulation, system, found.rank, &formulation_options)
@@ -257,7 +243,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             return Err(e);
         }
     }
-    dictionary(py, system, &collected, &report, notes)
+    dictionary(py, system, &samples, &report, notes)
 }
 
 fn indices<S: ConstrainedSystem>(py: Python<'_>, system: &S, names: &[String]) -> PyResult<Vec<usize>> {
@@ -276,12 +262,11 @@ fn indices<S: ConstrainedSystem>(py: Python<'_>, system: &S, names: &[String]) -
 fn dictionary<'py, S: ConstrainedSystem>(
     py: Python<'py>,
     system: &S,
-    collected: &Collected,
+    samples: &[Sample],
     report: &Report,
     notes: Vec<String>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let size = system.size();
-    let samples = &collected.samples;
     let nt = samples.len();
     let d = PyDict::new(py);
     let column = |f: &dyn Fn(&Sample) -> f64| array(py, &[nt], samples.iter().map(f).collect());
@@ -302,12 +287,7 @@ fn dictionary<'py, S: ConstrainedSystem>(
     let k = samples.first().map_or(0, |s| s.independent.len());
     let independent: Vec<i64> = samples.iter().flat_map(|s| s.independent.iter().map(|&i| i as i64)).collect();
     d.set_item("independent", shaped(py, &[nt, k], independent))?;
-    let energies = &collected.energies;
-    let known = !energies.is_empty();
-    d.set_item("kinetic", array(py, &[energies.len()], energies.iter().map(|e| e.0).collect()))?;
-    d.set_item("potential", array(py, &[energies.len()], energies.iter().map(|e| e.1).collect()))?;
-    let work: Vec<f64> = if known { samples.iter().map(|s| s.work).collect() } else { Vec::new() };
-    d.set_item("work", array(py, &[work.len()], work))?;
+    d.set_item("work", column(&|s| s.work))?;
     let partitions = PyList::empty(py);
     for e in &report.events {
         let p = PyDict::new(py);

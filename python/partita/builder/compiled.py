@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..errors import ArgumentError
+from ..instant import Instant
+from ..state import finite_time
 
 Array = NDArray[np.float64]
 
@@ -74,6 +76,28 @@ class Equations:
         """
         return self._core.measure(t, self._q(q))
 
+    def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
+        """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
+
+        For looking at, teaching and checking; dense, O(nv^3). `q` shall satisfy the constraints, and so shall `v`;
+        None: at rest, as far as prescribed motion lets the mechanism.
+
+        Raises `SingularityError` in a singular position.
+
+        >>> import numpy as np
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> state = m.assemble(rates={"A": 2.0})
+        >>> i = m.compile().at(state.q, state.v)
+        >>> i.D.shape, bool(np.abs(i.D @ i.C.T).max() < 1e-12)
+        ((1, 3), True)
+        >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
+        True
+        """
+        place, time = self._q(q), finite_time(t)
+        speeds = None if v is None else self._v(v)
+        return Instant.from_core(time, place, self._core.at(time, place, speeds))
+
     def _q(self, q: ArrayLike) -> Array:
         return checked("q", q, self._core.nq, self._names)
 
@@ -87,6 +111,7 @@ class CompiledModel(Equations):
     Attributes:
         summary: names, sizes and layout as plain data.
         coordinates: "relative" or "absolute".
+        description: what was compiled, as JSON.
         notes: what the compiler wants known: rows left out as redundant, derivatives found by differences,
             ...
 
@@ -98,8 +123,11 @@ class CompiledModel(Equations):
     [[1.0]]
     """
 
-    def __init__(self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]]) -> None:
+    def __init__(
+        self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]], description: str
+    ) -> None:
         super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
+        self.description = description
         self.core = core
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes

@@ -53,10 +53,11 @@ def _compile(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Lay
         Element("mechanism", mechanism.name).fail("it has no bodies; add some with add_body or add_rod")
     layout = Layout()
     writer = Writer(mechanism, layout)
-    core = _core.Model(json.dumps(writer.spec()), writer.functions, coordinates)
+    description = json.dumps(writer.spec())
+    core = _core.Model(description, writer.functions, coordinates)
     summary = json.loads(core.summary)
     layout.fill(summary)
-    return CompiledModel(core, summary, coordinates, writer.notes), layout
+    return CompiledModel(core, summary, coordinates, writer.notes, description), layout
 
 
 def layout_of(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Layout]:
@@ -328,4 +329,4 @@ def simulate(
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
-    return Result.from_run(raw, model=model.core, summary=model.summary, mechanism=self, options=chosen)
+    return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)

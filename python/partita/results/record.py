@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-FLOATS_1D = ("t", "closure", "velocity_closure", "sigma", "sqrt_mu", "kinetic", "potential", "work")
+FLOATS_1D = ("t", "closure", "velocity_closure", "sigma", "sqrt_mu", "work")
 FLOATS_2D = ("q", "v", "vdot", "multipliers", "measure")
 ACCOUNT = ("summary", "partitions", "notes", "counters", "status", "success", "message", "options", "spec")
 
@@ -28,7 +30,13 @@ class Record:
     success: bool = True
     message: str = ""
     options: dict[str, Any] = field(default_factory=dict)
-    spec: dict[str, Any] | None = None
+    description: str | None = None
+    """The mechanism as built, as JSON; None for a `System`."""
+
+    @cached_property
+    def spec(self) -> dict[str, Any] | None:
+        """The description as plain data, kept so that a stored result can still be drawn."""
+        return None if self.description is None else json.loads(self.description)
 
     @classmethod
     def from_raw(
@@ -36,7 +44,7 @@ class Record:
         raw: Mapping[str, Any],
         summary: Mapping[str, Any],
         options: Mapping[str, Any],
-        spec: dict[str, Any] | None,
+        description: str | None,
     ) -> Record:
         """From the dictionary that the core returns."""
         return cls(
@@ -49,7 +57,7 @@ class Record:
             success=bool(raw.get("success", True)),
             message=str(raw.get("message", "")),
             options=dict(options),
-            spec=spec,
+            description=description,
         )
 
     def account(self) -> dict[str, Any]:
@@ -59,7 +67,9 @@ class Record:
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
-        return cls(arrays=checked(arrays), **{key: account[key] for key in ACCOUNT})
+        spec = account["spec"]
+        told = {key: account[key] for key in ACCOUNT if key != "spec"}
+        return cls(arrays=checked(arrays), **told, description=None if spec is None else json.dumps(spec))
 
 
 def checked(raw: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -96,10 +106,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
     return str(value)
-
-
-def spec_of(mechanism: Any) -> dict[str, Any] | None:
-    """The plain description of a mechanism, kept so that a stored result can still be drawn."""
-    if mechanism is None:
-        return None
-    return dict(plain(mechanism.to_spec()))

@@ -3,6 +3,7 @@
 use super::Wrench;
 use crate::load::{self, Load, Push};
 use crate::model::{Model, ModelScratch};
+use crate::part::Part;
 use crate::value;
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -15,14 +16,22 @@ impl Model {
         }
     }
 
-    /// Everything but joints that acts on the bodies, about their centres of mass.
-    pub(super) fn applied(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
+    /// Everything but joints that acts on the bodies of `part`, about their centres of mass.
+    pub(super) fn applied(
+        &self,
+        part: &Part,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &ModelScratch,
+    ) -> Result<Vec<Wrench>, SystemError> {
         let mut on = vec![Wrench::default(); self.placed.bodies.len()];
         let zero = Vec3::zero();
-        for (w, b) in on.iter_mut().zip(&self.placed.bodies) {
-            w.force += self.full.gravity.times(b.mass);
+        for &node in &part.nodes {
+            on[node - 1].force += self.full.gravity.times(self.placed.bodies[node - 1].mass);
         }
-        for (k, &(na, nb, first)) in self.full.springs.iter().zip(&self.spring_nodes) {
+        for &i in &part.springs {
+            let (k, (na, nb, first)) = (&self.full.springs[i], self.spring_nodes[i]);
             let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
             let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
             let gap = xb.centre + rb - xa.centre - ra + k.offset;
@@ -39,7 +48,7 @@ impl Model {
             self.put(s, &mut on, na, &Wrench { moment: zero, force: pull }, pa);
             self.put(s, &mut on, nb, &Wrench { moment: zero, force: -pull }, pb);
         }
-        for l in &self.loads {
+        for l in part.loads.iter().map(|&i| &self.loads[i]) {
             match l {
                 Load::Force { node, link, at, .. } => {
                     let x = &s.full.links[*link];

@@ -5,7 +5,7 @@
 //! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
 //! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
 
-use super::{replace, Reactions, Wrench};
+use super::{with_along, Wrench};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -29,7 +29,7 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench>, SystemError> {
-        let (Reactions { mut joints, drives, .. }, needed) = self.known(t, q, v, vdot, lambda, s)?;
+        let (mut joints, needed) = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.topology.tree.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);
@@ -44,13 +44,8 @@ impl Model {
                 }
             }
             let sign = if e.reversed { -1.0 } else { 1.0 };
-            let along = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
-                free.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, drives[j][i])).unzip()
-            };
-            let ((turns, torques), (slides, pushes)) = (along(true), along(false));
-            w = w.times(sign);
-            joints[j] =
-                Wrench { moment: replace(w.moment, &turns, &torques), force: replace(w.force, &slides, &pushes) };
+            let drives = self.drive_of(j, lambda);
+            joints[j] = with_along(&free, &w.times(sign), |i| drives[i]);
         }
         let out = self.placed.basis;
         for w in &mut joints {

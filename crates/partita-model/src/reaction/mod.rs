@@ -5,6 +5,7 @@ mod augmented;
 
 use crate::joint::Motion;
 use crate::model::{three, Engine, Model, ModelScratch};
+use crate::part::Part;
 use partita_math::dense;
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -70,6 +71,15 @@ fn replace(x: Vec3<f64>, axes: &[Vec3<f64>], wanted: &[f64]) -> Vec3<f64> {
     axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k))
 }
 
+/// `w` with its components along the free axes of a joint replaced by those wanted of each.
+fn with_along(axes: &[(bool, Vec3<f64>)], w: &Wrench, wanted: impl Fn(usize) -> f64) -> Wrench {
+    let of = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
+        axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
+    };
+    let ((ta, tw), (sa, sw)) = (of(true), of(false));
+    Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
+}
+
 impl Model {
     /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
     fn free_axes(&self, j: usize, s: &ModelScratch) -> Vec<(bool, Vec3<f64>)> {
@@ -108,27 +118,18 @@ impl Model {
         axes
     }
 
-    /// Wrenches of the closings for the multipliers λ: joint, wrench on its child about the joint's point there.
-    fn closing_reactions(&self, s: &mut ModelScratch, lambda: &[f64]) -> Vec<(usize, Wrench)> {
+    /// Wrench of closing `k` for the multipliers λ on its child about the joint's point there, and its joint.
+    fn closing_reaction(&self, k: usize, s: &ModelScratch, lambda: &[f64]) -> (usize, Wrench) {
         match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree
-                .closings
-                .iter()
-                .map(|k| {
-                    let (m, f) = tree.closing_wrench(k, x, lambda);
-                    let force = three::<partita_math::spatial::Planar<f64>>(f);
-                    (k.joint, Wrench { moment: Vec3([0.0, 0.0, m]), force })
-                })
-                .collect(),
-            _ => self
-                .full
-                .closings
-                .iter()
-                .map(|k| {
-                    let (moment, force) = self.full.closing_wrench(k, &s.full, lambda);
-                    (k.joint, Wrench { moment, force })
-                })
-                .collect(),
+            (Engine::Flat(tree), Some(x)) => {
+                let (m, f) = tree.closing_wrench(&tree.closings[k], x, lambda);
+                let force = three::<partita_math::spatial::Planar<f64>>(f);
+                (tree.closings[k].joint, Wrench { moment: Vec3([0.0, 0.0, m]), force })
+            }
+            _ => {
+                let (moment, force) = self.full.closing_wrench(&self.full.closings[k], &s.full, lambda);
+                (self.full.closings[k].joint, Wrench { moment, force })
+            }
         }
     }
 
@@ -143,9 +144,11 @@ impl Model {
         self.full.place(link, &s.full) + self.arm_now(s, link, p.child_point)
     }
 
-    /// Wrench through every tree joint on its outer body, about that body's centre of mass, given what each body needs.
-    fn inward(&self, s: &ModelScratch, mut needed: Vec<Wrench>) -> Vec<Wrench> {
-        for e in self.placed.topology.tree.iter().rev() {
+    /// Wrench through every tree joint of `part` on its outer body, about that body's centre of mass, given what each body
+    /// needs.
+    fn inward(&self, part: &Part, s: &ModelScratch, mut needed: Vec<Wrench>) -> Vec<Wrench> {
+        for &e in part.edges.iter().rev() {
+            let e = &self.placed.topology.tree[e];
             if e.from > 0 {
                 let w = needed[e.to - 1].about(self.com_now(s, e.to - 1) - self.com_now(s, e.from - 1));
                 needed[e.from - 1].add(&w);
@@ -154,13 +157,23 @@ impl Model {
         needed
     }
 
-    /// What each body needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass.
-    fn needed(&self, t: f64, q: &[f64], v: &[f64], vdot: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
-        let acceleration = self.link_accelerations(vdot, s);
-        let mut needed = self.applied(t, q, v, s)?;
-        for (w, b) in needed.iter_mut().zip(&self.placed.bodies) {
+    /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass.
+    fn needed(
+        &self,
+        part: &Part,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        s: &ModelScratch,
+    ) -> Result<Vec<Wrench>, SystemError> {
+        let acceleration = self.link_accelerations(part, vdot, s);
+        let mut needed = self.applied(part, t, q, v, s)?;
+        for &node in &part.nodes {
+            let (w, b) = (&mut needed[node - 1], &self.placed.bodies[node - 1]);
             let x = &s.full.links[b.link];
             let (alpha, acc) = acceleration[b.link];
+            let (alpha, acc) = (x.alpha + alpha, x.acc + acc);
             let arm = x.rot.apply(b.com - self.reference[b.link]);
             let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
             let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
@@ -171,35 +184,72 @@ impl Model {
         Ok(needed)
     }
 
-    /// What the multipliers give by themselves: the reactions of cut joints and the efforts of drives; and what each body
-    /// still needs with them.
+    /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs with
+    /// them.
     fn known(
         &self,
+        part: &Part,
         t: f64,
         q: &[f64],
         v: &[f64],
         vdot: &[f64],
         lambda: &[f64],
         s: &mut ModelScratch,
-    ) -> Result<(Reactions, Vec<Wrench>), SystemError> {
-        self.look(q, v, s);
-        let mut needed = self.needed(t, q, v, vdot, s)?;
-        let mut result = Reactions {
-            joints: vec![Wrench::default(); self.placed.joints.len()],
-            drives: self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect(),
-            residual: 0.0,
-        };
-        for (j, w) in self.closing_reactions(s, lambda) {
+    ) -> Result<(Vec<Wrench>, Vec<Wrench>), SystemError> {
+        self.look_at(part, q, v, s);
+        let mut needed = self.needed(part, t, q, v, vdot, s)?;
+        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
+        for &k in &part.closings {
+            let (j, w) = self.closing_reaction(k, s, lambda);
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
             self.put(s, &mut needed, p.child, &w.times(-1.0), point);
             self.put(s, &mut needed, p.parent, &w, point);
-            result.joints[j] = w;
+            joints[j] = w;
         }
-        for d in &self.drives {
-            result.drives[d.joint][d.coordinate] = lambda[d.row];
+        Ok((joints, needed))
+    }
+
+    /// Efforts of the drives along the velocities of joint `j`.
+    pub fn drive_of(&self, j: usize, lambda: &[f64]) -> Vec<f64> {
+        let mut efforts = vec![0.0; self.placed.joints[j].shape.freedoms()];
+        for d in self.drives.iter().filter(|d| d.joint == j) {
+            efforts[d.coordinate] = lambda[d.row];
         }
-        Ok((result, needed))
+        efforts
+    }
+
+    /// Reaction of one joint for a motion with the multipliers `lambda`, in world axes: action of the joint's constraints on
+    /// its child, reduced to the joint's point. `part` is its [`part_of_reaction`](Self::part_of_reaction).
+    ///
+    /// What acts along the joint's own freedoms is not asked for: it is no reaction.
+    pub fn reaction_of(
+        &self,
+        j: usize,
+        part: &Part,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        lambda: &[f64],
+        s: &mut ModelScratch,
+    ) -> Result<Wrench, SystemError> {
+        let (joints, needed) = self.known(part, t, q, v, vdot, lambda, s)?;
+        let tree = &self.placed.topology.tree;
+        let held = part.edges.iter().map(|&e| &tree[e]).find(|e| e.joint == Some(j));
+        let w = match held {
+            Some(e) => {
+                let outer = e.to - 1;
+                let transmitted = self.inward(part, s, needed);
+                let w = transmitted[outer].about(self.com_now(s, outer) - self.joint_point_now(s, j));
+                let w = if e.reversed { w.times(-1.0) } else { w }; // on the child
+                let drives = self.drive_of(j, lambda);
+                with_along(&self.free_axes(j, s), &w, |i| drives[i])
+            }
+            None => joints[j],
+        };
+        let out = self.placed.basis;
+        Ok(Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) })
     }
 
     /// Reactions of all joints for a motion with the multipliers `lambda`.
@@ -212,8 +262,24 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Reactions, SystemError> {
-        let (mut result, needed) = self.known(t, q, v, vdot, lambda, s)?;
-        let transmitted = self.inward(s, needed.clone());
+        self.reactions_of(&self.whole(), t, q, v, vdot, lambda, s)
+    }
+
+    /// The same with the [`whole`](Self::whole) at hand.
+    pub fn reactions_of(
+        &self,
+        whole: &Part,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        vdot: &[f64],
+        lambda: &[f64],
+        s: &mut ModelScratch,
+    ) -> Result<Reactions, SystemError> {
+        let (joints, needed) = self.known(whole, t, q, v, vdot, lambda, s)?;
+        let drives = (0..joints.len()).map(|j| self.drive_of(j, lambda)).collect();
+        let mut result = Reactions { joints, drives, residual: 0.0 };
+        let transmitted = self.inward(whole, s, needed.clone());
         let efforts = self.efforts(t, q, v)?;
         let mut left = needed;
         let mut largest = self.full.gravity.norm() * self.placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass));
@@ -235,17 +301,10 @@ impl Model {
                     v..v + m.velocities()
                 })
                 .collect();
-            let with = |wanted: &dyn Fn(usize) -> f64| {
-                let of = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
-                    axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
-                };
-                let ((ta, tw), (sa, sw)) = (of(true), of(false));
-                Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
-            };
             let drives = &result.drives[j];
             // along a free direction only a drive can be a reaction; what is applied there is not one
-            let reaction = with(&|i| drives[i]);
-            let acting = with(&|i| drives[i] + efforts[velocities[i]]);
+            let reaction = with_along(&axes, &w, |i| drives[i]);
+            let acting = with_along(&axes, &w, |i| drives[i] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             let (parent, child) = (p.parent, p.child);
             self.put(s, &mut left, child, &acting.times(-1.0), point);
@@ -266,30 +325,32 @@ impl Model {
         Ok(result)
     }
 
-    /// Angular acceleration and acceleration of the reference point of every link.
-    fn link_accelerations(&self, vdot: &[f64], s: &ModelScratch) -> Vec<(Vec3<f64>, Vec3<f64>)> {
+    /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.
+    fn link_accelerations(&self, part: &Part, vdot: &[f64], s: &ModelScratch) -> Vec<(Vec3<f64>, Vec3<f64>)> {
         let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
-        for i in 1..moved.len() {
+        for &i in &part.links {
             let (w, u) = moved[self.full.links[i].parent];
             moved[i] = self.full.carry(i, &s.full, w, u, |v| vdot[v]);
         }
-        moved.iter().zip(&s.full.links).map(|(m, x)| (x.alpha + m.0, x.acc + m.1)).collect()
+        moved
     }
 
     /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
     pub fn wrenches_of(&self, q: &[f64], lambda: &[f64], s: &mut ModelScratch) -> Vec<Wrench> {
         let still = vec![0.0; self.placed.nv];
-        self.look(q, &still, s);
+        let whole = self.whole();
+        self.look_at(&whole, q, &still, s);
         let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
         let mut joints = vec![Wrench::default(); self.placed.joints.len()];
-        for (j, w) in self.closing_reactions(s, lambda) {
+        for &k in &whole.closings {
+            let (j, w) = self.closing_reaction(k, s, lambda);
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
             self.put(s, &mut needed, p.child, &w.times(-1.0), point);
             self.put(s, &mut needed, p.parent, &w, point);
             joints[j] = w;
         }
-        let transmitted = self.inward(s, needed);
+        let transmitted = self.inward(&whole, s, needed);
         for e in &self.placed.topology.tree {
             if let Some(j) = e.joint {
                 let w = transmitted[e.to - 1].about(self.com_now(s, e.to - 1) - self.joint_point_now(s, j));
