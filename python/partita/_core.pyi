@@ -120,6 +120,15 @@ class Model:
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
 
+class Journal:
+    """What a run keeps of itself."""
+
+    def describe(self) -> dict[str, Any]:
+        """vdot, multipliers, independent, closure, velocity_closure at every output; notes."""
+
+    def assess(self) -> dict[str, Any]:
+        """measure, sigma, sqrt_mu at every output."""
+
 class System:
     """Equations (S1)-(S5) given as callables."""
 

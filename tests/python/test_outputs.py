@@ -97,6 +97,10 @@ def test_a_reaction_asks_only_what_acts_on_the_bodies_it_holds() -> None:
     m, calls = loaded()
     run = m.simulate(0.2, t_eval=np.linspace(0.0, 0.2, 11))
     cut = next(j["name"] for j in run.summary["joints"] if not j["tree"])
+    assert calls["torque"] == calls["force"]
+    calls.update(torque=0, force=0)
+    assert run.multipliers.shape[0] == 11
+    assert calls == {"torque": 11, "force": 11}  # what follows from the equations asks once an output
     calls.update(torque=0, force=0)
     assert run.joint("A").position.shape[0] == 11 and run.body("crank").position.shape == (11, 3)
     assert np.isfinite(run.joint(cut).force).all()

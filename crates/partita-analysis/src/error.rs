@@ -18,6 +18,14 @@ pub enum AnalysisError {
         /// What is wrong with it.
         message: String,
     },
+    /// A name that the system does not have.
+    #[error("{message}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// What there is.
+        message: String,
+    },
     /// It could not be evaluated at this position.
     #[error(transparent)]
     System(#[from] SystemError),

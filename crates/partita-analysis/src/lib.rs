@@ -12,6 +12,7 @@ pub mod mobility;
 pub mod outputs;
 mod reason;
 pub mod report;
+pub mod run;
 mod stress;
 
 pub use determined::determined;

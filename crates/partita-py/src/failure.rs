@@ -105,6 +105,9 @@ pub fn analysis(py: Python<'_>, e: partita_analysis::AnalysisError) -> PyErr {
         partita_analysis::AnalysisError::Argument { argument, message } => {
             raise(py, "ArgumentError", &message, &[("argument", argument.into())])
         }
+        partita_analysis::AnalysisError::Unknown { name, message } => {
+            raise(py, "UnknownNameError", &message, &[("name", name.into())])
+        }
         partita_analysis::AnalysisError::System(e) => system(py, e),
     }
 }

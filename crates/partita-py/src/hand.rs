@@ -11,6 +11,7 @@ use partita_system::equations::{ByHand, Equations};
 use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
 /// The callables of a system.
 struct Callables {
@@ -288,8 +289,9 @@ impl System {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
-            let system = self.sized(py, options.t0(), &q)?;
-            run::run(py, &system, &options, &t_eval, (&q, &v), run::tangent(self.f.n, tangent), progress)
+            let system = self.sized(py, options.t0, &q)?;
+            let tangent = run::tangent(self.f.n, tangent);
+            run::run(py, Arc::new(system), &options, &t_eval, (&q, &v), tangent, progress, true)
         })
     }
 }

@@ -22,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 /// A compiled mechanism: constant; states are handed in.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
-    inner: Inner,
+    inner: Arc<Inner>,
     structure: OnceLock<Structure>,
 }
 
@@ -43,7 +43,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&self.inner, 0.0, &mut q, CLOSED * self.inner.placed.size.max(1.0), &[]);
+            let closed = assembly::close(&*self.inner, 0.0, &mut q, CLOSED * self.inner.placed.size.max(1.0), &[]);
             if closed.is_err() {
                 q = self.inner.initial();
             }
@@ -67,7 +67,7 @@ impl Model {
     /// The position level at q.
     fn position<'py>(&self, py: Python<'py>, t: f64, q: &PyReadonlyArray1<'py, f64>) -> PyResult<Levels<'_, Inner>> {
         let q = vector(q, self.nq(), "q")?;
-        let mut levels = Levels::new(&self.inner);
+        let mut levels = Levels::new(&*self.inner);
         levels.position(t, &q).map_err(|e| failure::system(py, e))?;
         Ok(levels)
     }
@@ -93,7 +93,7 @@ impl Model {
             })?;
             let inner = Inner::new(spec, Arc::new(Callables(functions)), coordinates)
                 .map_err(|e| failure::description(py, &e))?;
-            Ok(Self { inner, structure: OnceLock::new() })
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
 
@@ -198,7 +198,7 @@ impl Model {
         guarded(py, || {
             let (q, _) = self.state(&q, &v)?;
             let place = |q: &[f64]| self.inner.place(t, q, &targets);
-            state::assemble(py, &self.inner, t, q, &targets, &rates, tolerance, place)
+            state::assemble(py, &*self.inner, t, q, &targets, &rates, tolerance, place)
         })
     }
 
@@ -239,7 +239,7 @@ impl Model {
         guarded(py, || {
             let n = self.nv();
             let (q, rest) = (vector(&q, self.nq(), "q")?, vec![0.0; n]);
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &rest).and_then(|()| levels.dynamics(t, &q, &rest));
             Ok(array(py, &[n, n], found.map_err(|e| failure::system(py, e))?.0))
         })
@@ -253,7 +253,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &v).and_then(|()| levels.dynamics(t, &q, &v));
             Ok(array(py, &[v.len()], found.map_err(|e| failure::system(py, e))?.1))
         })
@@ -268,7 +268,7 @@ impl Model {
         guarded(py, || {
             let c = self.position(py, t, &q)?.c;
             let rows: Vec<usize> = (0..self.rows()).collect();
-            let c = dense_rows(&self.inner, &c, &rows);
+            let c = dense_rows(&*self.inner, &c, &rows);
             Ok(array(py, &[self.rows(), self.nv()], c.into_vec()))
         })
     }
@@ -287,7 +287,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             levels.velocity(t, &q, &v).map_err(|e| failure::system(py, e))?;
             Ok(array(py, &[levels.b.len()], levels.b))
         })
@@ -301,7 +301,7 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            state::acceleration(py, &self.inner, t, &q, &v)
+            state::acceleration(py, &*self.inner, t, &q, &v)
         })
     }
     /// S1-S5 and their reduction at one instant, by name.
@@ -316,13 +316,13 @@ impl Model {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
             let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
-            state::at(py, &self.inner, t, &q, v.as_deref())
+            state::at(py, &*self.inner, t, &q, v.as_deref())
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            state::measure(py, &self.inner, t, &q)
+            state::measure(py, &*self.inner, t, &q)
         })
     }
 
@@ -340,7 +340,8 @@ impl Model {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress)
+            let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
+            run::run(py, system, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, calls)
         })
     }
 

@@ -5,8 +5,9 @@ use crate::failure::{self, raise};
 use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::outputs::{self, Forces, States, Watch};
+use partita_analysis::run::{Assessed, Described};
 use partita_model::Model;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, Size, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::borrow::Cow;
@@ -25,17 +26,41 @@ impl From<SystemError> for Stop {
     }
 }
 
-/// Compute tables with the interpreter free for others; Ctrl-C is heard between the rows.
-pub fn tables(
+/// Compute with the interpreter free for others; Ctrl-C is heard between the rows.
+pub fn heard<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
+    let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
+    found.map_err(|stop| match stop {
+        Stop::System(e) => failure::system(py, e),
+        Stop::Python(e) => e,
+    })
+}
+
+fn tables(
     py: Python<'_>,
     f: impl FnOnce(Watch<Stop>) -> Result<Vec<Vec<f64>>, Stop> + Send,
 ) -> PyResult<std::vec::IntoIter<Vec<f64>>> {
-    let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
-    match found {
-        Ok(tables) => Ok(tables.into_iter()),
-        Err(Stop::System(e)) => Err(failure::system(py, e)),
-        Err(Stop::Python(e)) => Err(e),
-    }
+    Ok(heard(py, f)?.into_iter())
+}
+
+/// What belongs to nt outputs of a system, by name.
+pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResult<Bound<'_, PyDict>> {
+    let tables = [x.vdot, x.multipliers, x.independent, x.closure, x.velocity_closure].into_iter();
+    let shapes: [(&str, &[usize]); 5] = [
+        ("vdot", &[size.nv]),
+        ("multipliers", &[size.rows]),
+        ("independent", &[x.k]),
+        ("closure", &[]),
+        ("velocity_closure", &[]),
+    ];
+    let d = named(py, nt, tables, &shapes)?;
+    d.set_item("notes", x.notes)?;
+    Ok(d)
+}
+
+/// Measures and qualities at nt outputs of a system, by name.
+pub fn assessed(py: Python<'_>, nt: usize, size: Size, x: Assessed) -> PyResult<Bound<'_, PyDict>> {
+    let shapes: [(&str, &[usize]); 3] = [("measure", &[size.nv]), ("sigma", &[]), ("sqrt_mu", &[])];
+    named(py, nt, [x.measure, x.sigma, x.sqrt_mu].into_iter(), &shapes)
 }
 
 /// t, q and v at the outputs, their shapes checked.

@@ -32,10 +32,11 @@ FloatArray = NDArray[np.float64]
 class Result:
     """Motion and forces of one run, over nt outputs; SI units and radians, names in `names`.
 
-    Arrays of the run itself are plain attributes. Bodies, joints and reactions are computed by the
-    compiled model when first asked for, one by one, and kept. A result that was stopped (`success` False,
-    or by Ctrl-C) holds every output reached; `status` and `message` say why it ended. A pickled result takes
-    along all that can be asked of it, as a stored one does, and needs no model where it is read.
+    A run keeps times, coordinates and velocities. Accelerations, multipliers and closures are computed together when
+    one of them is first asked for, so are measures and qualities; bodies, joints and reactions one by one; all are
+    kept. A result that was stopped (`success` False, or by Ctrl-C) holds every output reached; `status` and `message`
+    say why it ended. A pickled result takes along all that can be asked of it, as a stored one does, and needs no
+    model where it is read.
 
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
@@ -50,22 +51,6 @@ class Result:
         """(nt, nq): coordinates [m, rad; quaternions scalar first]."""
         self.v: FloatArray = arrays["v"]
         """(nt, nv): velocities [m/s, rad/s]."""
-        self.vdot: FloatArray = arrays["vdot"]
-        """(nt, nv): accelerations [m/s^2, rad/s^2]."""
-        self.multipliers: FloatArray = arrays["multipliers"]
-        """(nt, rows): lambda in M v' = h + C^T lambda [N, N m]; prefer `joint(name)` for reactions."""
-        self.closure: FloatArray = arrays["closure"]
-        """(nt,): max |Phi| over the constraints."""
-        self.velocity_closure: FloatArray = arrays["velocity_closure"]
-        """(nt,): max |C v + a| over the constraints."""
-        self.measure: FloatArray = arrays["measure"]
-        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
-        self.sigma: FloatArray = arrays["sigma"]
-        """(nt,): quality of the choice of independent coordinates; small near singular positions."""
-        self.sqrt_mu: FloatArray = arrays["sqrt_mu"]
-        """(nt,): a second quality of the choice, in the mass metric."""
-        self.independent: NDArray[np.int64] = arrays["independent"]
-        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
         self.status = record.status
         self.success = record.success
         self.message = record.message
@@ -73,7 +58,8 @@ class Result:
         self.options = dict(record.options)
         self.summary = dict(record.summary)
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
-        self.names = Names.from_summary(record.summary, self.q.shape[1], self.v.shape[1], self.multipliers.shape[1])
+        rows = int(record.summary.get("rows", 0))
+        self.names = Names.from_summary(record.summary, self.q.shape[1], self.v.shape[1], rows)
 
     def __copy__(self) -> Result:
         return Result(self._record, self._source)
@@ -99,6 +85,46 @@ class Result:
         return cls(record, ModelSource(model, record.arrays, *counts))
 
     @property
+    def vdot(self) -> FloatArray:
+        """(nt, nv): accelerations [m/s^2, rad/s^2]; NaN where a singular position leaves them open."""
+        return self._record.arrays["vdot"]
+
+    @property
+    def multipliers(self) -> FloatArray:
+        """(nt, rows): lambda in M v' = h + C^T lambda [N, N m]; prefer `joint(name)` for reactions."""
+        return self._record.arrays["multipliers"]
+
+    @property
+    def closure(self) -> FloatArray:
+        """(nt,): max |Phi| over the constraints."""
+        return self._record.arrays["closure"]
+
+    @property
+    def velocity_closure(self) -> FloatArray:
+        """(nt,): max |C v + a| over the constraints."""
+        return self._record.arrays["velocity_closure"]
+
+    @property
+    def measure(self) -> FloatArray:
+        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
+        return self._record.arrays["measure"]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(nt,): quality of the choice of independent coordinates; small near singular positions."""
+        return self._record.arrays["sigma"]
+
+    @property
+    def sqrt_mu(self) -> FloatArray:
+        """(nt,): a second quality of the choice, in the mass metric."""
+        return self._record.arrays["sqrt_mu"]
+
+    @property
+    def independent(self) -> NDArray[np.int64]:
+        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
+        return self._record.arrays["independent"]
+
+    @property
     def spec(self) -> dict[str, Any] | None:
         """Plain description of the mechanism as built, or None for a `System`."""
         return self._record.spec
@@ -117,7 +143,7 @@ class Result:
     def notes(self) -> tuple[str, ...]:
         """What the compiler and the run had to tell: rows dropped, repairs, passages."""
         removed = (f"row {r['row']} removed: {r['why']}" for r in self.summary.get("removed", ()))
-        return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.notes]))
+        return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.all_notes]))
 
     @cached_property
     def certificate(self) -> Certificate:

@@ -12,6 +12,15 @@ pub use rows::{tables, Rows, Watch};
 use partita_model::Model;
 use partita_system::ConstrainedSystem;
 
+/// Functions of the user are asked in order, on one core.
+fn chunk_of(model: &Model) -> usize {
+    if model.calls_functions() {
+        usize::MAX
+    } else {
+        1
+    }
+}
+
 /// t, q and v at the outputs, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct States<'a> {

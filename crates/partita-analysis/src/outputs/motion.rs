@@ -1,5 +1,6 @@
 //! Where bodies and joints are, how they move, and the energies.
 
+use super::chunk_of;
 use super::rows::{tables, Watch};
 use super::States;
 use crate::instant::Levels;
@@ -41,7 +42,7 @@ pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
         }
         Ok(())
     };
-    tables(states.len(), &widths, true, || model.scratch(), row, watch)
+    tables(states.len(), &widths, 1, || model.scratch(), row, watch)
 }
 
 /// Coordinates, velocities and points (on the child, world axes) of the joints `which`, side by side.
@@ -70,7 +71,7 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
         }
         Ok(())
     };
-    let mut found = tables(states.len(), &[nq, nv, JOINT_POINT * which.len()], true, || model.scratch(), row, watch)?;
+    let mut found = tables(states.len(), &[nq, nv, JOINT_POINT * which.len()], 1, || model.scratch(), row, watch)?;
     let mut turns = TurnCounter::new(model);
     let (mut at_q, mut at_v) = (0, 0);
     for &j in which {
@@ -106,5 +107,5 @@ pub fn energies<E: Send + From<SystemError>>(
         rows.row(1, i)[0] = potential;
         Ok(())
     };
-    tables(states.len(), &[1, 1], !model.calls_functions(), || Levels::new(model), row, watch)
+    tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)
 }

@@ -1,5 +1,6 @@
 //! Reactions of joints along a motion.
 
+use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use partita_model::Model;
@@ -30,7 +31,7 @@ pub fn reaction<E: Send + From<SystemError>>(
         rows.row(3, i).copy_from_slice(model.joint_frame(j, s).0.as_flattened());
         Ok(())
     };
-    tables(states.len(), &[3, 3, freedoms, JOINT_AXES], !model.calls_functions(), || model.scratch(), row, watch)
+    tables(states.len(), &[3, 3, freedoms, JOINT_AXES], chunk_of(model), || model.scratch(), row, watch)
 }
 
 /// The same of all joints side by side, and the Newton-Euler residual over the largest force.
@@ -61,7 +62,7 @@ pub fn reactions<E: Send + From<SystemError>>(
         Ok(())
     };
     let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1];
-    tables(states.len(), &widths, !model.calls_functions(), || model.scratch(), row, watch)
+    tables(states.len(), &widths, chunk_of(model), || model.scratch(), row, watch)
 }
 
 /// Forces and moments of all joints side by side, by augmented joint coordinates.
@@ -83,5 +84,5 @@ pub fn augmented<E: Send + From<SystemError>>(
         }
         Ok(())
     };
-    tables(states.len(), &[3 * nj, 3 * nj], !model.calls_functions(), || model.scratch(), row, watch)
+    tables(states.len(), &[3 * nj, 3 * nj], chunk_of(model), || model.scratch(), row, watch)
 }

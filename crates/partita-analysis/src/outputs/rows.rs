@@ -56,28 +56,30 @@ fn take<'a>(rest: &mut [&'a mut [f64]], widths: &'a [usize], rows: Range<usize>)
 
 /// Tables of `count` rows and the given widths, each row by `f` with a scratch of its thread.
 ///
-/// A row depends on nothing but its number, so the answer is the same on one core and on many. `shared` is false where rows
-/// may not be computed at the same time. The error is that of the first row that fails.
+/// Rows are computed `chunk` at a time, each chunk in order on one core: a row may depend on those before it in its chunk,
+/// not on others, so the answer is the same on one core and on many. `usize::MAX`: all on this core, in order. The error is
+/// that of the first row that fails.
 ///
 /// # Errors
 /// Those of `f` and of `watch`.
 pub fn tables<S: Send, E: Send>(
     count: usize,
     widths: &[usize],
-    shared: bool,
+    chunk: usize,
     scratch: impl Fn() -> S,
     f: impl Fn(usize, &mut S, &mut Rows) -> Result<(), E> + Sync,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let mut data: Vec<Vec<f64>> = widths.iter().map(|w| vec![0.0; w * count]).collect();
-    let cores = if shared { available_parallelism().map_or(1, Into::into) } else { 1 };
+    let (cores, chunk) = if chunk < count { (available_parallelism().map_or(1, Into::into), chunk) } else { (1, 1) };
     let mut scratches = vec![scratch()];
     let mut rest: Vec<&mut [f64]> = data.iter_mut().map(Vec::as_mut_slice).collect();
-    let (mut done, mut block) = (0, 8.min(count));
+    let (mut done, mut block) = (0, chunk.max(8).next_multiple_of(chunk).min(count));
     while done < count {
         let began = Instant::now();
-        let threads = if block > 8 { scratches.len().min(block) } else { 1 };
-        let ends: Vec<usize> = (0..=threads).map(|i| done + block * i / threads).collect();
+        let chunks = block.div_ceil(chunk);
+        let threads = scratches.len().min(chunks);
+        let ends: Vec<usize> = (0..=threads).map(|i| done + (chunks * i / threads * chunk).min(block)).collect();
         let parts: Vec<Rows> = ends.windows(2).map(|e| take(&mut rest, widths, e[0]..e[1])).collect();
         let mut work = parts.into_iter().zip(ends.windows(2)).zip(&mut scratches);
         let own = work.next();
@@ -101,7 +103,7 @@ pub fn tables<S: Send, E: Send>(
             scratches.push(scratch());
         }
         let patient = PATIENCE.as_secs_f64() * scratches.len() as f64 / a_row.as_secs_f64().max(1e-9);
-        block = (patient as usize).max(1).min(count - done);
+        block = (patient as usize).max(1).next_multiple_of(chunk).min(count - done);
     }
     Ok(data)
 }
@@ -110,22 +112,27 @@ pub fn tables<S: Send, E: Send>(
 mod tests {
     use super::*;
 
-    fn squares(count: usize, shared: bool) -> Vec<Vec<f64>> {
+    fn squares(count: usize, chunk: usize) -> Vec<Vec<f64>> {
         let f = |i: usize, s: &mut usize, rows: &mut Rows| {
-            *s += 1;
+            *s = if chunk < usize::MAX && i % chunk == 0 { 0 } else { *s + 1 };
             rows.row(0, i)[0] = i as f64;
+            if chunk < usize::MAX {
+                assert_eq!(*s, i % chunk);
+            }
             rows.row(1, i).copy_from_slice(&[(i * i) as f64, -(i as f64)]);
             std::thread::sleep(Duration::from_micros(30));
             Ok::<(), ()>(())
         };
-        tables(count, &[1, 2], shared, || 0, f, &mut || Ok(())).unwrap()
+        tables(count, &[1, 2], chunk, || 0, f, &mut || Ok(())).unwrap()
     }
 
     #[test]
     fn every_row_is_filled_once_on_one_core_and_on_many() {
         for count in [0, 1, 7, 8, 9, 300] {
-            let found = squares(count, true);
-            assert_eq!(found, squares(count, false));
+            let found = squares(count, 1);
+            for chunk in [3, 64, usize::MAX] {
+                assert_eq!(found, squares(count, chunk));
+            }
             assert_eq!(found[0], (0..count).map(|i| i as f64).collect::<Vec<_>>());
             assert_eq!(found[1].len(), 2 * count);
         }
@@ -134,8 +141,8 @@ mod tests {
     #[test]
     fn the_first_failure_is_told_and_a_wish_to_stop_heard() {
         let f = |i: usize, (): &mut (), _: &mut Rows| if i >= 20 { Err(i) } else { Ok(()) };
-        assert_eq!(tables(200, &[1], true, || (), f, &mut || Ok(())), Err(20));
-        let stop = tables(200, &[1], true, || (), |_, (): &mut (), _: &mut Rows| Ok(()), &mut || Err(7));
+        assert_eq!(tables(200, &[1], 1, || (), f, &mut || Ok(())), Err(20));
+        let stop = tables(200, &[1], 1, || (), |_, (): &mut (), _: &mut Rows| Ok(()), &mut || Err(7));
         assert_eq!(stop, Err(7));
     }
 }

@@ -7,8 +7,10 @@
 //! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
 
 use super::chooser::{Change, Chooser};
+use super::instant::Describer;
 use super::reduction::Reduction;
-use super::{dead_point, turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{dead_point, turns, Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
+use crate::kinematics::correction::close_with;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::Selection;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -54,6 +56,7 @@ impl Default for ProjectiveOptions {
 /// The compact k + nq form with the projective criterion.
 pub struct Projective<'s, S: ConstrainedSystem> {
     r: Reduction<'s, S>,
+    describer: Describer<'s, S>,
     options: ProjectiveOptions,
     observes_work: bool,
     events: Vec<PartitionEvent>,
@@ -77,6 +80,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         let size = system.size();
         Self {
             r: Reduction::new(system, rank),
+            describer: Describer::new(system, rank),
             observes_work: system.has_power() || system.rheonomic(),
             options,
             events: Vec::new(),
@@ -424,57 +428,41 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.derivative(t, y, dy)
     }
 
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
-        let size = self.r.size();
-        out.q.clear();
-        out.q.extend_from_slice(&y[..nq]);
-        self.r.system.normalise(&mut out.q);
         let mut q = std::mem::take(&mut out.q);
-        if self.options.correction != Correction::None && size.holonomic > 0 {
+        q.clear();
+        q.extend_from_slice(&y[..nq]);
+        self.r.system.normalise(&mut q);
+        if self.options.correction != Correction::None && self.r.size().holonomic > 0 {
             let rule = self.options.correction;
-            self.r.position(t, &q)?;
-            let mut left = self.r.closure();
-            let mut last = q.clone();
-            // Newton from the interpolation error to round-off: two iterations, one more to see that nothing is gained
-            for _ in 0..8 {
-                if self.r.is_closed() || !matches!(self.correct_once(t, &mut q, rule), Ok(true)) {
-                    break;
-                }
-                self.r.position(t, &q)?;
-                let now = self.r.closure();
-                if now >= left {
-                    q.copy_from_slice(&last);
-                    break;
-                }
-                let done = now > 0.25 * left;
-                left = now;
-                last.copy_from_slice(&q);
-                if done {
-                    break;
-                }
-            }
+            let open = |x: &mut Self, q: &[f64]| {
+                x.r.position(t, q)?;
+                Ok((!x.r.is_closed()).then(|| x.r.closure()))
+            };
+            // what cannot be removed here, next to a singular position, stays
+            close_with(self, &mut q, open, |x, q| Ok(matches!(x.correct_once(t, q, rule), Ok(true))))?;
         }
-        self.r.evaluate(t, &q, &y[nq..nq + k])?;
-        out.t = t;
-        out.closure = self.r.closure();
-        out.velocity_closure = self.r.velocity_closure();
-        out.v.clear();
-        out.v.extend_from_slice(&self.r.v);
-        out.vdot.resize(size.nv, 0.0);
-        self.r.full_acceleration(&mut out.vdot);
-        out.multipliers.resize(size.rows, 0.0);
-        self.r.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
-        out.measure.resize(size.nv, 0.0);
-        self.r.measure(t, &q, &mut out.measure)?;
-        let quality = self.r.quality(t, &q)?;
-        out.sigma = quality.sigma;
-        out.sqrt_mu = quality.sqrt_mu;
-        out.independent.clear();
-        out.independent.extend_from_slice(&self.r.partition.independent);
-        out.work = if self.observes_work { y[nq + k] } else { 0.0 };
-        out.q = q;
+        self.r.position(t, &q)?;
+        self.r.tangent(t)?;
+        self.r.spread(&y[nq..nq + k]);
+        out.set(t, &q, &self.r.v, if self.observes_work { y[nq + k] } else { 0.0 });
         Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let independent = match within {
+            Some(event) => &event.independent,
+            None => &self.r.partition.independent,
+        };
+        self.describer.describe(t, q, v, Some(independent), out).map(|_| ())
     }
 
     fn events(&self) -> &[PartitionEvent] {
