@@ -181,3 +181,55 @@ def test_states_are_pickled_and_copied() -> None:
     assert np.array_equal(
         m.simulate(0.1, initial=pickle.loads(pickle.dumps(state))).q, m.simulate(0.1, initial=state).q
     )
+
+
+def test_an_output_asks_for_no_force_and_reading_asks_once() -> None:
+    calls = {"mass": 0, "forces": 0}
+
+    def counted(name: str, value: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            calls[name] += 1
+            return value
+
+        return call
+
+    pendulum = pt.System(
+        n=2,
+        mass=counted("mass", np.eye(2)),
+        forces=counted("forces", np.array([0.0, -9.81])),
+        constraints=lambda t, q: [0.5 * (q @ q - 1.0)],
+        jacobian=lambda t, q: [q],
+        bias=lambda t, q, v: [v @ v],
+    )
+
+    def run(outputs: int) -> tuple[Result, int]:
+        calls.update(mass=0, forces=0)
+        found = pt.simulate(pendulum, 1.0, [1.0, 0.0], [0.0, 0.0], t_eval=np.linspace(0.0, 1.0, outputs + 1)[1:])
+        return found, calls["forces"]
+
+    (one, least), (many, most) = run(1), run(200)
+    assert one.counters["steps"] == many.counters["steps"]
+    # the interpolation of a step takes evaluations of its own, the outputs on it none
+    interpolated = many.counters["dense_evaluations"] - one.counters["dense_evaluations"]
+    assert most - least <= interpolated
+    calls.update(mass=0, forces=0)
+    assert many.vdot.shape == (200, 2) and many.multipliers.shape == (200, 1) and many.closure.shape == (200,)
+    described = calls["forces"]
+    assert 200 <= described <= 400  # once for the accelerations, at most once more for the multipliers
+    assert np.isfinite(many.vdot).all() and calls["forces"] == described
+    calls.update(mass=0, forces=0)
+    assert many.measure.shape == (200, 2) and many.sigma.shape == (200,)
+    assert calls["forces"] <= described
+
+
+@pytest.mark.parametrize("name", ["four-bar", "bricard", "three-rrr"])
+def test_what_is_computed_later_does_not_depend_on_what_was_read_before(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    first, second = entry.simulate(), entry.simulate()
+    order = ("vdot", "multipliers", "closure", "velocity_closure", "independent", "measure", "sigma", "sqrt_mu")
+    one = {key: getattr(first, key) for key in order}
+    other = {key: getattr(second, key) for key in reversed(order)}
+    for key in order:
+        assert np.array_equal(one[key], other[key], equal_nan=True), key
+    residual = np.abs(first.reactions["residual"]).max()
+    assert residual < 1e-8

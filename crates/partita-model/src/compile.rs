@@ -46,13 +46,13 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
         mass: 0.0,
         inertia: G::Inertia::default(),
     }];
-    for (i, l) in placed.links.iter().enumerate().skip(1) {
-        let mut inertia = Mat3::zero();
-        let mut mass = 0.0;
-        for b in placed.bodies.iter().filter(|b| b.link == i) {
-            inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[i]));
-            mass += b.mass;
-        }
+    let mut carried = vec![(0.0, Mat3::zero()); placed.links.len()];
+    for b in &placed.bodies {
+        let (mass, inertia) = &mut carried[b.link];
+        *inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[b.link]));
+        *mass += b.mass;
+    }
+    for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&carried).skip(1) {
         links.push(Link {
             parent: l.parent,
             motion: match l.motion {
@@ -162,18 +162,15 @@ fn closing<G: Space>(
 ) -> Closing<G> {
     let (la, lb) = (placed.link_of(p.parent), placed.link_of(p.child));
     let (slides, locks) = if G::LENGTHS == 2 { planar_locks::<G>(p) } else { spatial_locks::<G>(p) };
+    // parents come before their children: the later one of the two is never an ancestor of the other
     let mut path: Vec<(usize, bool)> = Vec::new();
-    let up = |mut i: usize| {
-        let mut all = Vec::new();
-        while i != 0 {
-            all.push(i);
-            i = tree.links[i].parent;
-        }
-        all
-    };
-    let (ups_a, ups_b) = (up(la), up(lb));
-    path.extend(ups_a.iter().filter(|i| !ups_b.contains(i)).map(|&i| (i, false)));
-    path.extend(ups_b.iter().filter(|i| !ups_a.contains(i)).map(|&i| (i, true)));
+    let (mut on_a, mut on_b) = (la, lb);
+    while on_a != on_b {
+        let is_b = on_b > on_a;
+        let end = if is_b { &mut on_b } else { &mut on_a };
+        path.push((*end, is_b));
+        *end = tree.links[*end].parent;
+    }
     path.sort_unstable_by_key(|x| tree.links[x.0].v);
     let (mut slide_columns, mut turn_columns) = (0, 0);
     let path = path

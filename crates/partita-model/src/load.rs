@@ -140,14 +140,14 @@ impl Load {
             match f {
                 Force::Spring { .. } => {}
                 Force::TorsionSpring { name, joint, coordinate, stiffness, damping, angle } => {
-                    let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                    let (q, v) = tree_coordinate(placed, "force", name, joint, *coordinate)?;
                     let q = q.ok_or_else(|| {
                         DescriptionError::new("force", name, "a turn in space has no single angle to spring back to; put springs between points of the bodies")
                     })?;
                     loads.push(Self::Torsion { q, v, stiffness: *stiffness, damping: *damping, angle: *angle });
                 }
                 Force::Torque { name, joint, coordinate, value } => {
-                    let j = joint_index(spec, joint);
+                    let j = joint_index(placed, joint);
                     let p = &placed.joints[j];
                     let mut which = *coordinate;
                     let found = p.shape.motions.iter().find(|m| {
@@ -165,7 +165,7 @@ impl Load {
                     let in_space = motion == Motion::Ball;
                     // the velocities of a ball that is walked from child to parent are not the joint's own
                     if p.links.is_some() && !(p.reversed && in_space) {
-                        let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                        let (q, v) = tree_coordinate(placed, "force", name, joint, *coordinate)?;
                         loads.push(Self::Effort { name: name.clone(), q, v, value: value.clone() });
                         continue;
                     }
@@ -220,20 +220,19 @@ impl Load {
 }
 
 /// Index of a joint that exists.
-pub fn joint_index(spec: &Spec, name: &str) -> usize {
-    spec.joints.iter().position(|j| j.name == name).unwrap_or(0)
+pub fn joint_index(placed: &Placed, name: &str) -> usize {
+    placed.joint_numbers.get(name).copied().unwrap_or(0)
 }
 
 /// Coordinate (if any) and velocity of a joint's coordinate in the tree.
 pub fn tree_coordinate(
-    spec: &Spec,
     placed: &Placed,
     element: &'static str,
     name: &str,
     joint: &str,
     coordinate: usize,
 ) -> Result<(Option<usize>, usize), DescriptionError> {
-    let p = &placed.joints[joint_index(spec, joint)];
+    let p = &placed.joints[joint_index(placed, joint)];
     let Some(links) = &p.links else {
         let m = format!(
             "joint \"{joint}\" closes a loop in which every joint is driven, sprung or loaded, so it has no coordinate; \

@@ -11,6 +11,7 @@ use crate::value::Functions;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Planar, Space, Spatial, Vec3};
 use partita_system::SystemError;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A prescribed coordinate: the row `q_i − f(t)`.
@@ -90,6 +91,8 @@ pub struct Model {
     reach: Vec<f64>,
     /// What a large move can open each row by.
     row_reach: Vec<f64>,
+    /// Rows that close directions.
+    row_is_angle: Vec<bool>,
     /// Nodes at the ends of each spring, and where the first end is in the zero position.
     pub(crate) spring_nodes: Vec<(usize, usize, Vec3<f64>)>,
 }
@@ -143,13 +146,15 @@ impl Model {
             (Engine::Full, full_rows.clone(), compile::columns(&full))
         };
         let out_of_plane = if placed.planar {
-            full_rows.iter().filter(|r| !row_names.iter().any(|k| k.name == r.name)).cloned().collect()
+            let in_plane: HashSet<&str> = row_names.iter().map(|r| r.name.as_str()).collect();
+            full_rows.iter().filter(|r| !in_plane.contains(r.name.as_str())).cloned().collect()
         } else {
             Vec::new()
         };
-        let mut drives = Vec::new();
+        let mut drives = Vec::with_capacity(spec.drives.len());
+        let mut driven = HashSet::new();
         for d in &spec.drives {
-            let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
+            let (q, v) = load::tree_coordinate(&placed, "drive", &d.name, &d.joint, d.coordinate)?;
             let q = q.ok_or_else(|| {
                 DescriptionError::new(
                     "drive",
@@ -157,12 +162,12 @@ impl Model {
                     "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
                 )
             })?;
-            if drives.iter().any(|x: &DriveRow| x.v == v) {
+            if !driven.insert(v) {
                 return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
             }
             drives.push(DriveRow {
                 name: d.name.clone(),
-                joint: load::joint_index(&spec, &d.joint),
+                joint: load::joint_index(&placed, &d.joint),
                 coordinate: d.coordinate,
                 q,
                 v,
@@ -216,6 +221,12 @@ impl Model {
             Engine::Full => closing_reaches(&full, &placed),
         };
         row_reach.extend(drives.iter().map(|d| reach[d.v]));
+        let turned = |l: &crate::tree::Link<Spatial<f64>>, v| l.v == v && matches!(l.motion, LinkMotion::Turn(_));
+        let mut row_is_angle = match &engine {
+            Engine::Flat(tree) => closing_angles(tree),
+            Engine::Full => closing_angles(&full),
+        };
+        row_is_angle.extend(drives.iter().map(|d| full.links.iter().skip(1).any(|l| turned(l, d.v))));
         let mut model = Self {
             reference,
             spring_nodes,
@@ -224,6 +235,7 @@ impl Model {
             turns,
             reach,
             row_reach,
+            row_is_angle,
             coordinates,
             dense_projection: false,
             spec,
@@ -250,18 +262,11 @@ impl Model {
         // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
         let partial = links * (k * k * 6 + 24 * k);
         // a column of M touches what it carries; then D M Dᵀ
-        let carried: usize = (1..links).map(|i| self.depth(i)).sum();
+        let mut depth = vec![0; links];
+        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        let carried: usize = depth.iter().sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
-    }
-
-    fn depth(&self, mut i: usize) -> usize {
-        let mut d = 0;
-        while i != 0 {
-            i = self.full.links[i].parent;
-            d += 1;
-        }
-        d
     }
 
     /// Which coordinates the tree is made of.
@@ -347,6 +352,11 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
         reaches.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
     }
     reaches
+}
+
+/// Which closing rows are turns.
+fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
+    tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
 }
 
 /// Axis helper for outputs: a length of the engine's space as three numbers.

@@ -12,6 +12,7 @@ mod run;
 mod state;
 mod tangent;
 mod toml;
+mod waiting;
 
 use pyo3::prelude::*;
 
@@ -30,6 +31,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
     m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;
     m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
+    m.add_function(wrap_pyfunction!(toml::toml_line, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     Ok(())
 }

@@ -27,7 +27,7 @@ impl From<SystemError> for Stop {
 }
 
 /// Compute with the interpreter free for others; Ctrl-C is heard between the rows.
-pub fn heard<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
+pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
     let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
     found.map_err(|stop| match stop {
         Stop::System(e) => failure::system(py, e),
@@ -39,7 +39,7 @@ fn tables(
     py: Python<'_>,
     f: impl FnOnce(Watch<Stop>) -> Result<Vec<Vec<f64>>, Stop> + Send,
 ) -> PyResult<std::vec::IntoIter<Vec<f64>>> {
-    Ok(heard(py, f)?.into_iter())
+    Ok(watched(py, f)?.into_iter())
 }
 
 /// What belongs to nt outputs of a system, by name.

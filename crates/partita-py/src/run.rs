@@ -2,7 +2,7 @@
 
 use crate::arrays::array;
 use crate::failure::{self, guarded, raise};
-use crate::outputs::{assessed, described, heard, Stop};
+use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::PyReadonlyArray1;
 use partita_analysis::run::{self, Journal, Request, Run};
@@ -44,12 +44,12 @@ struct Kept<S> {
 impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Told for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = heard(py, |watch| self.journal.describe::<S, Stop>(&self.system, self.shared, watch))?;
+        let found = watched(py, |watch| self.journal.describe::<S, Stop>(&self.system, self.shared, watch))?;
         described(py, self.journal.outputs.len(), size, found)
     }
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = heard(py, |watch| self.journal.assess::<S, Stop>(&self.system, self.shared, watch))?;
+        let found = watched(py, |watch| self.journal.assess::<S, Stop>(&self.system, self.shared, watch))?;
         assessed(py, self.journal.outputs.len(), size, found)
     }
 }

@@ -75,8 +75,8 @@ pub enum SystemError {
     },
     /// Closing the loops failed.
     #[error(
-        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e}; open: \
-         {loops}; {advice}"
+        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e} (rad, or \
+         parts of the loop's length); open: {loops}; {advice}"
     )]
     Assembly {
         /// Iterations done.
@@ -89,6 +89,31 @@ pub enum SystemError {
         loops: String,
         /// What to try.
         advice: String,
+    },
+    /// The loops come to rest open, wherever they start from: |Φ| cannot be lowered.
+    #[error(
+        "the lengths do not fit: {} stays open by {}, and no small motion lowers that (at rest after {iterations} \
+         iterations from {starts} starts); open there: {loops}; change a length of this loop by at least as much, or draw \
+         it on the branch meant",
+        loop_words, gap(*shortfall, *angle)
+    )]
+    Lengths {
+        /// What closes the loop that stays open most: a joint, or a row.
+        owner: String,
+        /// The loop, in words.
+        loop_words: String,
+        /// By how much its lengths miss each other (in the unit of lengths, m).
+        shortfall: f64,
+        /// By how much its directions do (rad).
+        angle: f64,
+        /// Starts tried.
+        starts: usize,
+        /// Iterations done.
+        iterations: usize,
+        /// Largest residual.
+        residual: f64,
+        /// Which rows stay open, with their residuals.
+        loops: String,
     },
     /// The start is a singular position: the motion from there is not unique.
     #[error("at t = {t} the mechanism stands in a singular position: {message}")]
@@ -148,6 +173,14 @@ pub enum SystemError {
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
+}
+
+fn gap(shortfall: f64, angle: f64) -> String {
+    match (shortfall > 0.0, angle > 0.0) {
+        (true, false) => format!("{shortfall:.6e} m"),
+        (false, true) => format!("{angle:.6e} rad"),
+        _ => format!("{shortfall:.6e} m and {angle:.6e} rad"),
+    }
 }
 
 fn limit(block: &str, t: f64, shortfall: f64) -> String {
@@ -328,6 +361,10 @@ pub trait ConstrainedSystem: Sync {
     /// whose entries are all small against it is closed by nothing, which no comparison with other rows can tell.
     fn row_reach(&self, _i: usize) -> Option<f64> {
         None
+    }
+    /// Does row `i` close a direction (rad), not a length?
+    fn row_is_angle(&self, _i: usize) -> bool {
+        false
     }
     /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
     fn reach(&self, _i: usize) -> f64 {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from ..errors import ArgumentError
 from ..instant import Instant
-from ..state import finite_time
+from ..state import Layout, finite_time
+from .checks import Element
+from .records import Description
+from .spec import Writer
 
 Array = NDArray[np.float64]
 
@@ -124,11 +128,17 @@ class CompiledModel(Equations):
     """
 
     def __init__(
-        self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]], description: str
+        self,
+        core: _core.Model,
+        summary: dict[str, Any],
+        description: Description,
+        coordinates: str,
+        notes: list[list[str]],
+        text: str,
     ) -> None:
         super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
-        self.description = description
-        self.core = core
+        self.core, self._description = core, description
+        self.description = text
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
 
@@ -147,6 +157,17 @@ class CompiledModel(Equations):
         """Number of independent velocities in the assembled position."""
         return self.core.mobility
 
+    def __reduce__(self) -> Any:
+        """Pickled as its description, and compiled again where it arrives."""
+        return _again, (self._description, self.coordinates)
+
+    def __copy__(self) -> CompiledModel:
+        """Itself: a model never changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CompiledModel:
+        return self
+
     def __repr__(self) -> str:
         core = self.core
         return (
@@ -154,6 +175,23 @@ class CompiledModel(Equations):
             f"{core.rows} constraint rows of rank "
             f"{core.rank}, mobility {core.mobility})"
         )
+
+
+def compile_description(description: Description, coordinates: str) -> tuple[CompiledModel, Layout]:
+    """Compile a description that will not change any more; also the layout of its states."""
+    if not description.bodies:
+        Element("mechanism", description.name).fail("it has no bodies; add some with add_body or add_rod")
+    layout = Layout()
+    writer = Writer(description, layout)
+    text = writer.text()
+    core = _core.Model(text, writer.functions, coordinates)
+    summary = json.loads(core.summary)
+    layout.fill(summary)
+    return CompiledModel(core, summary, description, coordinates, writer.notes, text), layout
+
+
+def _again(description: Description, coordinates: str) -> CompiledModel:
+    return compile_description(description, coordinates)[0]
 
 
 def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:

@@ -11,6 +11,8 @@
 use super::choice::Step;
 use super::Pattern;
 
+pub mod sparse;
+
 /// Runs of targets at least this long are executed as a loop over slices.
 const RUN: usize = 4;
 

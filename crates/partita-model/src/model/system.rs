@@ -276,4 +276,8 @@ impl ConstrainedSystem for Model {
     fn row_reach(&self, i: usize) -> Option<f64> {
         Some(self.row_reach[i])
     }
+
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.row_is_angle[i]
+    }
 }
