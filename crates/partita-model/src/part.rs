@@ -3,8 +3,8 @@
 //! The pose of a body takes the links between it and the ground. The reaction of a tree joint takes besides the bodies
 //! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
 
-use crate::load::Load;
-use crate::model::{Engine, Model, ModelScratch};
+use crate::evaluator::{Engine, Evaluator, Scratch};
+use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
 
 /// Links, bodies and what acts on them, for one question or for all.
@@ -16,58 +16,44 @@ pub struct Part {
     pub(crate) nodes: Vec<usize>,
     /// Places in the tree of the edges to these nodes, in the order of the tree.
     pub(crate) edges: Vec<usize>,
-    /// Springs with an end on these nodes.
-    pub(crate) springs: Vec<usize>,
-    /// Loads on these nodes.
-    pub(crate) loads: Vec<usize>,
+    /// Applied forces on these nodes.
+    pub(crate) elements: Vec<usize>,
     /// Closings on these nodes, and those asked for themselves.
     pub(crate) closings: Vec<usize>,
 }
 
 impl Part {
-    fn new(model: &Model, nodes: &BTreeSet<usize>, asked: impl Fn(usize) -> bool, ends: &[usize]) -> Self {
-        let tree = &model.placed.topology.tree;
+    fn new<S: Scalar>(
+        model: &Evaluator<S>,
+        nodes: &BTreeSet<usize>,
+        asked: impl Fn(usize) -> bool,
+        ends: &[usize],
+    ) -> Self {
+        let (tree, full) = (&model.placed.topology.tree, &model.full);
         let edges: Vec<usize> = (0..tree.len()).filter(|&e| nodes.contains(&tree[e].to)).collect();
-        let on = |a: usize, b: usize| nodes.contains(&a) || nodes.contains(&b);
-        let springs: Vec<usize> =
-            (0..model.spring_nodes.len()).filter(|&i| on(model.spring_nodes[i].0, model.spring_nodes[i].1)).collect();
-        let loads: Vec<usize> = (0..model.loads.len())
-            .filter(|&i| match &model.loads[i] {
-                Load::Force { node, .. } => nodes.contains(node),
-                Load::CutEffort { parent, child, .. } => on(parent.0, child.0),
-                Load::Torsion { .. } | Load::Effort { .. } => false, // these act along tree joints
-            })
-            .collect();
+        let on = |sides: [usize; 2]| sides.iter().any(|n| nodes.contains(n));
         let sides = |k: usize| {
-            let p = &model.placed.joints[model.full.closings[k].joint];
-            (p.parent, p.child)
+            let p = &model.placed.joints[full.closings[k].joint];
+            [p.parent, p.child]
         };
-        let closings: Vec<usize> = (0..model.full.closings.len())
-            .filter(|&k| on(sides(k).0, sides(k).1) || asked(model.full.closings[k].joint))
-            .collect();
+        // what acts along a tree joint acts on no body by itself
+        let elements: Vec<usize> = (0..full.elements.len()).filter(|&i| on(full.elements[i].nodes())).collect();
+        let closings: Vec<usize> =
+            (0..full.closings.len()).filter(|&k| on(sides(k)) || asked(full.closings[k].joint)).collect();
         let mut links: BTreeSet<usize> = ends.iter().copied().collect();
         links.extend(nodes.iter().map(|&n| model.placed.link_of(n)));
-        for &i in &springs {
-            links.extend([model.full.springs[i].a.link, model.full.springs[i].b.link]);
-        }
-        for &i in &loads {
-            match &model.loads[i] {
-                Load::Force { link, .. } => drop(links.insert(*link)),
-                Load::CutEffort { parent, child, .. } => links.extend([parent.1, child.1]),
-                Load::Torsion { .. } | Load::Effort { .. } => {}
-            }
-        }
+        links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
         for &k in &closings {
-            links.extend([sides(k).0, sides(k).1].map(|n| model.placed.link_of(n)));
-            links.extend([model.full.closings[k].a.link, model.full.closings[k].b.link]);
+            links.extend(sides(k).map(|n| model.placed.link_of(n)));
+            links.extend([full.closings[k].a.link, full.closings[k].b.link]);
         }
         let nodes = edges.iter().map(|&e| tree[e].to).collect();
-        Self { links: with_ancestors(model, links), nodes, edges, springs, loads, closings }
+        Self { links: with_ancestors(model, links), nodes, edges, elements, closings }
     }
 }
 
 /// The links and all between them and the ground, parents first, without the ground.
-fn with_ancestors(model: &Model, links: BTreeSet<usize>) -> Vec<usize> {
+fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Vec<usize> {
     let mut all = BTreeSet::new();
     for mut i in links {
         while i != 0 && all.insert(i) {
@@ -77,10 +63,10 @@ fn with_ancestors(model: &Model, links: BTreeSet<usize>) -> Vec<usize> {
     all.into_iter().collect() // a parent's number is smaller than its children's
 }
 
-impl Model {
+impl<S: Scalar> Evaluator<S> {
     /// Are there functions of the user among the forces and motions?
     pub fn calls_functions(&self) -> bool {
-        self.functions.count() > 0
+        self.callers.functions.count() > 0
     }
 
     /// What all answers together depend on: everything.
@@ -88,6 +74,7 @@ impl Model {
         let nodes = self.placed.topology.tree.iter().map(|e| e.to).collect();
         let mut part = Part::new(self, &nodes, |_| true, &[]);
         part.links = (1..self.full.links.len()).collect();
+        part.elements = (0..self.full.elements.len()).collect();
         part
     }
 
@@ -122,7 +109,7 @@ impl Model {
     }
 
     /// Poses and twists at (q, v) of the links of `part`, in space and in the plane of the engine.
-    pub fn look_at(&self, part: &Part, q: &[f64], v: &[f64], s: &mut ModelScratch) {
+    pub fn look_at(&self, part: &Part, q: &[S], v: &[S], s: &mut Scratch<S>) {
         for &i in &part.links {
             self.full.pose(i, q, &mut s.full);
             self.full.twist(i, v, &mut s.full);

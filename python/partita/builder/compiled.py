@@ -110,7 +110,8 @@ class Equations:
 
 
 class CompiledModel(Equations):
-    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes.
+    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes. Copies are itself; pickled, it
+    travels as its description and is compiled again.
 
     Attributes:
         summary: names, sizes and layout as plain data.
@@ -131,14 +132,13 @@ class CompiledModel(Equations):
         self,
         core: _core.Model,
         summary: dict[str, Any],
-        description: Description,
         coordinates: str,
         notes: list[list[str]],
-        text: str,
+        description: str,
+        drawn: Description,
     ) -> None:
         super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
-        self.core, self._description = core, description
-        self.description = text
+        self.core, self.description, self._drawn = core, description, drawn
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
 
@@ -159,7 +159,7 @@ class CompiledModel(Equations):
 
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again where it arrives."""
-        return _again, (self._description, self.coordinates)
+        return _again, (self._drawn, self.coordinates)
 
     def __copy__(self) -> CompiledModel:
         """Itself: a model never changes."""
@@ -187,7 +187,7 @@ def compile_description(description: Description, coordinates: str) -> tuple[Com
     core = _core.Model(text, writer.functions, coordinates)
     summary = json.loads(core.summary)
     layout.fill(summary)
-    return CompiledModel(core, summary, description, coordinates, writer.notes, text), layout
+    return CompiledModel(core, summary, coordinates, writer.notes, text, description), layout
 
 
 def _again(description: Description, coordinates: str) -> CompiledModel:

@@ -58,8 +58,6 @@ class Result:
         self.options = dict(record.options)
         self.summary = dict(record.summary)
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
-        rows = int(record.summary.get("rows", 0))
-        self.names = Names.from_summary(record.summary, self.q.shape[1], self.v.shape[1], rows)
 
     def __copy__(self) -> Result:
         return Result(self._record, self._source)
@@ -83,6 +81,12 @@ class Result:
             return cls(record, None)
         counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
         return cls(record, ModelSource(model, record.arrays, *counts))
+
+    @cached_property
+    def names(self) -> Names:
+        """Names along the axes of the arrays: of coordinates, velocities, multipliers, joints and bodies."""
+        rows = int(self.summary.get("rows", 0))
+        return Names.from_summary(self.summary, self.q.shape[1], self.v.shape[1], rows)
 
     @property
     def vdot(self) -> FloatArray:

@@ -4,6 +4,7 @@ use super::chunk_of;
 use super::rows::{tables, Watch};
 use super::States;
 use crate::instant::Levels;
+use partita_model::model::ModelScratch;
 use partita_model::observe::{JointState, TurnCounter};
 use partita_model::{Model, Part};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -28,7 +29,7 @@ fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part 
 pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
     let part = part_of(model, which, |i| model.part_of_body(i));
     let widths = BODY.map(|w| w * which.len());
-    let row = |i: usize, s: &mut _, rows: &mut super::Rows| {
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
         for (place, &body) in which.iter().enumerate() {
@@ -58,7 +59,7 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
         (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.freedoms())
     };
     let (nq, nv) = which.iter().map(|&j| size(j)).fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
-    let row = |i: usize, s: &mut _, rows: &mut super::Rows| {
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
         model.look_at(&part, q, v, s);
         let (mut at_q, mut at_v) = (0, 0);

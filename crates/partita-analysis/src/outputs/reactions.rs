@@ -3,6 +3,7 @@
 use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
+use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -22,7 +23,7 @@ pub fn reaction<E: Send + From<SystemError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let part = model.part_of_reaction(j);
     let freedoms = model.placed.joints[j].shape.freedoms();
-    let row = |i: usize, s: &mut _, rows: &mut Rows| {
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
         let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
         let w = model.reaction_of(j, &part, t, q, v, vdot, lambda, s)?;
         rows.row(0, i).copy_from_slice(&w.force.0);
@@ -46,7 +47,7 @@ pub fn reactions<E: Send + From<SystemError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let (whole, nj) = (model.whole(), model.placed.joints.len());
     let freedoms: usize = model.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    let row = |i: usize, s: &mut _, rows: &mut Rows| {
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
         let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
         let r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
         let mut drives = rows.row(2, i).iter_mut();
@@ -76,7 +77,7 @@ pub fn augmented<E: Send + From<SystemError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let nj = model.placed.joints.len();
-    let row = |i: usize, s: &mut _, rows: &mut Rows| {
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
         let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
         for (j, w) in model.augmented_reactions(t, q, v, vdot, lambda, s)?.iter().enumerate() {
             rows.row(0, i)[3 * j..][..3].copy_from_slice(&w.force.0);

@@ -49,9 +49,11 @@ pub struct Assessed {
     pub sqrt_mu: Vec<f64>,
 }
 
-/// Outputs that share an elimination plan: a number of their own, so that answers depend neither on the cores nor on how
-/// fast they are.
-const CHUNK: usize = 128;
+/// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores nor
+/// on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
+fn chunk(nv: usize) -> usize {
+    (100_000 / nv.max(1)).clamp(16, 128)
+}
 
 impl Journal {
     /// One table for each width, each row from what the formulation tells of an output.
@@ -65,7 +67,8 @@ impl Journal {
         watch: Watch<E>,
     ) -> Result<std::vec::IntoIter<Vec<f64>>, E> {
         // of redundant rows those in use depend on the outputs before
-        let chunk = if shared && self.rank == system.size().rows { CHUNK } else { usize::MAX };
+        let size = system.size();
+        let chunk = if shared && self.rank == size.rows { chunk(size.nv) } else { usize::MAX };
         let row = |i: usize, (f, sample): &mut (Option<_>, Sample), rows: &mut Rows| {
             if i.is_multiple_of(chunk) {
                 *f = Some(registry::by_name(&self.formulation, system, self.rank, &self.options)?);

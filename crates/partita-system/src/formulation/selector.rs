@@ -70,7 +70,7 @@ pub struct Selector<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Selector<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>) -> Self {
-        let r = Reduction::new(system, rank);
+        let r = Reduction::dense(system, rank);
         let (n, k) = (r.size().nv, r.k());
         Self {
             r,
