@@ -127,9 +127,7 @@ def face(folder: Path) -> dict[str, Any]:
         )
         found.append({**asdict(cost), "ratios": ratios})
     print("  program: hand-specialised C, run just now, its loops one after the other; figure: fixed, of programs")
-    print(
-        "  vectorised by hand, on a quiet machine (on a busy one its ratio is too large); the aim is for the larger ratio"
-    )
+    print("  vectorised by hand, on a quiet machine (its ratio is too large on a busy one); the larger ratio is judged")
     return {"runs": found}
 
 
