@@ -8,7 +8,6 @@ use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use partita_math::elimination::{Plan, PlanOptions, SparseRoom};
 use partita_math::spatial::{Spatial, Vec3};
-use partita_model::compile::reference_points;
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::tree::TreeScratch;
@@ -48,7 +47,7 @@ impl<'m> Pose<'m> {
         let mut tree = model.full.scratch();
         model.full.poses(q, &mut tree);
         let placed = &model.placed;
-        let reference = reference_points(placed);
+        let reference = model.reference();
         let points = placed
             .joints
             .iter()

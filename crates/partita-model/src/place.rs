@@ -413,7 +413,7 @@ fn backwards(m: &Motion) -> Motion {
 }
 
 /// Diagonal of the box around all joints and centres of mass; 1 for a mechanism in one point.
-fn typical_length(spec: &Spec) -> f64 {
+pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     let mut see = |p: [f64; 3]| {

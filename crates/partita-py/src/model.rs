@@ -12,7 +12,7 @@ use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
-use partita_system::formulation::Sample;
+use partita_system::formulation::Output;
 use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
@@ -41,9 +41,6 @@ type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 const LONG: usize = 200_000;
 const MANY: usize = 300;
 
-/// Closing conditions are lengths and angles: round-off of the size of the mechanism.
-const CLOSED: f64 = 1e-12;
-
 impl Model {
     /// May questions to the whole model take long?
     fn is_large(&self) -> bool {
@@ -64,7 +61,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&self.inner, 0.0, &mut q, CLOSED * self.inner.placed.size.max(1.0), &[]);
+            let closed = assembly::close(&self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
             if closed.is_err() {
                 q = self.inner.initial();
             }
@@ -359,7 +356,7 @@ impl Model {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
             let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Sample| {
+            let energy = |x: &Output| {
                 levels.velocity(x.t, &x.q, &x.v)?;
                 self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
             };

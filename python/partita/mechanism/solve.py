@@ -37,7 +37,8 @@ def assemble(
             it can.
         near: where to start, for another branch; None: the drawing at rest.
         t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
-        tolerance: largest residual |Phi| allowed [m, rad].
+        tolerance: largest residual |Phi| allowed, in radians for directions and in parts of the loop's own length for
+            points; what is closed is then closed further, to round-off.
         coordinates: as in `compile`; a run with "absolute" needs a state of that kind.
 
     Returns:
