@@ -343,6 +343,27 @@ impl<S: Scalar> Evaluator<S> {
             }
         }
     }
+
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    pub fn step(&self, q: &mut [S], dv: &[S]) {
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
+                q[l.q..l.q + 4].copy_from_slice(&turned.0);
+            } else {
+                q[l.q] += dv[l.v];
+            }
+        }
+    }
+
+    /// Bring all quaternions to unit length.
+    pub fn normalise(&self, q: &mut [S]) {
+        for l in self.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Ball)) {
+            let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+            q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
+        }
+    }
 }
 
 /// Links with mass or inertia.

@@ -7,7 +7,7 @@ use crate::spec::Value;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
-use partita_math::spatial::{Quaternion, Vec3};
+use partita_math::spatial::Quaternion;
 use partita_system::clusters::Clusters;
 use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
@@ -277,15 +277,7 @@ impl ConstrainedSystem for Model {
     }
 
     fn step(&self, q: &mut [f64], dv: &[f64]) {
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
-                q[l.q..l.q + 4].copy_from_slice(&turned.0);
-            } else {
-                q[l.q] += dv[l.v];
-            }
-        }
+        self.own.step(q, dv);
     }
 
     fn normalise(&self, q: &mut [f64]) -> bool {
