@@ -8,9 +8,10 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::{registry, turns};
-use partita_system::formulation::{Correction, Formulation, FormulationCounters, Output, PartitionEvent, Sample};
+use partita_system::formulation::{registry, Formulation};
 use partita_system::partition::Selection;
+use partita_system::positions::turns;
+use partita_system::record::{Correction, Journal, Output, Sample};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -79,10 +80,7 @@ struct Collected {
 
 struct Report {
     outcome: Outcome,
-    events: Vec<PartitionEvent>,
-    counters: FormulationCounters,
-    rows: Vec<usize>,
-    notes: Vec<String>,
+    journal: Journal,
 }
 
 fn march<F: Formulation>(
@@ -96,8 +94,7 @@ fn march<F: Formulation>(
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Report, SystemError> {
     let outcome = simulate(formulation, t0, q, v, t_eval, settings, sink, watch)?;
-    let (rows, notes) = (formulation.rows(), formulation.notes());
-    Ok(Report { notes, outcome, events: formulation.events().to_vec(), counters: formulation.counters(), rows })
+    Ok(Report { outcome, journal: formulation.journal() })
 }
 
 /// March `system` from `(q, v)` and return the dictionary of results.
@@ -227,13 +224,13 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             .map_err(|e| refuse(py, "formulation", e.to_string()))?;
         py.detach(|| {
             let report = march(&mut f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch)?;
-            let described = |output: &Output| Sample::of(&mut f, output, &report.events);
+            let described = |output: &Output| Sample::of(&mut f, output, &report.journal.events);
             let samples: Vec<Sample> = collected.outputs.iter().map(described).collect::<Result<_, _>>()?;
             Ok((report, samples))
         })
     };
     let (mut report, samples) = report.map_err(|e| failure::system(py, e))?;
-    notes.append(&mut report.notes);
+    notes.append(&mut report.journal.notes);
     let passed = &report.outcome.passages;
     if !passed.is_empty() {
         let times: Vec<String> = passed.iter().take(6).map(|t| format!("{t:.4}")).collect();
@@ -315,7 +312,7 @@ fn dictionary<'py, S: ConstrainedSystem>(
     let work: Vec<f64> = if known { samples.iter().map(|s| s.work).collect() } else { Vec::new() };
     d.set_item("work", array(py, &[work.len()], work))?;
     let partitions = PyList::empty(py);
-    for e in &report.events {
+    for e in &report.journal.events {
         let p = PyDict::new(py);
         p.set_item("t", e.t)?;
         p.set_item("independent", &e.independent)?;
@@ -330,9 +327,9 @@ fn dictionary<'py, S: ConstrainedSystem>(
     }
     d.set_item("partitions", partitions)?;
     d.set_item("notes", notes)?;
-    d.set_item("kept_rows", &report.rows)?;
+    d.set_item("kept_rows", &report.journal.rows)?;
     let counters = PyDict::new(py);
-    let (c, f) = (&report.outcome.counters, &report.counters);
+    let (c, f) = (&report.outcome.counters, &report.journal.counters);
     for (name, value) in [
         ("steps", c.steps),
         ("rejected", c.rejected),
