@@ -78,24 +78,9 @@ impl Continuity {
         gain.max(Self::DISTANCE / distance)
     }
 
-    /// Displacement (in velocities) from the end of the last step to t. Ahead: how velocities and accelerations there
-    /// go on, and the change of the latter if the step before was not much shorter; inside the step: the cubic of
-    /// velocities and accelerations at both ends.
+    /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations there go
+    /// on, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
-        if let Some(before) = self.before.filter(|before| *before < self.t && t < self.t) {
-            let h = self.t - before;
-            // integrals of Hermite's polynomials from here to the end
-            let integrals = |s: f64| {
-                let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
-                [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
-            };
-            let (here, end) = (integrals((t - before) / h), integrals(1.0));
-            let [p0, m0, p1, m1] = [0, 1, 2, 3].map(|i| (here[i] - end[i]) * h);
-            for (i, d) in dv.iter_mut().enumerate() {
-                *d = p0 * self.v_before[i] + p1 * self.v[i] + h * (m0 * self.vdot_before[i] + m1 * self.vdot[i]);
-            }
-            return;
-        }
         let h = t - self.t;
         let part = match self.before {
             Some(before) if h < 2.0 * (self.t - before) => h / (3.0 * (self.t - before)),
@@ -107,9 +92,28 @@ impl Continuity {
         }
     }
 
+    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends; where no
+    /// step was judged, as [`predict`](Self::predict).
+    pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
+        let h = self.next.t - self.t;
+        if h <= 0.0 {
+            return self.predict(t, dv);
+        }
+        // integrals of Hermite's polynomials from the start of the step
+        let s = (t - self.t) / h;
+        let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
+        let [p0, m0, p1, m1] =
+            [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
+                .map(|x| x * h);
+        for (i, d) in dv.iter_mut().enumerate() {
+            *d = p0 * self.v[i] + p1 * self.v_next[i] + h * (m0 * self.vdot[i] + m1 * self.vdot_next[i]);
+        }
+    }
+
     /// From here on.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
         (self.t, self.near, self.before) = (t, near, None);
+        self.next = Ahead { t, near, creeping: 0 };
         for to in [&mut self.v, &mut self.v_before, &mut self.v_next] {
             copy(v, to);
         }
@@ -213,13 +217,13 @@ mod tests {
         c.predict(1.5, &mut d);
         assert!((d[0] - (0.5 + 0.125 * 3.0)).abs() < 1e-15);
         assert!(c.judge(2.0, &[8.0], &[12.0], &[1.0], 0.0));
+        for t in [1.0, 1.2, 1.7, 2.0] {
+            c.inside(t, &mut d);
+            assert!((d[0] - (t * t * t * t - 1.0) / 4.0).abs() < 1e-14, "{t}: {}", d[0]);
+        }
         c.accept();
         c.predict(2.5, &mut d);
         assert!((d[0] - (0.5 * 8.0 + 0.125 * 12.0 + 0.125 / 6.0 * 9.0)).abs() < 1e-14, "{}", d[0]);
-        for t in [1.0, 1.2, 1.7, 1.99] {
-            c.predict(t, &mut d);
-            assert!((d[0] - (t * t * t * t - 16.0) / 4.0).abs() < 1e-14, "{t}: {}", d[0]);
-        }
     }
 
     #[test]

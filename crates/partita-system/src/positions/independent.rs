@@ -15,6 +15,17 @@ use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 
+/// What kind of point is solved for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Point {
+    /// A stage of a step.
+    Stage,
+    /// A stage while a singular position is being passed.
+    Passing,
+    /// An output inside the step that was judged: its end is known too.
+    Inside,
+}
+
 /// What every way to solve for dependent coordinates starts from.
 pub struct Core {
     pub(super) states: StateCoordinates,
@@ -28,10 +39,13 @@ pub struct Core {
 }
 
 impl Core {
-    /// q where the velocities at the end of the last step lead, with the states of y.
-    pub(super) fn predict<S: ConstrainedSystem>(&mut self, system: &S, t: f64, y: &[f64]) {
+    /// q where the velocities lead from the end of the last step, with the states of y.
+    pub(super) fn predict<S: ConstrainedSystem>(&mut self, system: &S, t: f64, y: &[f64], at: Point) {
         self.q.copy_from_slice(&self.home);
-        self.continuity.predict(t, &mut self.move_by);
+        match at {
+            Point::Inside => self.continuity.inside(t, &mut self.move_by),
+            _ => self.continuity.predict(t, &mut self.move_by),
+        }
         system.step(&mut self.q, &self.move_by);
         self.states.scatter(y, &mut self.q);
     }
@@ -44,7 +58,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// The tangent was started at `core.q`.
     fn start(&mut self, _core: &Core, _tangent: &mut T, _margin: Option<f64>) {}
     /// Find `core.q` for y; leaves the position level there.
-    fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<(), SystemError>;
+    fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<(), SystemError>;
     /// What is of the end of the step that is being judged.
     fn look(&mut self, _tangent: &mut T) {}
     /// That step is taken.
@@ -118,7 +132,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.by.start(&self.core, tangent, margin);
     }
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool, SystemError> {
-        self.by.solve(&mut self.core, tangent, t, y, passing)?;
+        let at = if passing { Point::Passing } else { Point::Stage };
+        self.by.solve(&mut self.core, tangent, t, y, at)?;
         Ok(false)
     }
     fn q(&self) -> &[f64] {
@@ -131,7 +146,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
     fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
         if K::SOLVES {
-            self.by.solve(&mut self.core, tangent, t, y, false)?;
+            self.by.solve(&mut self.core, tangent, t, y, Point::Stage)?;
         } else {
             self.core.states.scatter(y, &mut self.core.q);
         }
@@ -144,14 +159,16 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool, SystemError> {
         if K::SOLVES {
-            return self.locate(tangent, t, y, false);
+            self.by.solve(&mut self.core, tangent, t, y, Point::Inside)?;
+            return Ok(false);
         }
         let mut own = std::mem::take(&mut self.y);
         own.clear();
         own.extend_from_slice(y);
-        let found = self.settle(tangent, t, &mut own).and_then(|_| self.locate(tangent, t, &own, false));
+        let settled = self.settle(tangent, t, &mut own);
+        let found = settled.and_then(|_| self.by.solve(&mut self.core, tangent, t, &own, Point::Inside));
         self.y = own;
-        found
+        found.map(|()| false)
     }
     fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> Verdict {
         tangent.full_acceleration(&mut self.vdot);

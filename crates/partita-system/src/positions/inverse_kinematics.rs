@@ -4,7 +4,7 @@
 //! is singular: these are passed on the branch that the velocities lead to, and told in the notes. At a dead point of inputs
 //! that stay the run ends with a message.
 
-use super::independent::{Core, Dependent};
+use super::independent::{Core, Dependent, Point};
 use crate::kinematics::closing::Closing;
 use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -30,8 +30,7 @@ pub struct InverseKinematics {
     trial: Vec<i8>,
     /// May the next step meet a singular position, by how the distance fell in the last?
     approaching: bool,
-    /// Did the branches follow the motion in the last step, and did they at the last evaluation?
-    followed: bool,
+    /// Did the branches follow the motion at the last evaluation, and at the end of the step that is judged?
     following: bool,
     trial_following: bool,
     /// Distance from a singular position at the end of the last step.
@@ -67,19 +66,21 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         tangent: &mut Blocks<'s, S>,
         t: f64,
         y: &[f64],
-        passing: bool,
+        at: Point,
     ) -> Result<(), SystemError> {
         self.good.copy_from_slice(&core.q);
-        let inside = t < core.home_t; // before the end of the last step: an output inside it
-        let follow = if inside { self.followed } else { passing || self.approaching };
+        let follow = match at {
+            Point::Inside => self.trial_following,
+            _ => at == Point::Passing || self.approaching,
+        };
         if std::mem::replace(&mut self.following, follow) && !follow {
             tangent.closing()?.set_branches(&self.branches);
             core.q.copy_from_slice(&core.home);
         }
         let closed = if follow {
-            core.predict(tangent.seen().system, t, y);
+            core.predict(tangent.seen().system, t, y, at);
             let followed = tangent.closing()?.follow(t, &mut core.q);
-            followed.and_then(|doubt| match doubt <= MOST_DOUBT || inside {
+            followed.and_then(|doubt| match doubt <= MOST_DOUBT || at == Point::Inside {
                 true => Ok(()),
                 false => Err(tangent.undecided(t, &core.q)),
             })
@@ -110,7 +111,6 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
                 *kept = *now;
             }
         }
-        self.followed = self.trial_following;
         let here = margin.unwrap_or(f64::INFINITY);
         self.approaching = here < LONGEST_NEXT * (self.far - here);
         self.far = here;

@@ -5,7 +5,7 @@
 //! velocities lead and so passes singular positions on the right one; a stage that might have found either, and a step in which
 //! velocities jump, are repeated. If none is left, as at most dead points of fixed coordinates, the run ends with a message.
 
-use super::independent::{Core, Dependent};
+use super::independent::{Core, Dependent, Point};
 use crate::formulation::reduction::Reduction;
 use crate::record::Journal;
 use crate::singular::dead_point::dead_point;
@@ -93,13 +93,13 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
         tangent: &mut Chosen<'s, S>,
         t: f64,
         y: &[f64],
-        _passing: bool,
+        at: Point,
     ) -> Result<(), SystemError> {
         // where the velocities lead is nearest, and where solutions cross it tells the right one
-        core.predict(tangent.reduction().system, t, y);
+        core.predict(tangent.reduction().system, t, y, at);
         let near = core.continuity.is_near();
         let closed = self.close(tangent.reduction(), t, &mut core.q, near);
-        if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > core.home_t) {
+        if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > core.home_t && at != Point::Inside) {
             return Err(self.undecided(core, tangent, t));
         }
         if closed.is_ok() {
