@@ -33,7 +33,7 @@ fn errors<E: Equations>(
     let exact = run(system, FormulationOptions::default(), start, &at, &reference(t_end));
     let mut exchanges = 0;
     let errors = steps.iter().map(|&h| {
-        let mut f = Projective::new(system, system.size().rows, &options);
+        let mut f = Projective::new(system, system.size().rows, options);
         let samples = march(&mut f, &start.0, &start.1, &at, &grid(t_end, h));
         exchanges = f.journal().counters.exchanges;
         distance(&samples, &exact)
