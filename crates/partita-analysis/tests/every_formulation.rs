@@ -40,7 +40,7 @@ impl TangentMap for AtOnePoint {
 }
 
 fn tangent_at(model: &Model, m: &Moment) -> AtOnePoint {
-    let mut r = Reduction::new(model, m.rank);
+    let mut r = Reduction::dense(model, m.rank);
     start::choose_partition(&mut r, m.t, &m.q, None, None).unwrap();
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| m.v[i]).collect();
     r.evaluate(m.t, &m.q, &speeds).unwrap();

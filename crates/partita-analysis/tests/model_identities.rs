@@ -6,7 +6,7 @@ use mechanisms::{
     accelerations, apart, bodies, derivative, moved, on_random_mechanisms, second_derivative, Moment, Wishes, STEP,
 };
 use partita_math::dense::{self, Matrix};
-use partita_model::Model;
+use partita_model::{Evaluator, Model};
 use partita_system::equations::full::saddle::Saddle;
 use partita_system::formulation::full::FullState;
 use partita_system::formulation::motion::Projective;
@@ -214,16 +214,9 @@ fn projection_by_partial_velocities() {
             assert!(apart(&md, &md2) < ROUND_OFF && apart(&hd, &hd2) < ROUND_OFF, "k = {k}");
             // the tree's own recursion, also where the dense way is taken for its cost
             let (mut md3, mut hd3) = (vec![0.0; k * k], vec![0.0; k]);
-            if !model.is_planar() {
-                let mut x = model.full.scratch();
-                model.full.poses(&m.q, &mut x);
-                model.full.inertias(&mut x);
-                model.full.twists(&m.v, &mut x);
-                model.full.clear_forces(&mut x);
-                model.full.spring_forces(&mut x);
-                let f = mechanisms::OfTime;
-                model.full.apply_loads(&model.loads, &model.placed.basis, &f, m.t, &m.q, &m.v, &mut x).unwrap();
-                model.full.project(k, &dt, &delta, &mut x, &mut md3, &mut hd3);
+            {
+                let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);
+                Evaluator::project(model, m.t, &m.q, &m.v, (k, &dt, &delta), &mut s, &mut md3, &mut hd3).unwrap();
                 assert!(apart(&md, &md3) < ROUND_OFF && apart(&hd, &hd3) < ROUND_OFF, "k = {k}");
             }
         }

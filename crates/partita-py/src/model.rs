@@ -3,12 +3,14 @@
 use crate::arrays::{array, shaped, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, States};
+use crate::outputs::{self, Acting, Motion};
 use crate::run::{self, read_options};
-use crate::state::{self, Array, Levels};
+use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
+use crate::waiting::heard;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
+use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_system::kinematics::{assembly, projection::dense_rows};
@@ -22,7 +24,7 @@ use std::sync::{Arc, OnceLock};
 /// A compiled mechanism: constant; states are handed in.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
-    inner: Inner,
+    inner: Arc<Inner>,
     structure: OnceLock<Structure>,
 }
 
@@ -36,14 +38,31 @@ type Inner = partita_model::Model;
 /// Coordinates, branches and residual of an assembly.
 type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 
-/// Closing conditions are lengths and angles: round-off of the size of the mechanism.
-const CLOSED: f64 = 1e-12;
+/// Bytes of a description, and velocities of a model, above which an answer may take longer than a signal should wait.
+const LONG: usize = 200_000;
+const MANY: usize = 300;
 
 impl Model {
+    /// May questions to the whole model take long?
+    fn is_large(&self) -> bool {
+        self.inner.size().nv > MANY
+    }
+
+    /// What the closed drawing tells, found when first asked for.
+    fn known<'m>(slf: &'m Bound<'_, Self>) -> PyResult<&'m Structure> {
+        let (model, own) = (slf.get(), slf.clone().unbind());
+        if model.structure.get().is_none() {
+            heard(slf.py(), model.is_large(), move || {
+                own.get().structure();
+            })?;
+        }
+        Ok(model.structure())
+    }
+
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&self.inner, 0.0, &mut q, CLOSED * self.inner.placed.size.max(1.0), &[]);
+            let closed = assembly::close(&*self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
             if closed.is_err() {
                 q = self.inner.initial();
             }
@@ -67,7 +86,7 @@ impl Model {
     /// The position level at q.
     fn position<'py>(&self, py: Python<'py>, t: f64, q: &PyReadonlyArray1<'py, f64>) -> PyResult<Levels<'_, Inner>> {
         let q = vector(q, self.nq(), "q")?;
-        let mut levels = Levels::new(&self.inner);
+        let mut levels = Levels::new(&*self.inner);
         levels.position(t, &q).map_err(|e| failure::system(py, e))?;
         Ok(levels)
     }
@@ -87,13 +106,15 @@ impl Model {
                     return Err(raise(py, "ArgumentError", &message, &[("argument", "coordinates".into())]));
                 }
             };
-            let spec: Spec = serde_json::from_str(spec).map_err(|e| {
+            let (long, text) = (spec.len() > LONG, spec.to_string());
+            let spec: Spec = heard(py, long, move || serde_json::from_str(&text))?.map_err(|e| {
                 let fields = [("element", "mechanism".into()), ("name", "".into())];
                 raise(py, "DescriptionError", &format!("the description cannot be read: {e}"), &fields)
             })?;
-            let inner = Inner::new(spec, Arc::new(Callables(functions)), coordinates)
+            let functions = Arc::new(Callables(functions));
+            let inner = heard(py, long, move || Inner::new(spec, functions, coordinates))?
                 .map_err(|e| failure::description(py, &e))?;
-            Ok(Self { inner, structure: OnceLock::new() })
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
 
@@ -110,16 +131,20 @@ impl Model {
         self.inner.size().rows
     }
     #[getter]
-    fn rank(&self, py: Python<'_>) -> PyResult<usize> {
-        guarded(py, || Ok(self.nv() - self.mobility(py)?))
+    fn rank(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        Ok(slf.get().nv() - Self::mobility(slf)?)
     }
     #[getter]
-    fn mobility(&self, py: Python<'_>) -> PyResult<usize> {
-        guarded(py, || match &self.structure().mobility {
-            Some(m) => Ok(m.mobility),
-            None => {
-                let note = self.structure().note.clone().unwrap_or_default();
-                Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+    fn mobility(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        let py = slf.py();
+        guarded(py, || {
+            let found = Self::known(slf)?;
+            match &found.mobility {
+                Some(m) => Ok(m.mobility),
+                None => {
+                    let note = found.note.clone().unwrap_or_default();
+                    Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+                }
             }
         })
     }
@@ -129,10 +154,10 @@ impl Model {
     }
 
     #[getter]
-    fn summary(&self, py: Python<'_>) -> PyResult<String> {
-        guarded(py, || {
-            let m = &self.inner;
-            let found = self.structure();
+    fn summary(slf: &Bound<'_, Self>) -> PyResult<String> {
+        guarded(slf.py(), || {
+            let m = &slf.get().inner;
+            let found = Self::known(slf)?;
             let (mut oq, mut ov) = (0, 0);
             let joints: Vec<serde_json::Value> = m
                 .placed
@@ -186,8 +211,7 @@ impl Model {
 
     #[pyo3(signature = (t, q, v, targets, rates, tolerance))]
     fn assemble<'py>(
-        &self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
@@ -195,10 +219,17 @@ impl Model {
         rates: Vec<(usize, f64)>,
         tolerance: f64,
     ) -> PyResult<(Array<'py>, Array<'py>, String)> {
+        let py = slf.py();
         guarded(py, || {
-            let (q, _) = self.state(&q, &v)?;
-            let place = |q: &[f64]| self.inner.place(t, q, &targets);
-            state::assemble(py, &self.inner, t, q, &targets, &rates, tolerance, place)
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let (q, _) = model.state(&q, &v)?;
+            let ask = move || {
+                let system = &own.get().inner;
+                let place = |q: &[f64]| system.place(t, q, &targets);
+                state::assemble(&**system, t, q, &targets, &rates, tolerance, place)
+            };
+            let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })
     }
 
@@ -239,7 +270,7 @@ impl Model {
         guarded(py, || {
             let n = self.nv();
             let (q, rest) = (vector(&q, self.nq(), "q")?, vec![0.0; n]);
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &rest).and_then(|()| levels.dynamics(t, &q, &rest));
             Ok(array(py, &[n, n], found.map_err(|e| failure::system(py, e))?.0))
         })
@@ -253,7 +284,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &v).and_then(|()| levels.dynamics(t, &q, &v));
             Ok(array(py, &[v.len()], found.map_err(|e| failure::system(py, e))?.1))
         })
@@ -268,7 +299,7 @@ impl Model {
         guarded(py, || {
             let c = self.position(py, t, &q)?.c;
             let rows: Vec<usize> = (0..self.rows()).collect();
-            let c = dense_rows(&self.inner, &c, &rows);
+            let c = dense_rows(&*self.inner, &c, &rows);
             Ok(array(py, &[self.rows(), self.nv()], c.into_vec()))
         })
     }
@@ -287,7 +318,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             levels.velocity(t, &q, &v).map_err(|e| failure::system(py, e))?;
             Ok(array(py, &[levels.b.len()], levels.b))
         })
@@ -301,13 +332,28 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            state::acceleration(py, &self.inner, t, &q, &v)
+            state::acceleration(py, &*self.inner, t, &q, &v)
+        })
+    }
+    /// S1-S5 and their reduction at one instant, by name.
+    #[pyo3(signature = (t, q, v))]
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
+            state::at(py, &*self.inner, t, &q, v.as_deref())
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            state::measure(py, &self.inner, t, &q)
+            state::measure(py, &*self.inner, t, &q)
         })
     }
 
@@ -325,25 +371,65 @@ impl Model {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Output| {
-                levels.velocity(x.t, &x.q, &x.v)?;
-                self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
-            };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
+            let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
+            run::run(py, system, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, calls)
         })
     }
 
-    fn observe<'py>(
+    /// Poses and twists of the bodies `which` at nt samples.
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::bodies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Coordinates, velocities and points of the joints `which` at nt samples.
+    fn joints<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Kinetic and potential energy at nt samples.
+    fn energies<'py>(
         &self,
         py: Python<'py>,
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::observe(py, &self.inner, &States::read(&self.inner, &t, &q, &v)?))
+        guarded(py, || outputs::energies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 
+    /// Wrench of one joint at nt samples.
+    fn reaction<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+        joint: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reaction(py, &self.inner, &motion, &acting, joint)
+        })
+    }
+
+    /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,
         py: Python<'py>,
@@ -354,8 +440,9 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reactions(py, &self.inner, &motion, &acting)
         })
     }
 
@@ -370,30 +457,35 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::augmented_reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::augmented_reactions(py, &self.inner, &motion, &acting)
         })
     }
 
     fn determined<'py>(
-        &self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         in_joint_frame: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
+        let py = slf.py();
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let flags = analysis::determined::determined(&self.inner, t, &q, in_joint_frame)
-                .map_err(|e| failure::analysis(py, e))?;
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let q = vector(&q, model.nq(), "q")?;
+            let ask = move || analysis::determined::determined(&own.get().inner, t, &q, in_joint_frame);
+            let flags = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
             Ok(shaped(py, &[flags.len(), 6], flags.concat()))
         })
     }
 
-    fn report(&self, py: Python<'_>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
+    fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
+        let py = slf.py();
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let report = analysis::report::report(&self.inner, t, &q).map_err(|e| failure::analysis(py, e))?;
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let q = vector(&q, model.nq(), "q")?;
+            let ask = move || analysis::report::report(&own.get().inner, t, &q);
+            let report = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
             serde_json::to_string(&report).map_err(|e| failure::unexpected(e.to_string()))
         })
     }

@@ -120,6 +120,8 @@ pub struct Sample {
     pub work: f64,
     /// Why something is not determined here (and NaN), in a sentence.
     pub note: Option<String>,
+    /// Set by who asks: measure, σ and √μ are not wanted and hold nothing.
+    pub brief: bool,
 }
 
 /// Counts of work done below the integrator.

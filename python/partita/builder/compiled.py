@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..errors import ArgumentError
+from ..instant import Instant
+from ..state import Layout, finite_time
+from .checks import Element
+from .records import Description
+from .spec import Writer
 
 Array = NDArray[np.float64]
 
@@ -74,6 +80,28 @@ class Equations:
         """
         return self._core.measure(t, self._q(q))
 
+    def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
+        """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
+
+        For looking at, teaching and checking; dense, O(nv^3). `q` shall satisfy the constraints, and so shall `v`;
+        None: at rest, as far as prescribed motion lets the mechanism.
+
+        Raises `SingularityError` in a singular position.
+
+        >>> import numpy as np
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> state = m.assemble(rates={"A": 2.0})
+        >>> i = m.compile().at(state.q, state.v)
+        >>> i.D.shape, bool(np.abs(i.D @ i.C.T).max() < 1e-12)
+        ((1, 3), True)
+        >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
+        True
+        """
+        place, time = self._q(q), finite_time(t)
+        speeds = None if v is None else self._v(v)
+        return Instant.from_core(time, place, self._core.at(time, place, speeds))
+
     def _q(self, q: ArrayLike) -> Array:
         return checked("q", q, self._core.nq, self._names)
 
@@ -82,11 +110,13 @@ class Equations:
 
 
 class CompiledModel(Equations):
-    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes.
+    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes. Copies are itself; pickled, it
+    travels as its description and is compiled again.
 
     Attributes:
         summary: names, sizes and layout as plain data.
         coordinates: "relative" or "absolute".
+        description: what was compiled, as JSON.
         notes: what the compiler wants known: rows left out as redundant, derivatives found by differences,
             ...
 
@@ -98,9 +128,17 @@ class CompiledModel(Equations):
     [[1.0]]
     """
 
-    def __init__(self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]]) -> None:
+    def __init__(
+        self,
+        core: _core.Model,
+        summary: dict[str, Any],
+        coordinates: str,
+        notes: list[list[str]],
+        description: str,
+        drawn: Description,
+    ) -> None:
         super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
-        self.core = core
+        self.core, self.description, self._drawn = core, description, drawn
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
 
@@ -119,6 +157,17 @@ class CompiledModel(Equations):
         """Number of independent velocities in the assembled position."""
         return self.core.mobility
 
+    def __reduce__(self) -> Any:
+        """Pickled as its description, and compiled again where it arrives."""
+        return _again, (self._drawn, self.coordinates)
+
+    def __copy__(self) -> CompiledModel:
+        """Itself: a model never changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CompiledModel:
+        return self
+
     def __repr__(self) -> str:
         core = self.core
         return (
@@ -126,6 +175,23 @@ class CompiledModel(Equations):
             f"{core.rows} constraint rows of rank "
             f"{core.rank}, mobility {core.mobility})"
         )
+
+
+def compile_description(description: Description, coordinates: str) -> tuple[CompiledModel, Layout]:
+    """Compile a description that will not change any more; also the layout of its states."""
+    if not description.bodies:
+        Element("mechanism", description.name).fail("it has no bodies; add some with add_body or add_rod")
+    layout = Layout()
+    writer = Writer(description, layout)
+    text = writer.text()
+    core = _core.Model(text, writer.functions, coordinates)
+    summary = json.loads(core.summary)
+    layout.fill(summary)
+    return CompiledModel(core, summary, coordinates, writer.notes, text, description), layout
+
+
+def _again(description: Description, coordinates: str) -> CompiledModel:
+    return compile_description(description, coordinates)[0]
 
 
 def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:

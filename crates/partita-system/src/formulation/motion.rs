@@ -349,6 +349,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out: &mut Sample,
     ) -> Result<(), SystemError> {
         let Some(r) = self.describer.describe(t, q, v, self.tangent.independent(within), out)? else { return Ok(()) };
+        if out.brief {
+            return Ok(());
+        }
         if let Some(quality) = self.tangent.quality(r, t, q, within)? {
             (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
         }

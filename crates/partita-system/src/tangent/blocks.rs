@@ -66,7 +66,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             }
         }
         Ok(Self {
-            r: Reduction::new(system, rank),
+            r: Reduction::dense(system, rank),
             d: DenseTangent::new(n, k),
             fixed,
             exchange: options.exchange,

@@ -86,7 +86,7 @@ pub fn best_partition<S: ConstrainedSystem>(
     t: f64,
     q: &[f64],
 ) -> Result<Partition, SystemError> {
-    let mut probe = Reduction::new(system, rank);
+    let mut probe = Reduction::dense(system, rank);
     start::choose_partition(&mut probe, t, q, None, None)?;
     Ok(probe.partition)
 }

@@ -68,7 +68,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet. `renew`: see
     /// [`FormulationOptions`](crate::formulation::options::FormulationOptions::renew).
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, renew: f64) -> Self {
-        let r = Reduction::new(system, rank);
+        let r = Reduction::dense(system, rank);
         let (n, k) = (r.size().nv, r.k());
         Self {
             r,

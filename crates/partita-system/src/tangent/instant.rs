@@ -109,11 +109,14 @@ fn levels<S: ConstrainedSystem>(
     r.full_acceleration(&mut out.vdot);
     out.multipliers.resize(size.rows, 0.0);
     r.multipliers(t, q, &out.vdot, &mut out.multipliers)?;
+    out.independent.clone_from(&r.partition.independent);
     out.measure.resize(size.nv, 0.0);
+    if out.brief {
+        return Ok(());
+    }
     r.measure(t, q, &mut out.measure)?;
     let quality = r.quality(t, q)?;
     (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
-    out.independent.clone_from(&r.partition.independent);
     Ok(())
 }
 

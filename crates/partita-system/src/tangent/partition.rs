@@ -9,7 +9,7 @@ use crate::formulation::options::FormulationOptions;
 use crate::formulation::reduction::Reduction;
 use crate::formulation::Verdict;
 use crate::kinematics::projection::correct_orthogonally;
-use crate::partition::exchange::{self, Exchange};
+use crate::partition::exchange::Exchange;
 use crate::partition::Selection;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
 use crate::singular::dead_point;
@@ -40,7 +40,11 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     /// `weights`, `selection` and `window`.
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         Self {
-            r: Reduction::new(system, rank),
+            // the other rules look at D and M_d in full
+            r: match options.selection {
+                Selection::Collective => Reduction::new(system, rank),
+                _ => Reduction::dense(system, rank),
+            },
             options: options.clone(),
             chooser: None,
             weighted: vec![1.0; system.size().nv],
@@ -71,27 +75,36 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         }
     }
 
-    fn best_exchange(&self) -> Option<Exchange> {
-        let p = &self.r.partition;
-        exchange::best(&self.r.a_matrix, &self.weighted, &p.dependent, &p.independent)
+    /// The best exchanges, one a cluster, that gain more than this.
+    fn best_exchanges(&mut self, threshold: f64) -> Vec<Exchange> {
+        self.r.best_exchanges(&self.weighted, threshold)
     }
 
-    /// Swap one pair at the point last evaluated; the position level must be that of `t`.
-    fn exchange(&mut self, t: f64, q: &[f64], x: Exchange, reason: String) -> Result<(), SystemError> {
+    /// Swap one pair in each of some clusters at the point last evaluated; the position level must be that of `t`.
+    fn exchange(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        pairs: &[Exchange],
+        why: impl Fn(&Exchange) -> String,
+    ) -> Result<(), SystemError> {
         let before = self.r.partition.independent.clone();
-        let (enters, leaves) = (self.r.partition.dependent[x.enters], before[x.leaves]);
+        let name = |i: usize| self.r.system.velocity_name(i);
         let mut next = before.clone();
-        next[x.leaves] = enters;
+        let mut reasons = Vec::new();
+        for x in pairs {
+            let (enters, leaves) = (self.r.partition.dependent[x.enters], before[x.leaves]);
+            next[x.leaves] = enters;
+            reasons.push(format!("{} takes the place of {}: {}", name(enters), name(leaves), why(x)));
+        }
         next.sort_unstable();
         if self.r.set_partition(t, &next).is_err() {
             // the exchange rule and the elimination disagree by round-off near a singular position: stay as we were
             return self.r.set_partition(t, &before);
         }
-        self.exchanges += 1;
-        let names = (self.r.system.velocity_name(enters), self.r.system.velocity_name(leaves));
+        self.exchanges += pairs.len() as u64;
         self.r.tangent(t)?;
-        let reason = format!("{} takes the place of {}: {reason}", names.0, names.1);
-        self.log(t, q, &before, reason)
+        self.log(t, q, &before, reasons.join("; "))
     }
 
     /// Take the choice of the rule at the point last evaluated.
@@ -120,11 +133,11 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
                 self.r.evaluate(t, q, &speeds)?;
                 continue;
             }
-            let Some(x) = self.best_exchange() else { break };
-            if x.gain <= self.options.exchange {
+            let pairs = self.best_exchanges(self.options.exchange);
+            if pairs.is_empty() {
                 break;
             }
-            self.exchange(t, q, x, format!("the volume of the choice grows by {:.3}", x.gain))?;
+            self.exchange(t, q, &pairs, |x| format!("the volume of the choice grows by {:.3}", x.gain))?;
         }
         Ok(())
     }
@@ -194,12 +207,12 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
                                         // what fails here fails again in `renew`, which can tell
             return if matches!(chooser.propose(&self.r, t), Ok(None)) { Verdict::Keep } else { Verdict::Change };
         }
-        let Some(best) = self.best_exchange() else { return Verdict::Keep };
-        if best.gain <= self.options.exchange {
+        let best = self.best_exchanges(self.options.exchange);
+        if best.is_empty() {
             self.rejects_in_a_row = 0;
             return Verdict::Keep;
         }
-        if best.gain > HARD_LIMIT && self.options.exchange.is_finite() && self.rejects_in_a_row < 3 {
+        if best.iter().any(|x| x.gain > HARD_LIMIT) && self.options.exchange.is_finite() && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
         }
@@ -234,8 +247,11 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         let before = self.exchanges;
         if why == Occasion::Decayed {
             self.choose_anew(t, q, v)?;
-        } else if let Some(x) = self.best_exchange().filter(|x| x.gain > 1.0 + 1e-6) {
-            self.exchange(t, q, x, "the old choice went bad inside the step, which is repeated".into())?;
+        } else {
+            let pairs = self.best_exchanges(1.0 + 1e-6);
+            if !pairs.is_empty() {
+                self.exchange(t, q, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
+            }
         }
         Ok(self.exchanges > before)
     }

@@ -55,7 +55,7 @@ pub struct Given<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Given<'s, S> {
     /// For a system of the given rank.
     pub fn new(system: &'s S, rank: usize, map: Arc<dyn TangentMap>) -> Self {
-        let r = Reduction::new(system, rank);
+        let r = Reduction::dense(system, rank);
         let (nq, n, k) = (r.size().nq, r.size().nv, r.k());
         Self {
             r,
