@@ -5,13 +5,13 @@ use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::chooser;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::criterion::Quality;
 use partita_system::partition::geometry::Geometry;
 use partita_system::partition::split::Split;
 use partita_system::partition::Selection;
 use partita_system::start;
+use partita_system::tangent::chooser;
 use partita_system::SystemError;
 
 /// M and C at one point, as a system at rest.

@@ -2,7 +2,8 @@
 
 use crate::outputs::{tables, Rows, Watch};
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::{registry, Output, PartitionEvent, Sample};
+use partita_system::formulation::registry;
+use partita_system::record::{Output, PartitionEvent, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Outputs of a run with the choices in use: from them everything else about an instant can be computed later.

@@ -9,7 +9,8 @@ pub use request::Request;
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome};
 use partita_system::formulation::options::TangentMap;
-use partita_system::formulation::{registry, Formulation, FormulationCounters, Output};
+use partita_system::formulation::{registry, Formulation};
+use partita_system::record::{FormulationCounters, Output};
 use partita_system::start::{self, Start};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
@@ -87,11 +88,12 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         Ok(())
     };
     let outcome = simulate(&mut f, request.t0, q, v, t_eval, &settings, &mut sink, watch)?;
-    notes.extend(f.notes());
+    let told = f.journal();
+    notes.extend(told.notes);
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
-    let (rows, counters, events) = (f.rows(), f.counters(), f.events().to_vec());
+    let (rows, counters, events) = (told.rows, told.counters, told.events);
     drop(f);
     let journal = Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs };
     Ok(Run { outcome, journal, counters, rows, notes })
