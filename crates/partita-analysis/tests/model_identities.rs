@@ -10,7 +10,7 @@ use partita_model::{Evaluator, Model};
 use partita_system::formulation::multipliers::Multipliers;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::{Correction, Formulation, Output, Sample};
 use partita_system::start;
 use partita_system::system::{project_dense, Tangent};
 use partita_system::ConstrainedSystem;
@@ -247,15 +247,14 @@ fn formulations_agree() {
     everywhere(9, |_, model, m| {
         let none = Correction::None;
         let options = ProjectiveOptions { correction: none, ..ProjectiveOptions::default() };
-        let (mut x, mut y) = (Sample::default(), Sample::default());
         let mut projective = Projective::new(model, m.rank, options);
         let mut state = vec![0.0; projective.dim()];
         projective.start(m.t, &m.q, &m.v, &mut state).unwrap();
-        projective.sample(m.t, &state, &mut x).unwrap();
+        let x = sample(&mut projective, m.t, &state);
         let mut multipliers = Multipliers::new(model, m.rank, none);
         let mut state = vec![0.0; multipliers.dim()];
         multipliers.start(m.t, &m.q, &m.v, &mut state).unwrap();
-        multipliers.sample(m.t, &state, &mut y).unwrap();
+        let y = sample(&mut multipliers, m.t, &state);
         // condition of M (1e5) times round-off
         assert!(apart(&x.vdot, &y.vdot) < 1e-10, "{:e}", apart(&x.vdot, &y.vdot));
         assert!(apart(&x.multipliers, &y.multipliers) < 1e-9, "{:e}", apart(&x.multipliers, &y.multipliers));
@@ -287,4 +286,11 @@ fn the_plane_is_a_part_of_space() {
         }
     });
     assert!(tilted > COUNT / 2);
+}
+
+/// All that a formulation tells about the state y.
+fn sample<F: Formulation>(f: &mut F, t: f64, y: &[f64]) -> Sample {
+    let mut output = Output::default();
+    f.state_at(t, y, &mut output).unwrap();
+    Sample::of(f, &output, &[]).unwrap()
 }

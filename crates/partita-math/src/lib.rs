@@ -5,6 +5,7 @@
 pub mod dense;
 pub mod elimination;
 pub mod factor;
+pub mod least_norm;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;

@@ -119,18 +119,15 @@ fn closing<G: Space>(
     let p = &placed.joints[j];
     let (la, lb) = (placed.link_of(p.parent), placed.link_of(p.child));
     let (slides, locks) = if G::LENGTHS == 2 { planar_locks::<G>(p) } else { spatial_locks::<G>(p) };
+    // parents come before their children: the later one of the two is never an ancestor of the other
     let mut path: Vec<(usize, bool)> = Vec::new();
-    let up = |mut i: usize| {
-        let mut all = Vec::new();
-        while i != 0 {
-            all.push(i);
-            i = tree.links[i].parent;
-        }
-        all
-    };
-    let (ups_a, ups_b) = (up(la), up(lb));
-    path.extend(ups_a.iter().filter(|i| !ups_b.contains(i)).map(|&i| (i, false)));
-    path.extend(ups_b.iter().filter(|i| !ups_a.contains(i)).map(|&i| (i, true)));
+    let (mut on_a, mut on_b) = (la, lb);
+    while on_a != on_b {
+        let is_b = on_b > on_a;
+        let end = if is_b { &mut on_b } else { &mut on_a };
+        path.push((*end, is_b));
+        *end = tree.links[*end].parent;
+    }
     path.sort_unstable_by_key(|x| tree.links[x.0].v);
     let (mut slide_columns, mut turn_columns) = (0, 0);
     let path = path

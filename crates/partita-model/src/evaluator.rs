@@ -6,6 +6,7 @@
 //!
 //! Nothing here looks at a value: a derivative goes through, eight lanes go side by side, a recorder writes it all down.
 
+use crate::clusters::{self, Given, Tangents};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
 use crate::force::Element;
@@ -15,8 +16,10 @@ use crate::place::Placed;
 use crate::spec::{Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{self, Callers, Instant};
+use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Planar, Quaternion, Spatial, Vec3};
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -217,6 +220,64 @@ impl<S: Scalar> Evaluator<S> {
         self.forces(t, q, v, s)?;
         with_engine!(self, s, |tree, x| tree.project(k, dt, delta, x, md, hd));
         Ok(())
+    }
+
+    /// `v'` with `C v' + b = 0` by the recursion over clusters, after [`velocity`](Self::velocity). `s` must have been fitted
+    /// to the plan.                                                                        (P3 by clusters, 48)
+    pub fn accelerate(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        plan: &clusters::Plan,
+        tangents: &Tangents<S>,
+        s: &mut Scratch<S>,
+        vdot: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| {
+            let mut room = std::mem::take(&mut x.clusters);
+            let given = Given { tangents: *tangents, effort: &x.effort, at_rest: false };
+            tree.accelerate(plan, &given, x, &mut room, vdot);
+            x.clusters = room;
+        });
+        Ok(())
+    }
+
+    /// Motion that efforts (nv) alone cause from rest, after [`position`](Self::position).
+    pub fn respond(
+        &self,
+        plan: &clusters::Plan,
+        tangents: &Tangents<S>,
+        effort: &[S],
+        s: &mut Scratch<S>,
+        out: &mut [S],
+    ) {
+        with_engine!(self, s, |tree, x| {
+            let mut room = std::mem::take(&mut x.clusters);
+            tree.accelerate(plan, &Given { tangents: *tangents, effort, at_rest: true }, x, &mut room, out);
+            x.clusters = room;
+        });
+    }
+
+    /// Plan of the recursion over clusters for the rows of C that are kept: a matter of structure alone.
+    pub fn plan(
+        &self,
+        pattern: &Pattern,
+        of: &Clusters,
+        kept: &[usize],
+        preference: clusters::Preference,
+    ) -> clusters::Plan {
+        match &self.engine {
+            Engine::Flat(tree) => clusters::Plan::new::<Planar<S>>(tree, pattern, of, kept, preference),
+            Engine::Full => clusters::Plan::new::<Spatial<S>>(&self.full, pattern, of, kept, preference),
+        }
+    }
+
+    /// Room for the recursion over clusters with this plan.
+    pub fn fit(&self, plan: &clusters::Plan, s: &mut Scratch<S>) {
+        let velocities = self.placed.nv;
+        with_engine!(self, s, |tree, x| x.clusters.fit(tree.links.len(), velocities, tree.dimensions(), plan));
     }
 
     /// `M v' − h` (nv), after [`velocity`](Self::velocity).

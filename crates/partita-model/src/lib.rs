@@ -3,6 +3,7 @@
 pub mod articulated;
 mod carry;
 pub mod closing;
+pub mod clusters;
 pub mod compile;
 pub mod dynamics;
 pub mod error;

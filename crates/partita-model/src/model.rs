@@ -1,5 +1,6 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
+use crate::clusters::{self, Preference};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
 use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
@@ -14,7 +15,9 @@ use crate::value::{Callers, Functions};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
+use std::collections::HashSet;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
@@ -22,6 +25,7 @@ use std::sync::Arc;
 pub struct ModelScratch {
     own: Scratch<f64>,
     dense: Dense,
+    recursion: clusters::Plan,
 }
 
 impl Deref for ModelScratch {
@@ -54,6 +58,8 @@ pub struct Model {
     /// Rows of the spatial closings that the plane makes superfluous.
     pub out_of_plane: Vec<RowName>,
     pattern: Pattern,
+    clusters: Clusters,
+    preference: Preference,
     has_power: bool,
     dense_projection: bool,
     coordinates: Coordinates,
@@ -67,6 +73,8 @@ pub struct Model {
     reach: Vec<f64>,
     /// What a large move can open each row by.
     row_reach: Vec<f64>,
+    /// Rows that close directions.
+    row_is_angle: Vec<bool>,
 }
 
 impl Deref for Model {
@@ -82,6 +90,12 @@ impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         Self::build(spec, functions, coordinates, true)
+    }
+
+    /// The same model with its reduced equations found in this way.
+    pub fn with_recursion(mut self, preference: Preference) -> Self {
+        self.preference = preference;
+        self
     }
 
     /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
@@ -109,7 +123,9 @@ impl Model {
 
     /// This model with another description of the same structure.
     pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
-        Self::made(spec, placed, numbers, self.drives.clone(), self.callers.functions.clone(), self.coordinates)
+        let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
+        let made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
+        Ok(made.with_recursion(self.preference))
     }
 
     fn made(
@@ -124,20 +140,28 @@ impl Model {
         let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
         let placed = Arc::new(placed);
         let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
-        let (mut columns, mut row_reach) = match &own.engine {
-            Engine::Flat(tree) => (compile::columns(tree), closing_reaches(tree, &placed)),
-            Engine::Full => (compile::columns(&own.full), closing_reaches(&own.full, &placed)),
+        let (mut columns, mut row_reach, mut row_is_angle) = match &own.engine {
+            Engine::Flat(tree) => (compile::columns(tree), closing_reaches(tree, &placed), closing_angles(tree)),
+            Engine::Full => {
+                (compile::columns(&own.full), closing_reaches(&own.full, &placed), closing_angles(&own.full))
+            }
         };
         let out_of_plane = if placed.planar {
-            full_rows.iter().filter(|r| !row_names.iter().any(|k| k.name == r.name)).cloned().collect()
+            let in_plane: HashSet<&str> = row_names.iter().map(|r| r.name.as_str()).collect();
+            full_rows.iter().filter(|r| !in_plane.contains(r.name.as_str())).cloned().collect()
         } else {
             Vec::new()
         };
         columns.extend(drives.iter().map(|d| vec![d.v]));
         row_reach.extend(drives.iter().map(|d| links.reach[d.v]));
+        row_is_angle.extend(drives.iter().map(|d| links.is_turn[d.v]));
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
+        let clusters = match &own.engine {
+            Engine::Flat(tree) => clusters::clusters(tree, &pattern),
+            Engine::Full => clusters::clusters(&own.full, &pattern),
+        };
         let mut turns = links.turns;
         if elements.iter().any(Element::sees_coordinates) {
             turns.fill(false);
@@ -152,12 +176,15 @@ impl Model {
             turns,
             reach: links.reach,
             row_reach,
+            row_is_angle,
             coordinates,
             dense_projection: false,
             spec: Arc::new(spec),
             row_names,
             out_of_plane,
             pattern,
+            clusters,
+            preference: Preference::default(),
             has_power,
         };
         model.dense_projection = model.dense_is_cheaper();
@@ -178,21 +205,24 @@ impl Model {
         let n = self.placed.nv;
         let k = n.saturating_sub(self.pattern.rows);
         let links = self.full.links.len();
-        // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
-        let partial = links * (k * k * 6 + 24 * k);
+        let partial = Self::partial_cost(links, k);
         // a column of M touches what it carries; then D M Dᵀ
-        let carried: usize = (1..links).map(|i| self.depth(i)).sum();
+        let mut depth = vec![0; links];
+        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        let carried: usize = depth.iter().sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
     }
 
-    fn depth(&self, mut i: usize) -> usize {
-        let mut d = 0;
-        while i != 0 {
-            i = self.full.links[i].parent;
-            d += 1;
-        }
-        d
+    /// A partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns.
+    fn partial_cost(links: usize, k: usize) -> usize {
+        links * (k * k * 6 + 24 * k)
+    }
+
+    /// Multiplications for one dense M_d of k freedoms, its factor included.
+    fn dense_cost(&self, k: usize) -> usize {
+        let scale = if self.is_planar() { 1 } else { 4 };
+        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     /// Which coordinates the tree is made of.
@@ -242,6 +272,8 @@ struct Links {
     turns: Vec<bool>,
     reach: Vec<f64>,
     q_reach: Vec<f64>,
+    /// Does the velocity turn?
+    is_turn: Vec<bool>,
 }
 
 impl Links {
@@ -252,6 +284,7 @@ impl Links {
             turns: vec![false; placed.nq],
             reach: vec![1.0; placed.nv],
             q_reach: vec![1.0; placed.nq],
+            is_turn: vec![false; placed.nv],
         };
         for l in placed.links.iter().skip(1) {
             match l.motion {
@@ -260,6 +293,7 @@ impl Links {
                     new.coordinates_of[l.v] = l.q..l.q + 1;
                     new.velocity_of[l.q] = Some(l.v);
                     new.turns[l.q] = true;
+                    new.is_turn[l.v] = true;
                 }
                 Motion::Slide(_) => {
                     new.velocity_of[l.q] = Some(l.v);
@@ -276,8 +310,9 @@ impl Links {
 /// The rows of the drives, behind `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
+    let mut driven = HashSet::new();
     for d in &spec.drives {
-        let (q, v) = force::tree_coordinate(spec, placed, "drive", &d.name, &d.joint, d.coordinate)?;
+        let (q, v) = force::tree_coordinate(placed, "drive", &d.name, &d.joint, d.coordinate)?;
         let q = q.ok_or_else(|| {
             DescriptionError::new(
                 "drive",
@@ -285,12 +320,12 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
                 "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
             )
         })?;
-        if drives.iter().any(|x| x.v == v) {
+        if !driven.insert(v) {
             return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
         }
         drives.push(DriveRow {
             name: d.name.clone(),
-            joint: force::joint_index(spec, &d.joint),
+            joint: force::joint_index(placed, &d.joint),
             coordinate: d.coordinate,
             q,
             v,
@@ -319,4 +354,9 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
         reaches.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
     }
     reaches
+}
+
+/// Which closing rows are turns.
+fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
+    tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
 }

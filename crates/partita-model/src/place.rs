@@ -10,6 +10,7 @@ use crate::spec::{Cut, Force, Joint, Spec};
 use crate::topology::{Edge, Topology, TreeEdge};
 use crate::validate;
 use partita_math::spatial::{Mat3, Vec3};
+use std::collections::{HashMap, HashSet};
 
 /// Which coordinates the tree is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,6 +103,8 @@ pub struct Placed {
     pub links: Vec<PlacedLink>,
     /// Joints.
     pub joints: Vec<PlacedJoint>,
+    /// Number of each joint by its name.
+    pub joint_numbers: HashMap<String, usize>,
     /// Tree and cuts.
     pub topology: Topology,
     /// Coordinates.
@@ -116,16 +119,17 @@ pub struct Placed {
     pub size: f64,
 }
 
-fn is_loaded(spec: &Spec, joint: &Joint) -> bool {
-    spec.drives.iter().any(|d| d.joint == joint.name)
-        || spec.forces.iter().any(|f| match f {
-            Force::TorsionSpring { joint: j, .. } | Force::Torque { joint: j, .. } => *j == joint.name,
-            _ => false,
-        })
+/// Names of the joints that are driven or loaded along a coordinate.
+fn loaded(spec: &Spec) -> HashSet<&str> {
+    let by_forces = spec.forces.iter().filter_map(|f| match f {
+        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
+        _ => None,
+    });
+    spec.drives.iter().map(|d| d.joint.as_str()).chain(by_forces).collect()
 }
 
 fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
-    let nodes = validate::nodes(spec)?;
+    let (nodes, loaded) = (validate::nodes(spec)?, loaded(spec));
     Ok(spec
         .joints
         .iter()
@@ -136,7 +140,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
             class: match j.cut {
                 Cut::Always => 2,
                 Cut::Never => 0,
-                Cut::Auto if is_loaded(spec, j) => 0,
+                Cut::Auto if loaded.contains(j.name.as_str()) => 0,
                 Cut::Auto => 1,
             },
             freedoms: shape.freedoms(),
@@ -247,6 +251,7 @@ impl Placed {
             bodies: Vec::with_capacity(count - 1),
             links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
             joints: Vec::with_capacity(shapes.len()),
+            joint_numbers: spec.joints.iter().enumerate().map(|(i, j)| (j.name.clone(), i)).collect(),
             topology,
             nq: 0,
             nv: 0,

@@ -210,6 +210,8 @@ pub struct TreeScratch<G: Space> {
     pub moves: Vec<bool>,
     /// Room for the articulated recursion.
     pub articulated: crate::articulated::Articulated<G::S>,
+    /// Room for the recursion over clusters.
+    pub clusters: crate::clusters::ClusterScratch<G::S>,
 }
 
 impl<G: Space> Tree<G> {
@@ -221,6 +223,7 @@ impl<G: Space> Tree<G> {
             partial: Vec::new(),
             moves: vec![false; self.links.len()],
             articulated: crate::articulated::Articulated::default(),
+            clusters: crate::clusters::ClusterScratch::default(),
         }
     }
 

@@ -81,6 +81,10 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             let fields = [("residual", residual.into()), ("iterations", iterations.into()), ("loops", loops.into())];
             raise(py, "AssemblyError", &message, &fields)
         }
+        SystemError::Lengths { iterations, residual, loops, .. } => {
+            let fields = [("residual", residual.into()), ("iterations", iterations.into()), ("loops", loops.into())];
+            raise(py, "AssemblyError", &message, &fields)
+        }
         SystemError::Limit { block, shortfall, .. } => {
             let fields = [("residual", shortfall.into()), ("iterations", 0usize.into()), ("loops", block.into())];
             raise(py, "AssemblyError", &message, &fields)

@@ -12,6 +12,12 @@ pub const REDUNDANT: f64 = 1e-9;
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
 
+/// The move next door (in reaches) by which redundant rows are told from rows that are dependent here only.
+const NEXT_DOOR: f64 = 1e-3;
+/// Rows open by more than this there (in what a large move opens them by) are independent: an independent row opens by the
+/// square of the move, 1e-6, a redundant one by rounding.
+const OPENS: f64 = 1e-9;
+
 /// What was found at the start.
 #[derive(Clone, Debug)]
 pub struct Start {
@@ -78,11 +84,11 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     let mut r = Reduction::new(system, start.rank);
     first_partition(&mut r, t, q)?;
     let k = r.k();
-    // a fixed irregular direction, 1e-3 of a large move in every independent coordinate
+    // a fixed irregular direction
     let move_independent: Vec<f64> = (0..k)
         .map(|j| {
             let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
-            1e-3 * sign * (1.0 + 0.37 * (j as f64).sin()) * system.reach(r.partition.independent[j])
+            NEXT_DOOR * sign * (1.0 + 0.37 * (j as f64).sin()) * system.reach(r.partition.independent[j])
         })
         .collect();
     r.gamma.fill(0.0);
@@ -98,10 +104,10 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     }
     r.position(t, &near)?;
     r.refresh_scales(t, &near)?;
-    let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(r.phi[i].abs()));
+    let part = |i: usize| r.phi[i].abs() / system.row_reach(i).unwrap_or(1.0);
+    let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_here(&r);
-    // an independent row would open by the square of the move, 1e-6, a redundant one by rounding
-    if there.rank > start.rank || open > 1e-9 {
+    if there.rank > start.rank || open > OPENS {
         let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
         let message = format!(
             "{} closing rows ({}) are dependent here but not next to it (rank {} here, {} next to it), so the motion from \
@@ -221,7 +227,10 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     r.v.fill(0.0);
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
-    let chosen = criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights);
+    let chosen = match r.by_clusters() {
+        true => r.choose_by_clusters(weights)?,
+        false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
+    };
     // P5 is a factorisation of a good basis: what it picks is admissible unless rounding says otherwise
     if chosen != r.partition.independent && r.set_partition(t, &chosen).is_err() {
         first_partition(r, t, q)?;
@@ -233,13 +242,12 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     };
     // every exchange multiplies the volume by more than 1 + 1e-6, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
-        let (d, i) = (&r.partition.dependent, &r.partition.independent);
-        let Some(x) = crate::partition::exchange::best(&r.a_matrix, &scales, d, i) else { break };
-        if x.gain <= threshold.max(1.0 + 1e-6) {
+        let pairs = r.best_exchanges(&scales, threshold.max(1.0 + 1e-6));
+        if pairs.is_empty() {
             break;
         }
         let mut next = r.partition.independent.clone();
-        next[x.leaves] = r.partition.dependent[x.enters];
+        pairs.iter().for_each(|x| next[x.leaves] = r.partition.dependent[x.enters]);
         next.sort_unstable();
         r.set_partition(t, &next)?;
         r.tangent(t)?;

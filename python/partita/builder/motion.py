@@ -11,6 +11,7 @@ from ..errors import EvaluationError
 from ..state import Layout
 from .checks import Element
 from .taylor import Jet
+from .travelling import check_picklable
 from .values import finite, one_number
 
 TimeFunction = Callable[[Any], Any]
@@ -21,6 +22,8 @@ _SECOND_8, _SECOND_6 = (-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560), (-49 / 18,
 _STEPS = tuple(0.1 / 8.0**power for power in range(5, -1, -1))  # 3 microseconds to 0.1 s: fast and slow machines
 # Where a function is tried at the door; the second avoids the zeros that functions like to have at round times.
 _PROBES = (0.0, 0.7310585786)
+# A derivative typed with five digits is meant for its function; a larger part off, it is that of another.
+_ANOTHER = 1e-4
 
 
 class Motion:
@@ -38,6 +41,17 @@ class Motion:
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
         """Itself: a prescribed motion looks at no state."""
         return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        for what in ("position", "velocity", "acceleration"):
+            check_picklable(self.element, f"function of the {what}", getattr(self, what))
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
+        """With the same functions, which were tried before: Python copies functions as themselves."""
+        twin = Motion.__new__(Motion)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes))
+        return twin
 
     def __call__(self, t: float) -> tuple[float, float, float]:
         if self.velocity is not None and self.acceleration is not None:
@@ -77,13 +91,16 @@ class Motion:
 
         A time at which one of the two cannot be evaluated tells nothing and is passed over.
         """
+        seen = []
         for t in _PROBES:
             try:
                 _, slope, _, error = differences(lambda s: self._plain(function, s), t)
-                given = self._plain(derivative, t)
+                seen.append((t, slope, self._plain(derivative, t), error))
             except Exception:
                 continue
-            if abs(given - slope) > 1e-4 * max(1.0, abs(slope), abs(given)) + 10.0 * error:
+        size = max((abs(x) for _, slope, given, _ in seen for x in (slope, given)), default=0.0)
+        for t, slope, given, error in seen:
+            if abs(given - slope) > _ANOTHER * size + 10.0 * error:
                 self.element.fail(
                     f"at t = {t:g} s the {what} given is {given:g}, but the function it belongs to has "
                     f"the slope {slope:g}"

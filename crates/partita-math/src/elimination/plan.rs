@@ -1,7 +1,7 @@
 //! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
 use super::choice;
-use super::program::Program;
+use super::program::{sparse::SparseRoom, Program};
 use super::Pattern;
 use crate::scalar::{Real, Scalar};
 use std::convert::Infallible;
@@ -216,6 +216,19 @@ impl Plan {
             _ => self.program.solve_transposed_many(work, b, nrhs),
         }
     }
+
+    /// Solves `C_Dᵀ y = b` for a right-hand side with few entries `(step, value)`; the entries of y that are not zero,
+    /// in any order. What cancels to rounding errors of its terms counts as zero.
+    ///
+    /// Cost: the rows of the factors that are touched, not the rank.
+    pub fn solve_transposed_sparse(
+        &self,
+        work: &[f64],
+        b: &[(usize, f64)],
+        room: &mut SparseRoom,
+    ) -> Vec<(usize, f64)> {
+        self.program.solve_transposed_sparse(work, b, room)
+    }
 }
 
 /// Is the pivot of step k large enough? Written so that NaN and infinity fail as well.
@@ -358,6 +371,18 @@ mod tests {
             let mut y = b.clone();
             plan.solve_transposed(&work, y.data_mut(), nrhs);
             residual_is_small(&c.transpose(), &y, &b);
+        }
+        let mut room = SparseRoom::new(r);
+        for step in (0..r).step_by(1 + r / 7) {
+            let (mut x, mut y) = (Matrix::new(r, 1), Matrix::new(r, 1));
+            x[(step, 0)] = 0.5 + rng.f64();
+            for (k, value) in plan.solve_transposed_sparse(&work, &[(step, x[(step, 0)])], &mut room) {
+                y[(k, 0)] = value;
+            }
+            residual_is_small(&c.transpose(), &y, &x);
+            plan.solve_transposed(&work, x.data_mut(), 1);
+            let difference = x.data().iter().zip(y.data()).fold(0.0_f64, |m, (p, q)| m.max((p - q).abs()));
+            assert!(difference <= 1e-11 * (1.0 + x.max_abs()), "{difference:e}");
         }
     }
 

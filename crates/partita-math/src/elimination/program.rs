@@ -12,6 +12,8 @@ use super::choice::Step;
 use super::Pattern;
 use crate::scalar::Scalar;
 
+pub mod sparse;
+
 /// Runs of targets at least this long are executed as a loop over slices.
 const RUN: usize = 4;
 

@@ -162,4 +162,15 @@ impl<S: Scalar> Space for Planar<S> {
         out[0] = w;
         out[1..3].copy_from_slice(&v.0);
     }
+    #[inline(always)]
+    fn flat(w: S, v: Vec2<S>) -> [S; 6] {
+        let o = S::zero();
+        [w, v.0[0], v.0[1], o, o, o]
+    }
+    #[inline(always)]
+    fn add_inertia(i: &S, mass: S, out: &mut [S]) {
+        out[0] += *i;
+        out[4] += mass;
+        out[8] += mass;
+    }
 }

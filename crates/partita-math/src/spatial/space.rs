@@ -122,4 +122,9 @@ pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
     fn inertia_matrix(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
     /// Write the twist (or wrench) as DIM numbers, turns first.
     fn twist_to(w: Self::Ang, v: Self::Vec, out: &mut [Self::S]);
+
+    /// A twist (or wrench) as DIM numbers, turns first.
+    fn flat(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
+    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, turns first.
+    fn add_inertia(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
 }

@@ -168,4 +168,17 @@ impl<S: Scalar> Space for Spatial<S> {
         out[..3].copy_from_slice(&w.0);
         out[3..6].copy_from_slice(&v.0);
     }
+    #[inline(always)]
+    fn flat(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
+        [w.0[0], w.0[1], w.0[2], v.0[0], v.0[1], v.0[2]]
+    }
+    #[inline(always)]
+    fn add_inertia(i: &Inertia3<S>, mass: S, out: &mut [S]) {
+        for r in 0..3 {
+            for c in 0..3 {
+                out[r * 6 + c] += i.0 .0[r][c];
+            }
+            out[(r + 3) * 6 + r + 3] += mass;
+        }
+    }
 }

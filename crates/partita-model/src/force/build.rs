@@ -14,7 +14,6 @@ use partita_math::spatial::{Mat3, Space, Vec3};
 
 /// What the elements are made from.
 struct Maker<'a, S> {
-    spec: &'a Spec,
     placed: &'a Placed,
     numbers: &'a Numbers<S>,
     origins: Vec<Vec3<S>>,
@@ -24,7 +23,7 @@ impl<G: Space> Element<G> {
     /// All forces of a description, springs between points first.
     pub fn all(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> Result<Vec<Self>, DescriptionError> {
         let nodes = validate::nodes(spec)?;
-        let maker = Maker { spec, placed, numbers, origins: compile::origins(placed, numbers) };
+        let maker = Maker { placed, numbers, origins: compile::origins(placed, numbers) };
         let mut elements = Vec::with_capacity(spec.forces.len());
         for (f, n) in spec.forces.iter().zip(&numbers.forces) {
             if let Force::Spring { body1, body2, damping, .. } = f {
@@ -36,7 +35,7 @@ impl<G: Space> Element<G> {
             match f {
                 Force::Spring { .. } => {}
                 Force::TorsionSpring { name, joint, coordinate, damping, .. } => {
-                    let (q, v) = tree_coordinate(spec, placed, "force", name, joint, *coordinate)?;
+                    let (q, v) = tree_coordinate(placed, "force", name, joint, *coordinate)?;
                     let q = q.ok_or_else(|| {
                         DescriptionError::new("force", name, "a turn in space has no single angle to spring back to; put springs between points of the bodies")
                     })?;
@@ -119,8 +118,8 @@ impl<S: Scalar> Maker<'_, S> {
         value: &Value,
         n: &DescribedForce<S>,
     ) -> Result<Element<G>, DescriptionError> {
-        let (spec, placed) = (self.spec, self.placed);
-        let j = joint_index(spec, joint);
+        let placed = self.placed;
+        let j = joint_index(placed, joint);
         let p = &placed.joints[j];
         let mut which = coordinate;
         let found = p.shape.motions.iter().find(|m| {
@@ -139,7 +138,7 @@ impl<S: Scalar> Maker<'_, S> {
         let in_space = motion == Motion::Ball;
         // the velocities of a ball that is walked from child to parent are not the joint's own
         if p.links.is_some() && !(p.reversed && in_space) {
-            let (q, v) = tree_coordinate(spec, placed, "force", name, joint, coordinate)?;
+            let (q, v) = tree_coordinate(placed, "force", name, joint, coordinate)?;
             return Ok(Element::Effort(Effort { name: name.into(), q, v, value }));
         }
         if p.links.is_none() && in_space {
@@ -177,20 +176,19 @@ fn unit<G: Space>(p: &PlacedJoint, motion: Motion, which: usize) -> Unit<G> {
 }
 
 /// Index of a joint that exists.
-pub fn joint_index(spec: &Spec, name: &str) -> usize {
-    spec.joints.iter().position(|j| j.name == name).unwrap_or(0)
+pub fn joint_index(placed: &Placed, name: &str) -> usize {
+    placed.joint_numbers.get(name).copied().unwrap_or(0)
 }
 
 /// Coordinate (if any) and velocity of a joint's coordinate in the tree.
 pub fn tree_coordinate(
-    spec: &Spec,
     placed: &Placed,
     element: &'static str,
     name: &str,
     joint: &str,
     coordinate: usize,
 ) -> Result<(Option<usize>, usize), DescriptionError> {
-    let p = &placed.joints[joint_index(spec, joint)];
+    let p = &placed.joints[joint_index(placed, joint)];
     let Some(links) = &p.links else {
         let m = format!(
             "joint \"{joint}\" closes a loop in which every joint is driven, sprung or loaded, so it has no coordinate; \

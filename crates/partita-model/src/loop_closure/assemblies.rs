@@ -10,8 +10,9 @@ use partita_system::{ConstrainedSystem, SystemError};
 const COMBINATIONS: usize = 4096;
 /// Farthest a target is approached at once, in reaches: no angle of a healthy loop turns by π meanwhile.
 const STRIDE: f64 = 0.1;
-/// Largest |Φ| (in reaches) that counts as closed, far above the round-off of a closed form.
-const CLOSED: f64 = 1e-10;
+/// Largest |Φ| (in reaches) that a closed form leaves: its round-off, multiplied a hundred thousand times next to a limit
+/// position. A branch that is open by more does not close.
+const CLOSES: f64 = 1e-10;
 
 /// One way to put the mechanism together.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,7 +121,7 @@ impl Model {
                 Err(e) => return Err(e),
             }
             let residual = closing.residual(t, &there)?;
-            if closing.open() > CLOSED {
+            if closing.open() > CLOSES {
                 skipped += 1;
                 continue;
             }
@@ -176,6 +177,6 @@ impl Model {
             }
         }
         closing.residual(t, &there).ok()?;
-        (closing.open() <= CLOSED).then_some(there)
+        (closing.open() <= CLOSES).then_some(there)
     }
 }

@@ -5,12 +5,12 @@ use crate::model::Model;
 use crate::place::Coordinates;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
+use partita_system::start::REDUNDANT;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Squared sine below which a row counts as a combination of the others, as in the analysis of the start.
-const REDUNDANT: f64 = 1e-9;
-/// Closing residual (in reaches) up to which a position counts as closed.
-pub(super) const CLOSED: f64 = 1e-6;
+/// Closing residual (in reaches) up to which an explicit closing can be planned at a position: far below the angles by which
+/// branches differ, far above what an assembly leaves.
+pub(super) const NEARLY_CLOSED: f64 = 1e-6;
 
 /// C at a position.
 pub(super) struct Instant<'m> {
@@ -41,7 +41,7 @@ impl<'m> Instant<'m> {
             if !open.is_finite() {
                 return Err(SystemError::NotFinite { what: model.row_words(i), t });
             }
-            if open > CLOSED {
+            if open > NEARLY_CLOSED {
                 let message = format!(
                     "{} is open by {:.3e}: explicit closing starts from a closed position, assemble first",
                     model.row_words(i),

@@ -4,7 +4,7 @@ use super::arm::Pose;
 use super::close::flat_joints;
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
-use super::instant::{Instant, CLOSED};
+use super::instant::{Instant, NEARLY_CLOSED};
 use super::order::Order;
 use super::polygon::{Freedom, Polygon};
 use super::{planar, LoopClosing, Step, Work};
@@ -102,7 +102,7 @@ impl<'m> LoopClosing<'m> {
             blocks: Vec::new(),
             states: Vec::new(),
             entries: Vec::new(),
-            tolerance: CLOSED * 1e-3 * model.placed.size,
+            tolerance: NEARLY_CLOSED * 1e-3 * model.placed.size,
             pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
             scratch: model.scratch(),

@@ -1,15 +1,41 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
 use super::{Dense, Model, ModelScratch};
-use crate::evaluator::with_engine;
+use crate::clusters::{Plan, Preference, Tangents, Way};
+use crate::evaluator::{with_engine, Engine};
 use crate::spec::Value;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Quaternion;
+use partita_system::clusters::Clusters;
 use partita_system::kinematics::closing::Closing;
-use partita_system::system::{project_dense, Tangent};
+use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
+
+/// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
+const FEW_FREEDOMS: usize = 6;
+
+fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
+    Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
+}
+
+impl Model {
+    /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
+    fn felt(&self, t: f64, s: &ModelScratch, vdot: &[f64]) -> Result<(), SystemError> {
+        if vdot.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        let pivots = match (&self.engine, &s.flat) {
+            (Engine::Flat(_), Some(x)) => x.clusters.pivots(),
+            _ => s.full.clusters.pivots(),
+        };
+        match pivots.iter().position(|x| *x <= 0.0) {
+            Some(v) => Err(self.mass_error((v, pivots[v]))),
+            None => Err(SystemError::NotFinite { what: "an acceleration".into(), t }),
+        }
+    }
+}
 
 impl ConstrainedSystem for Model {
     type Scratch = ModelScratch;
@@ -22,7 +48,7 @@ impl ConstrainedSystem for Model {
         &self.pattern
     }
     fn scratch(&self) -> ModelScratch {
-        ModelScratch { own: self.own.scratch(), dense: Dense::default() }
+        ModelScratch { own: self.own.scratch(), dense: Dense::default(), recursion: Plan::default() }
     }
     fn velocity_name(&self, i: usize) -> String {
         self.placed.velocity_names[i].clone()
@@ -101,6 +127,84 @@ impl ConstrainedSystem for Model {
             return Ok(());
         }
         self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s, md, hd)
+    }
+
+    fn clusters(&self) -> Clusters {
+        self.clusters.clone()
+    }
+
+    fn plan_recursion(&self, kept: &[usize], s: &mut ModelScratch) -> Option<Recursion> {
+        let k = self.placed.nv.saturating_sub(kept.len());
+        let counted = self.preference == Preference::Counted;
+        if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
+            return None;
+        }
+        let plan = self.plan(&self.pattern, &self.clusters, kept, self.preference);
+        if counted && self.dense_cost(k) <= plan.cost {
+            return None;
+        }
+        self.own.fit(&plan, s);
+        let by_partial_velocities = plan.ways.iter().map(|w| *w == Way::PartialVelocities).collect();
+        let recursion = Recursion { columns: plan.columns, by_partial_velocities };
+        s.recursion = plan;
+        Some(recursion)
+    }
+
+    fn accelerate(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &ClusterTangent,
+        s: &mut ModelScratch,
+        vdot: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let plan = std::mem::take(&mut s.recursion);
+        let done = self.own.accelerate(t, q, v, &plan, &by(tangent), s, vdot);
+        s.recursion = plan;
+        done?;
+        self.felt(t, s, vdot)
+    }
+
+    fn respond(
+        &self,
+        tangent: &ClusterTangent,
+        effort: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let plan = std::mem::take(&mut s.recursion);
+        self.own.respond(&plan, &by(tangent), effort, s, out);
+        s.recursion = plan;
+        self.felt(0.0, s, out)
+    }
+
+    fn mobility(
+        &self,
+        tangent: &ClusterTangent,
+        independent: &[usize],
+        s: &mut ModelScratch,
+        diagonal: &mut [f64],
+        block: &mut dyn FnMut(usize, &[usize], &[f64]),
+    ) {
+        let plan = &s.recursion;
+        let of = &self.clusters.of_velocity;
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => {
+                tree.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+            }
+            _ => {
+                let x = &s.full;
+                self.full.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+            }
+        }
+    }
+
+    fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
+            _ => self.full.cluster_mass(&s.recursion, n, &s.full.clusters),
+        }
     }
 
     fn inverse_dynamics(
@@ -208,5 +312,9 @@ impl ConstrainedSystem for Model {
 
     fn row_reach(&self, i: usize) -> Option<f64> {
         Some(self.row_reach[i])
+    }
+
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.row_is_angle[i]
     }
 }

@@ -5,6 +5,12 @@ use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 
+/// Rates that hold together are met to this part of the largest velocity asked for or forced (in reaches a second): what
+/// solutions with a condition up to a million leave of sixteen digits.
+const MET: f64 = 1e-9;
+/// Singular values below this part of the largest belong to rates that follow from the others.
+const FOLLOWS: f64 = 1e-10;
+
 /// Velocities with `v_i = rate` for the given pairs and least kinetic energy otherwise, at the partition of `r`.
 ///
 /// Needs `r` with a partition; rates that the constraints forbid are refused with the numbers.
@@ -31,10 +37,18 @@ pub fn with_rates<S: ConstrainedSystem>(
             words.join(", ")
         ))
     };
+    let reach = |i: usize| r.system.reach(i);
+    let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / reach(i)));
+    let fastest = gamma.iter().enumerate().fold(asked, |m: f64, (i, g)| m.max(g.abs() / reach(i)));
     if k == 0 {
         let got: Vec<f64> = rates.iter().map(|&(i, _)| gamma[i]).collect();
-        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
+        let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > MET * fastest * reach(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
+    }
+    if r.by_clusters() {
+        let (v, got) = r.least_energy(rates)?;
+        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
+        return if off { Err(failed(&got)) } else { Ok(v) };
     }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
     let n = gamma.len();
@@ -60,14 +74,16 @@ pub fn with_rates<S: ConstrainedSystem>(
             let row = rows.row_mut(i);
             row.copy_from_slice(&r.dt[vi * k..(vi + 1) * k]);
             dense::cholesky_forward(&md, k, row); // row of T L⁻ᵀ
-            want[i] = rate - gamma[vi] + dense::dot(row, &g);
+            want[i] = (rate - gamma[vi] + dense::dot(row, &g)) / reach(vi);
+            row.iter_mut().for_each(|x| *x /= reach(vi)); // rates of turns and slides compare in reaches
         }
-        let (solution, _) = factor::least_squares_min_norm(&rows, &want, 1e-10)
+        let (solution, _) = factor::least_squares_min_norm(&rows, &want, FOLLOWS)
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
         let got = rows.matvec(&solution);
-        let off = got.iter().zip(&want).zip(rates).any(|((g, w), r)| (g - w).abs() > 1e-9 * (1.0 + r.1.abs()));
+        let off = got.iter().zip(&want).any(|(g, w)| (g - w).abs() > MET * fastest);
         if off {
-            let got: Vec<f64> = rates.iter().zip(&got).zip(&want).map(|((r, g), w)| r.1 + g - w).collect();
+            let got: Vec<f64> =
+                rates.iter().zip(&got).zip(&want).map(|((r, g), w)| r.1 + (g - w) * reach(r.0)).collect();
             return Err(failed(&got));
         }
         y = solution;

@@ -1,0 +1,110 @@
+//! Φ and C at one position in natural scales, with a row more for every target.
+
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::elimination::Pattern;
+
+/// `Φ_i / L_i` and `C_ij reach_j / L_i`; the rows of the targets follow those of the system.
+pub(super) struct Scaled<'s, S: ConstrainedSystem> {
+    pub system: &'s S,
+    scratch: S::Scratch,
+    raw_phi: Vec<f64>,
+    raw_c: Vec<f64>,
+    raw_a: Vec<f64>,
+    /// Large move of each velocity.
+    pub reach: Vec<f64>,
+    /// What a large move opens each row by.
+    pub length: Vec<f64>,
+    /// Velocities whose coordinate stays.
+    pub locked: Vec<bool>,
+    /// Rows of S3, then one for each target.
+    pub pattern: Pattern,
+    pub phi: Vec<f64>,
+    pub c: Vec<f64>,
+}
+
+impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
+    /// Natural scales are those of the system; where it knows none for a row, the row's own entries at (t, q) tell.
+    pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self, SystemError> {
+        let (size, all) = (system.size(), system.pattern());
+        let entries = all.row_ptr[size.holonomic];
+        let mut row_ptr = all.row_ptr[..=size.holonomic].to_vec();
+        let mut col_idx = all.col_idx[..entries].to_vec();
+        for &v in targets {
+            col_idx.push(v);
+            row_ptr.push(col_idx.len());
+        }
+        let pattern = Pattern::new(size.holonomic + targets.len(), size.nv, row_ptr, col_idx);
+        let reach: Vec<f64> = (0..size.nv).map(|i| system.reach(i)).collect();
+        let mut scaled = Self {
+            system,
+            scratch: system.scratch(),
+            raw_phi: vec![0.0; size.holonomic],
+            raw_c: vec![0.0; all.nnz()],
+            raw_a: vec![0.0; size.rows],
+            length: vec![1.0; size.holonomic],
+            locked: vec![false; size.nv],
+            phi: vec![0.0; pattern.rows],
+            c: vec![0.0; pattern.nnz()],
+            reach,
+            pattern,
+        };
+        scaled.evaluate(t, q)?;
+        for i in 0..size.holonomic {
+            scaled.length[i] = system.row_reach(i).unwrap_or_else(|| {
+                // a coordinate far larger than 1 says itself how large moves are
+                let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.reach[v], f64::max);
+                let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
+                let length = scaled.pattern.row(i).fold(0.0, widest);
+                if length > 0.0 {
+                    length
+                } else {
+                    1.0
+                }
+            });
+        }
+        Ok(scaled)
+    }
+
+    /// Φ and C at (t, q).
+    ///
+    /// # Errors
+    /// `NotFinite` where a condition is.
+    pub fn evaluate(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.position(t, q, &mut self.scratch, &mut self.raw_phi, &mut self.raw_c, &mut self.raw_a)?;
+        if !self.raw_phi.iter().chain(&self.raw_c).all(|x| x.is_finite()) {
+            return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
+        }
+        self.phi.fill(0.0);
+        self.c.fill(0.0);
+        for (i, raw) in self.raw_phi.iter().enumerate() {
+            self.phi[i] = raw / self.length[i];
+            for e in self.pattern.row(i) {
+                let v = self.pattern.col_idx[e];
+                if !self.locked[v] {
+                    self.c[e] = self.raw_c[e] * self.reach[v] / self.length[i];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Largest |Φ|, not scaled.
+    pub fn residual(&self) -> f64 {
+        self.raw_phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+    }
+
+    /// Φ of row i, not scaled.
+    pub fn raw(&self, i: usize) -> f64 {
+        self.raw_phi[i]
+    }
+
+    /// Rows of S3.
+    pub fn rows(&self) -> usize {
+        self.raw_phi.len()
+    }
+
+    /// C y of row i.
+    pub fn along(&self, i: usize, y: &[f64]) -> f64 {
+        self.pattern.row(i).map(|e| self.c[e] * y[self.pattern.col_idx[e]]).sum()
+    }
+}
