@@ -108,12 +108,15 @@ pub fn simulate<F: Formulation>(
         turns: vec![0; q.len()],
         next: 0,
         t_eval,
+        span: settings.t_end - t,
         passage: Passage::new(settings.tableau),
         distance: None,
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
     let mut stepper =
         Stepper::new(settings.tableau, dim, options).map_err(|e| SystemError::Request(format!("settings: {e}")))?;
+    formulation.natural_sizes(&mut march.buffer);
+    stepper.set_sizes(&march.buffer);
     while march.next < t_eval.len() && t_eval[march.next] <= t {
         march.emit(formulation, t, &y, sink)?;
     }
@@ -203,7 +206,7 @@ impl Passage {
     const PART: f64 = 0.6;
     /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, and shorter steps
     /// make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand passages of forty loops.
-    /// Errors up to this (radians, metres) are accepted there.
+    /// Errors up to this (in natural sizes) are accepted there.
     const ROUND_OFF: f64 = 1e-10;
     /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close to
     /// it. So many tolerances are accepted; its own error is small by its length.
@@ -289,6 +292,10 @@ fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Opti
     Some(now.0 + 2.0 * now.1 / (under_root.sqrt() - s))
 }
 
+/// Steps shorter than this part of the time (of the run, near t = 0) are not shortened again: they are some hundred times the
+/// round-off of t.
+const SHORTEST: f64 = 1e-13;
+
 struct March<'t> {
     buffer: Vec<f64>,
     slope: Vec<f64>,
@@ -296,6 +303,8 @@ struct March<'t> {
     turns: Vec<i32>,
     next: usize,
     t_eval: &'t [f64],
+    /// Length of the run.
+    span: f64,
     passage: Passage,
     distance: Option<(f64, u64)>,
 }
@@ -349,7 +358,7 @@ impl March<'_> {
         loop {
             stepper.attempt(&mut Adapter(formulation))?;
             let t = stepper.t_new();
-            let may_shrink = stepper.step_size() > 1e-13 * t.abs().max(1e-3);
+            let may_shrink = stepper.step_size() > SHORTEST * t.abs().max(self.span);
             let corrected = match formulation.correct(t, stepper.y_new_mut()) {
                 Ok(corrected) => corrected,
                 Err(e) if e.is_local() && may_shrink => {
@@ -369,6 +378,8 @@ impl March<'_> {
                 self.buffer.copy_from_slice(stepper.y_old());
                 formulation.recover(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
                 stepper.replace_start(&self.buffer, &self.slope);
+                formulation.natural_sizes(&mut self.buffer);
+                stepper.set_sizes(&self.buffer);
                 continue;
             }
             match self.outputs(formulation, stepper, sink) {
@@ -385,6 +396,8 @@ impl March<'_> {
                 self.slope.copy_from_slice(stepper.dy_new());
                 formulation.change(t, &mut self.buffer, &mut self.slope).map_err(at(t))?;
                 stepper.replace(&self.buffer, &self.slope);
+                formulation.natural_sizes(&mut self.buffer);
+                stepper.set_sizes(&self.buffer);
             }
             self.buffer.copy_from_slice(stepper.y_new());
             if formulation.wrap(&mut self.buffer, &mut self.turns) {

@@ -203,7 +203,7 @@ impl Model {
                 LinkMotion::Slide(_) => {
                     velocity_of[l.q] = Some(l.v);
                     coordinates_of[l.v] = l.q..l.q + 1;
-                    reach[l.v] = placed.size;
+                    reach[l.v] = placed.length;
                 }
             }
         }
@@ -339,7 +339,7 @@ impl Model {
 }
 
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
-/// closing point and the joints of its loop, or the size of the mechanism where something slides.
+/// closing point and the joints of its loop, or the characteristic length where something slides.
 fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
     let mut reaches = Vec::with_capacity(tree.rows);
     for k in &tree.closings {
@@ -348,7 +348,7 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
         for path in &k.path {
             let point = if path.on_b { p.child_point } else { p.parent_point };
             length = match tree.links[path.link].motion {
-                LinkMotion::Slide(_) => placed.size,
+                LinkMotion::Slide(_) => placed.length,
                 _ => length.max((point - placed.links[path.link].point).norm()),
             }
             .max(length);

@@ -87,6 +87,12 @@ impl Stepper {
         self.lenience = limit.max(1.0);
     }
 
+    /// Natural size of each component, in which `atol` and the floor of [`set_lenience`](Stepper::set_lenience) are meant from
+    /// the next step on; 1 until told otherwise.
+    pub fn set_sizes(&mut self, sizes: &[f64]) {
+        self.norm.set_sizes(sizes);
+    }
+
     /// The work done since [`new`](Stepper::new).
     pub fn counters(&self) -> &Counters {
         &self.counters

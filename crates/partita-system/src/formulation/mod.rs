@@ -143,6 +143,17 @@ pub struct FormulationCounters {
     pub iterations: u64,
 }
 
+/// Natural sizes of q (nq): those of the velocities they are integrals of, 1 for quaternions.
+fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]) {
+    out.fill(1.0);
+    for i in 0..system.size().nv {
+        let own = system.coordinates_of(i);
+        if own.len() == 1 {
+            out[own.start] = system.reach(i);
+        }
+    }
+}
+
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
 ///
 /// Duties: `derivative` is called at any point near the motion; the others only at ends of steps (`correct`, then one
@@ -154,6 +165,12 @@ pub trait Formulation {
     fn dim(&self) -> usize;
     /// How many leading components of y the step size answers for.
     fn controlled(&self) -> usize;
+    /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
+    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked again
+    /// after `start`, `change` and `recover`.
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+    }
     /// Take over the assembled state and write y.
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError>;
     /// `y' = f(t, y)`.
@@ -210,6 +227,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn controlled(&self) -> usize {
         (**self).controlled()
+    }
+    fn natural_sizes(&self, out: &mut [f64]) {
+        (**self).natural_sizes(out);
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         (**self).start(t, q, v, y)

@@ -248,6 +248,13 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.nq() + self.r.k()
     }
 
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+        let (coordinates, rates) = out.split_at_mut(self.nq());
+        super::sizes_of_coordinates(self.r.system, coordinates);
+        rates.iter_mut().zip(&self.r.partition.independent).for_each(|(x, &i)| *x = self.r.system.reach(i));
+    }
+
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         let o = &self.options;
         let mut chooser = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;

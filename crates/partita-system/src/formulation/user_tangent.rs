@@ -280,7 +280,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
         let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
         self.r.system.dynamics(t, q, &self.r.v, &mut self.r.scratch, &mut mass, &mut h)?;
         let rows = &self.r.partition.rows;
-        let p = MassProjection::new(self.r.system, &mass, &dense_rows(self.r.system, &self.r.c, rows))?;
+        let p = MassProjection::new(self.r.system, t, &mass, &dense_rows(self.r.system, &self.r.c, rows))?;
         let mut x = p.w.transpose().matvec(&self.residual);
         dense::cholesky_solve(&p.mc, x.len(), &mut x);
         out.fill(0.0);
