@@ -16,9 +16,8 @@ from typing import Any
 
 from . import errors, partition, units
 from ._core import version as _version
-from .builder import Mechanism
 from .comparison import compare
-from .io import load
+from .mechanism import Mechanism, load
 from .state import State
 from .system import System, simulate
 from .tangent import TangentVelocities

@@ -168,6 +168,9 @@ def choose(
     """independent, dependent, A, D, rho, sigma, sqrt_mu, rows."""
 
 def parse_toml(text: str, path: str) -> tuple[str, str]:
-    """JSON of the document, and JSON of {"/body/0/mass": line} with lines from 1."""
+    """JSON of the document, and JSON of {"body": [where each begins, in bytes]} for the lists in it."""
+
+def toml_line(text: str, pointer: str) -> int | None:
+    """Line, from 1, of the key that a JSON pointer names, or of the nearest one around it."""
 
 def version() -> str: ...

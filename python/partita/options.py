@@ -251,8 +251,9 @@ def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> li
     if isinstance(given, str):
         raise ArgumentError(f"{what} must be a list of names such as [{given!r}]", argument=what)
     names = [str(item) for item in given]
+    known = set(velocity_names)
     for name in names:
-        if name not in velocity_names:
+        if name not in known:
             close = difflib.get_close_matches(name, velocity_names, n=1)
             hint = f'did you mean "{close[0]}"?' if close else f"known velocities: {', '.join(velocity_names)}"
             raise UnknownNameError(f'{what}: there is no velocity "{name}"; {hint}', name=name, known=velocity_names)

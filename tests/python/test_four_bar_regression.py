@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 import partita as pt
-from partita.builder import Mechanism
+from partita import Mechanism
 from partita.results import Result
 from partita.state import State
 

@@ -7,12 +7,14 @@
     partita-system
     partita-math
 
-The Rust half reads the manifests and the sources of the crates, the Python half the imports of the package.
+The Rust half reads the manifests and the sources of the crates, the Python half the imports of the package. Inside a
+crate, and inside the package, the graph of imports has no circle: between modules, and between the rooms they stand in.
 """
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,9 @@ FLOOR = {"math": 0, "system": 1, "integrate": 2, "model": 2, "analysis": 3, "py"
 
 ONLY_IN = {"pyo3": {"py"}, "numpy": {"py"}, "faer": {"math", "system", "analysis"}}
 """Crates from outside that belong to certain floors: Python stays at the door, linear algebra below."""
+
+WITHOUT_CIRCLES = ("analysis", "integrate", "math", "py")
+"""Crates whose rooms are held to it that none uses itself by way of others."""
 
 CORE_USERS = {"__init__", "builder", "io", "partition", "results", "system"}
 """The modules of the package that talk to the compiled core; the others work on what these hand out."""
@@ -99,6 +104,108 @@ def below(name: str, prefix: str) -> bool:
 
 def where(path: Path, line: int) -> str:
     return f"{path.relative_to(ROOT)}:{line}"
+
+
+def circle(graph: Mapping[str, set[str]]) -> list[str]:
+    """A circle of the graph, from a node back to itself; empty if there is none."""
+    left = {node: {other for other in others if other != node} for node, others in graph.items()}
+    while True:
+        ends = {node for node, others in left.items() if not others & left.keys()}
+        if not ends:
+            break
+        left = {node: others for node, others in left.items() if node not in ends}
+    if not left:
+        return []
+    way = [min(left)]
+    while way[-1] not in way[:-1]:
+        way.append(min(left[way[-1]] & left.keys()))
+    return way[way.index(way[-1]) :]
+
+
+def between_rooms(graph: Mapping[str, set[str]], room_of: Mapping[str, str]) -> dict[str, set[str]]:
+    """The graph of the rooms in which the nodes of a graph stand."""
+    rooms: dict[str, set[str]] = {room: set() for room in room_of.values()}
+    for node, others in graph.items():
+        rooms[room_of[node]] |= {room_of[other] for other in others}
+    return rooms
+
+
+@cache
+def package_graph() -> dict[str, set[str]]:
+    """Modules of the package and what each imports of it: late imports and those for types alone count as well."""
+    names = {dotted(path): path for path in python_modules()}
+    graph: dict[str, set[str]] = {}
+    for module, path in names.items():
+        wanted = [name for _, name in imported(path) if below(name, "partita") and not below(name, "partita._core")]
+        graph[module] = {longest_known(name, names) for name in wanted}
+    return graph
+
+
+def dotted(path: Path) -> str:
+    """Dotted name of a module: "partita.results" for results/__init__.py."""
+    parts = ["partita", *path.relative_to(PACKAGE).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def longest_known(name: str, known: Mapping[str, Path]) -> str:
+    """The module that a dotted name leads to; the rest of the name is something in it."""
+    while name not in known:
+        name = name.rpartition(".")[0]
+    return name
+
+
+@cache
+def crate_graph(crate: str) -> dict[str, set[str]]:
+    """Rooms of a crate (files and folders in src) and those that each uses, unit tests left out."""
+    source = CRATES / f"partita-{crate}" / "src"
+    files = {path: crate_room(path, source) for path in source.rglob("*.rs") if path.name not in ("lib.rs", "main.rs")}
+    rooms = set(files.values())
+    handed_on = re_exports((source / "lib.rs").read_text("utf-8"), rooms)
+    graph: dict[str, set[str]] = {room: set() for room in rooms}
+    for path, here in files.items():
+        text = without_tests(without_comments(path.read_text("utf-8")))
+        names = {handed_on.get(name, name) for name in crate_names_used(text, module_depth(path, source))}
+        graph[here] |= names & rooms
+    return graph
+
+
+def crate_room(path: Path, source: Path) -> str:
+    return path.relative_to(source).parts[0].removesuffix(".rs")
+
+
+def module_depth(path: Path, source: Path) -> int:
+    """How many `super` lead from a module to the root of its crate."""
+    parts = path.relative_to(source).with_suffix("").parts
+    return len(parts) - (parts[-1] == "mod")
+
+
+def re_exports(root: str, rooms: set[str]) -> dict[str, str]:
+    """Names that the root of a crate hands on, with the room that each comes from."""
+    found: dict[str, str] = {}
+    for room_name, names in re.findall(r"pub use (?:crate::)?(\w+)::([^;]*);", without_comments(root)):
+        if room_name in rooms:
+            found |= dict.fromkeys(re.findall(r"\w+", names), room_name)
+    return found
+
+
+def without_tests(source: str) -> str:
+    """Rust without its unit tests, which stand last in a file."""
+    return re.split(r"#\[cfg\(test\)\]\s*(?:pub(?:\(crate\))? )?mod \w+ \{", source)[0]
+
+
+def crate_names_used(source: str, depth: int) -> set[str]:
+    """First names of all paths that begin at the root of the crate, those in braces included."""
+    root = r"(?<![\w:])(?:crate|" + "::".join(["super"] * depth) + r")::"
+    found = set(re.findall(root + r"(\w+)", source))
+    for match in re.finditer(root + r"\{", source):
+        level, names = 1, ""
+        for letter in source[match.end() :]:
+            level += (letter == "{") - (letter == "}")
+            if level == 0:
+                break
+            names += letter if level == 1 else ""
+        found |= {name[0] for item in names.split(",") if (name := re.findall(r"\w+", item))}
+    return found
 
 
 def test_every_crate_has_a_floor() -> None:
@@ -181,3 +288,28 @@ def test_the_package_solves_nothing_itself() -> None:
             and getattr(node.value, "attr", getattr(node.value, "id", "")) == "linalg"
         ]
     assert not wrong, wrong
+
+
+def test_no_module_of_the_package_imports_itself_by_way_of_others() -> None:
+    assert not circle(package_graph())
+
+
+def test_no_room_of_the_package_imports_itself_by_way_of_others() -> None:
+    graph = package_graph()
+    assert not circle(between_rooms(graph, {name: (*name.split("."), "__init__")[1] for name in graph}))
+
+
+@pytest.mark.parametrize("crate", WITHOUT_CIRCLES)
+def test_no_room_of_a_crate_uses_itself_by_way_of_others(crate: str) -> None:
+    assert not circle(crate_graph(crate))
+
+
+def test_a_circle_is_found_and_a_way_is_none() -> None:
+    assert circle({"a": {"b"}, "b": {"c"}, "c": set()}) == []
+    assert circle({"a": {"b"}, "b": {"c", "d"}, "c": {"b"}, "d": set()}) == ["b", "c", "b"]
+    assert circle({"a": {"a"}}) == []
+
+
+def test_paths_from_the_root_of_a_crate_are_found() -> None:
+    source = "use crate::{one, two::{Deep, other}, three::X as Y};\nlet x = crate::four::f(super::super::five::G);"
+    assert crate_names_used(source, 2) == {"one", "two", "three", "four", "five"}

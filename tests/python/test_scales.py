@@ -1,4 +1,4 @@
-"""Free of scale: watches and planets. Lengths and gravity in a unit of their own give the same angles, in the same steps."""
+"""Free of scale, from watches to planets: lengths and gravity in any unit give the same angles, in the same steps."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def answers(make: Any, unit: float) -> dict[str, Any]:
         "counters": run.counters,
         "assembly": (state.assembly["iterations"], state.assembly["target_steps"]),
         # the scales of the coordinates, the last column, are told in SI
-        "report": re.sub(r"(?m)^(  \w+ +[\d.]+ +(?:independent|follows)) .*$", r"\1", m.report(state)),
+        "report": re.sub(r"(?m)^(  \S+ +[\d.]+ +(?:independent|follows)) .*$", r"\1", m.report(state)),
     }
 
 

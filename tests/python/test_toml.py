@@ -65,7 +65,7 @@ def test_round_trip_to_the_last_bit(tmp_path: Path) -> None:
 
 
 def test_order_of_the_file_is_the_order_of_the_mechanism() -> None:
-    names = toml.parse(document(everything()))
+    names = toml.parse(document(everything()), pt.Mechanism)
     assert names.bodies == ("plate", "rod", "point")
     assert names.forces == everything().forces
 
@@ -191,7 +191,7 @@ def test_what_is_wrong_is_told_with_its_line(text: str, line: int | None, words:
 
 def test_what_the_builder_refuses_is_chained() -> None:
     with pytest.raises(FileFormatError) as caught:
-        toml.parse(HEAD + ROD + ROD)
+        toml.parse(HEAD + ROD + ROD, pt.Mechanism)
     assert isinstance(caught.value.__cause__, DescriptionError)
 
 

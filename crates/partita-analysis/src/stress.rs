@@ -6,9 +6,8 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
-use partita_math::elimination::{Plan, PlanOptions};
+use partita_math::elimination::{Plan, PlanOptions, SparseRoom};
 use partita_math::spatial::{Spatial, Vec3};
-use partita_model::compile::reference_points;
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::tree::TreeScratch;
@@ -48,7 +47,7 @@ impl<'m> Pose<'m> {
         let mut tree = model.full.scratch();
         model.full.poses(q, &mut tree);
         let placed = &model.placed;
-        let reference = reference_points(placed);
+        let reference = model.reference();
         let points = placed
             .joints
             .iter()
@@ -142,12 +141,16 @@ pub(crate) fn stresses(
         .map_err(|_| singular())?;
     let mut factors = vec![0.0; plan.factor_len()];
     plan.factor(&c, &mut factors).map_err(|_| singular())?;
-    let balance = |row: usize, column: &mut [f64]| -> Vec<(usize, f64)> {
-        pattern.row(row).for_each(|e| column[pattern.col_idx[e]] = -c[e]);
-        let mut x: Vec<f64> = plan.pivot_cols().iter().map(|&j| column[j]).collect();
-        pattern.row(row).for_each(|e| column[pattern.col_idx[e]] = 0.0);
-        plan.solve_transposed(&factors, &mut x, 1);
-        std::iter::once((row, 1.0)).chain(plan.pivot_rows().iter().copied().zip(x)).collect()
+    let mut step_of = vec![None; size.nv];
+    plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
+    let mut room = SparseRoom::new(plan.rank());
+    let mut balance = |row: usize| -> Vec<(usize, f64)> {
+        let b: Vec<(usize, f64)> =
+            pattern.row(row).filter_map(|e| step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
+        let mut lambda = plan.solve_transposed_sparse(&factors, &b, &mut room);
+        lambda.sort_unstable_by_key(|x| x.0);
+        let of_rows = lambda.into_iter().map(|(step, x)| (plan.pivot_rows()[step], x));
+        std::iter::once((row, 1.0)).chain(of_rows).collect()
     };
 
     let mut closing_of = Vec::with_capacity(size.rows);
@@ -160,7 +163,7 @@ pub(crate) fn stresses(
     let mut off = vec![0.0; size.nv];
     let mut found = Vec::with_capacity(start.dropped.len());
     for &row in &start.dropped {
-        let mut lambda = balance(row, &mut off);
+        let mut lambda = balance(row);
         let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * unit[row]).abs()));
         lambda.retain(|&(row, x)| (x * unit[row]).abs() > NEGLIGIBLE * top);
         // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)

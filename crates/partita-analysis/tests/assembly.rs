@@ -101,8 +101,15 @@ fn lengths_that_do_not_fit_are_named_with_their_shortfall() {
 /// Every link turned by up to a radian: one drawing in some comes to rest open, and closes from a start beside it.
 #[test]
 fn far_drawings_close_from_starts_around_them() {
-    let drawings =
-        [four_bar([1.0, 0.3, 0.9, 0.7], 1.0, 1.0), watt(), stephenson(), squeezer(), jansen(1.0), klann(0.5), three_rrr()];
+    let drawings = [
+        four_bar([1.0, 0.3, 0.9, 0.7], 1.0, 1.0),
+        watt(),
+        stephenson(),
+        squeezer(),
+        jansen(1.0),
+        klann(0.5),
+        three_rrr(),
+    ];
     let mut rng = fastrand::Rng::with_seed(21);
     let (mut closed, mut all, mut again) = (0, 0, 0);
     for d in drawings {

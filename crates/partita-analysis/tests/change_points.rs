@@ -17,7 +17,7 @@ use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::{registry, turns, Formulation};
 use partita_system::kinematics::velocity;
 use partita_system::{start, ConstrainedSystem};
-use planar::{chain, upright_angle};
+use planar::{chain, openness, upright_angle};
 use std::ops::ControlFlow;
 
 /// What the uprights and couplers do at the outputs: largest error of all coordinates against the parallelograms.
@@ -58,7 +58,7 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
                 error = error.max((angle - exact[next].abs()).abs().min(angle.abs()));
             }
             error = error.max((turns::whole(s.q[upright], s.turns[upright]) + exact[next]).abs());
-            closure = closure.max(s.closure);
+            closure = closure.max(openness(model, s));
             next += 1;
             Ok(())
         },

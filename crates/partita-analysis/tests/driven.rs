@@ -10,15 +10,15 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Drive, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::Sample;
+use partita_system::formulation::{Formulation, Output, Sample};
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
 
 /// Samples at `at` after the moment; none if the motion runs into a singular position.
 fn march(model: &Model, m: &Moment, at: &[f64]) -> Option<Vec<Sample>> {
-    let mut samples = Vec::new();
-    let mut sink = |s: &Sample| {
-        samples.push(s.clone());
+    let mut outputs = Vec::new();
+    let mut sink = |s: &Output| {
+        outputs.push(s.clone());
         Ok(())
     };
     let options = Options { rtol: 1e-12, atol: 1e-12.into(), ..Options::default() };
@@ -26,7 +26,9 @@ fn march(model: &Model, m: &Moment, at: &[f64]) -> Option<Vec<Sample>> {
     let mut f = Projective::new(model, m.rank, ProjectiveOptions::default());
     let go = &mut |_| ControlFlow::Continue(());
     let outcome = simulate(&mut f, m.t, &m.q, &m.v, at, &settings, &mut sink, go).ok()?;
-    (outcome.status == Status::Finished).then_some(samples)
+    let events = f.events().to_vec();
+    let samples = outputs.iter().map(|output| Sample::of(&mut f, output, &events).unwrap());
+    (outcome.status == Status::Finished).then(|| samples.collect())
 }
 
 fn energy(model: &Model, s: &Sample) -> f64 {

@@ -9,7 +9,7 @@ use partita_math::elimination::Pattern;
 use partita_model::Model;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, Formulation, Sample};
+use partita_system::formulation::{registry, Formulation, Output, Sample};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ impl TangentMap for AtOnePoint {
 }
 
 fn tangent_at(model: &Model, m: &Moment) -> AtOnePoint {
-    let mut r = Reduction::new(model, m.rank);
+    let mut r = Reduction::dense(model, m.rank);
     start::choose_partition(&mut r, m.t, &m.q, None, None).unwrap();
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| m.v[i]).collect();
     r.evaluate(m.t, &m.q, &speeds).unwrap();
@@ -58,12 +58,12 @@ fn generalised(pattern: &Pattern, c: &[f64], lambda: &[f64], n: usize) -> Vec<f6
 }
 
 fn sample(f: &mut dyn Formulation, m: &Moment) -> Result<Sample, SystemError> {
-    let (mut y, mut dy, mut out) = (vec![0.0; f.dim()], vec![0.0; f.dim()], Sample::default());
+    let (mut y, mut dy, mut out) = (vec![0.0; f.dim()], vec![0.0; f.dim()], Output::default());
     f.start(m.t, &m.q, &m.v, &mut y)?;
     f.derivative(m.t, &y, &mut dy)?;
     assert!(dy.iter().all(|x| x.is_finite()));
-    f.sample(m.t, &y, &mut out)?;
-    Ok(out)
+    f.state_at(m.t, &y, &mut out)?;
+    Sample::of(f, &out, &[])
 }
 
 #[test]

@@ -11,7 +11,7 @@ use partita_model::spec::{Table, Value};
 use partita_model::Model;
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, turns, Formulation, Sample};
+use partita_system::formulation::{registry, turns, Formulation, Output};
 use partita_system::kinematics::closing::Closing;
 use partita_system::kinematics::velocity;
 use partita_system::{start, SystemError};
@@ -33,7 +33,7 @@ struct Run<'m> {
 }
 
 impl Run<'_> {
-    fn march(&self, mut see: impl FnMut(&Sample)) -> (Outcome, Vec<String>) {
+    fn march(&self, mut see: impl FnMut(&Output)) -> (Outcome, Vec<String>) {
         let (model, q) = (self.model, self.model.initial());
         let rank = start::analyse(model, 0.0, &q).unwrap().rank;
         let mut r = Reduction::new(model, rank);
@@ -48,7 +48,7 @@ impl Run<'_> {
             options: Options { rtol: self.rtol, atol: (0.01 * self.rtol).into(), ..Options::default() },
             max_steps: 1_000_000,
         };
-        let mut sink = |s: &Sample| {
+        let mut sink = |s: &Output| {
             see(s);
             Ok(())
         };
@@ -91,7 +91,7 @@ fn a_thousand_turns(drawing: Drawing, names: &[&str]) {
     let (mut angle, mut counted, mut slowest) = (0.0f64, 0.0f64, f64::INFINITY);
     let mut last = 0.0f64;
     let (outcome, notes) = run.march(|s| {
-        worst = worst.max(s.closure);
+        worst = worst.max(openness(&model, s));
         let mut q = s.q.clone();
         kept.close(0.0, &mut q).unwrap();
         assert_eq!(branches(&kept), own);

@@ -16,7 +16,7 @@ use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::registry;
 use partita_system::formulation::tangent_space::TangentSpace;
 use partita_system::formulation::wehage_haug::WehageHaug;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::{Correction, Formulation, Output, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 
@@ -42,9 +42,9 @@ fn top() -> Spec {
 }
 
 fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<f64>) -> Vec<Sample> {
-    let mut samples = Vec::new();
-    let mut sink = |s: &Sample| {
-        samples.push(s.clone());
+    let mut outputs = Vec::new();
+    let mut sink = |s: &Output| {
+        outputs.push(s.clone());
         Ok(())
     };
     let tableau: &'static Tableau = if h.is_some() { &RK4 } else { &DOP853 };
@@ -52,7 +52,8 @@ fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<
     let settings = Settings { t_end: at[at.len() - 1], tableau, options, max_steps: u64::MAX };
     let outcome = simulate(f, 0.0, q, v, at, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
-    samples
+    let events = f.events().to_vec();
+    outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
 /// The top with a foot to close: six velocities, three rows; and without: the joint's own coordinates.

@@ -6,11 +6,11 @@ use mechanisms::{
     accelerations, apart, bodies, derivative, moved, on_random_mechanisms, second_derivative, Moment, Wishes, STEP,
 };
 use partita_math::dense::{self, Matrix};
-use partita_model::Model;
+use partita_model::{Evaluator, Model};
 use partita_system::formulation::multipliers::Multipliers;
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::{Correction, Formulation, Output, Sample};
 use partita_system::start;
 use partita_system::system::{project_dense, Tangent};
 use partita_system::ConstrainedSystem;
@@ -211,16 +211,9 @@ fn projection_by_partial_velocities() {
             assert!(apart(&md, &md2) < ROUND_OFF && apart(&hd, &hd2) < ROUND_OFF, "k = {k}");
             // the tree's own recursion, also where the dense way is taken for its cost
             let (mut md3, mut hd3) = (vec![0.0; k * k], vec![0.0; k]);
-            if !model.is_planar() {
-                let mut x = model.full.scratch();
-                model.full.poses(&m.q, &mut x);
-                model.full.inertias(&mut x);
-                model.full.twists(&m.v, &mut x);
-                model.full.clear_forces(&mut x);
-                model.full.spring_forces(&mut x);
-                let f = mechanisms::OfTime;
-                model.full.apply_loads(&model.loads, &model.placed.basis, &f, m.t, &m.q, &m.v, &mut x).unwrap();
-                model.full.project(k, &dt, &delta, &mut x, &mut md3, &mut hd3);
+            {
+                let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);
+                Evaluator::project(model, m.t, &m.q, &m.v, (k, &dt, &delta), &mut s, &mut md3, &mut hd3).unwrap();
                 assert!(apart(&md, &md3) < ROUND_OFF && apart(&hd, &hd3) < ROUND_OFF, "k = {k}");
             }
         }
@@ -254,15 +247,14 @@ fn formulations_agree() {
     everywhere(9, |_, model, m| {
         let none = Correction::None;
         let options = ProjectiveOptions { correction: none, ..ProjectiveOptions::default() };
-        let (mut x, mut y) = (Sample::default(), Sample::default());
         let mut projective = Projective::new(model, m.rank, options);
         let mut state = vec![0.0; projective.dim()];
         projective.start(m.t, &m.q, &m.v, &mut state).unwrap();
-        projective.sample(m.t, &state, &mut x).unwrap();
+        let x = sample(&mut projective, m.t, &state);
         let mut multipliers = Multipliers::new(model, m.rank, none);
         let mut state = vec![0.0; multipliers.dim()];
         multipliers.start(m.t, &m.q, &m.v, &mut state).unwrap();
-        multipliers.sample(m.t, &state, &mut y).unwrap();
+        let y = sample(&mut multipliers, m.t, &state);
         // condition of M (1e5) times round-off
         assert!(apart(&x.vdot, &y.vdot) < 1e-10, "{:e}", apart(&x.vdot, &y.vdot));
         assert!(apart(&x.multipliers, &y.multipliers) < 1e-9, "{:e}", apart(&x.multipliers, &y.multipliers));
@@ -294,4 +286,11 @@ fn the_plane_is_a_part_of_space() {
         }
     });
     assert!(tilted > COUNT / 2);
+}
+
+/// All that a formulation tells about the state y.
+fn sample<F: Formulation>(f: &mut F, t: f64, y: &[f64]) -> Sample {
+    let mut output = Output::default();
+    f.state_at(t, y, &mut output).unwrap();
+    Sample::of(f, &output, &[]).unwrap()
 }

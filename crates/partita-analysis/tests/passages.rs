@@ -16,7 +16,7 @@ use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::turns;
 use partita_system::kinematics::velocity;
 use partita_system::{start, ConstrainedSystem};
-use planar::{chain, upright_angle};
+use planar::{chain, openness, upright_angle};
 use std::ops::ControlFlow;
 
 /// 180 runs of 10 s: 1 to 40 loops, ten initial rates (so that steps meet the singular positions at all distances),
@@ -54,7 +54,7 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
                     &[t_end],
                     &settings,
                     &mut |s| {
-                        last = (turns::whole(s.q[upright], s.turns[upright]), s.closure);
+                        last = (turns::whole(s.q[upright], s.turns[upright]), openness(&model, s));
                         Ok(())
                     },
                     &mut |_| ControlFlow::Continue(()),

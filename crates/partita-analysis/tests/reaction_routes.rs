@@ -14,7 +14,7 @@ use partita_model::Model;
 use partita_system::formulation::explicit_closing::ExplicitClosing;
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{Formulation, Sample};
+use partita_system::formulation::{Formulation, Output, Sample};
 use partita_system::kinematics::velocity;
 use partita_system::{start, ConstrainedSystem};
 use std::sync::Arc;
@@ -24,10 +24,10 @@ fn sample(model: &Model, q: &[f64], v: &[f64], inputs: Option<&[usize]>) -> Samp
     let rank = start::analyse(model, 0.0, q).unwrap().rank;
     let options = FormulationOptions { independent: inputs.map(<[usize]>::to_vec), ..FormulationOptions::default() };
     let mut f = ExplicitClosing::new(model, rank, &options).unwrap();
-    let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
+    let (mut y, mut out) = (vec![0.0; f.dim()], Output::default());
     f.start(0.0, q, v, &mut y).unwrap();
-    f.sample(0.0, &y, &mut out).unwrap();
-    out
+    f.state_at(0.0, &y, &mut out).unwrap();
+    Sample::of(&mut f, &out, &[]).unwrap()
 }
 
 /// Velocities with these rates and the others as they must be.

@@ -15,7 +15,7 @@ use partita_model::spec::{Force, Spec};
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::{registry, Sample};
+use partita_system::formulation::{registry, Output};
 use partita_system::kinematics::assembly::{self, CLOSED};
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
@@ -85,7 +85,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
         max_steps: 10_000,
     };
     let mut samples = Vec::new();
-    let mut sink = |x: &Sample| {
+    let mut sink = |x: &Output| {
         samples.push(in_units(&model, &x.q, s, false));
         samples.push(in_units(&model, &x.v, s, true));
         Ok(())

@@ -32,7 +32,7 @@ fn count(model: &'static Model, what: &str) {
     partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
     let size = model.size();
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
-    let mut r = Reduction::new(model, rank);
+    let mut r = Reduction::dense(model, rank);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let speeds: Vec<f64> = (0..r.k()).map(|i| 0.3 + 0.1 * i as f64).collect();
     r.evaluate(0.0, &q, &speeds).unwrap();

@@ -6,7 +6,7 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::Options;
 use crate::tableau::Tableau;
-use partita_system::formulation::{Formulation, Review, Sample};
+use partita_system::formulation::{Formulation, Output, Review};
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 
@@ -84,10 +84,10 @@ impl<F: Formulation> Ode for Adapter<'_, F> {
     }
 }
 
-/// March from `(t, q, v)` to the end; `sink` gets a sample at each time of `t_eval`, `watch` is asked after each step.
+/// March from `(t, q, v)` to the end; `sink` gets an output at each time of `t_eval`, `watch` is asked after each step.
 ///
-/// Outputs lie on the dense output of the step and are closed to round-off one by one. What was computed before a
-/// failure stays with the sink. Fails only where nothing could start.
+/// Outputs lie on the dense output of the step and are closed to round-off one by one; what else there is to know about
+/// them is computed when it is asked for (`Sample::of`). What was computed before a failure stays with the sink. Fails only where nothing could start.
 pub fn simulate<F: Formulation>(
     formulation: &mut F,
     t: f64,
@@ -95,7 +95,7 @@ pub fn simulate<F: Formulation>(
     v: &[f64],
     t_eval: &[f64],
     settings: &Settings,
-    sink: &mut dyn FnMut(&Sample) -> Result<(), SystemError>,
+    sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
     let dim = formulation.dim();
@@ -104,8 +104,7 @@ pub fn simulate<F: Formulation>(
     let mut march = March {
         buffer: vec![0.0; dim],
         slope: vec![0.0; dim],
-        sample: Sample::default(),
-        turns: vec![0; q.len()],
+        output: Output { turns: vec![0; q.len()], ..Output::default() },
         next: 0,
         t_eval,
         span: settings.t_end - t,
@@ -299,8 +298,8 @@ const SHORTEST: f64 = 1e-13;
 struct March<'t> {
     buffer: Vec<f64>,
     slope: Vec<f64>,
-    sample: Sample,
-    turns: Vec<i32>,
+    /// What the sink gets; its turns are those of the march.
+    output: Output,
     next: usize,
     t_eval: &'t [f64],
     /// Length of the run.
@@ -309,13 +308,13 @@ struct March<'t> {
     distance: Option<(f64, u64)>,
 }
 
-type Sink<'s> = &'s mut dyn FnMut(&Sample) -> Result<(), SystemError>;
+type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 impl March<'_> {
     fn emit<F: Formulation>(&mut self, formulation: &mut F, t: f64, y: &[f64], sink: Sink) -> Result<(), SystemError> {
-        formulation.sample(t, y, &mut self.sample)?;
-        self.sample.turns.clone_from(&self.turns);
-        sink(&self.sample)?;
+        formulation.state_at(t, y, &mut self.output)?;
+        self.output.choice = formulation.events().len().saturating_sub(1);
+        sink(&self.output)?;
         self.next += 1;
         Ok(())
     }
@@ -400,7 +399,7 @@ impl March<'_> {
                 stepper.set_sizes(&self.buffer);
             }
             self.buffer.copy_from_slice(stepper.y_new());
-            if formulation.wrap(&mut self.buffer, &mut self.turns) {
+            if formulation.wrap(&mut self.buffer, &mut self.output.turns) {
                 self.slope.copy_from_slice(stepper.dy_new());
                 stepper.replace(&self.buffer, &self.slope);
             }

@@ -6,7 +6,9 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use partita_system::formulation::{
+    Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample,
+};
 use partita_system::{ConstrainedSystem, SystemError};
 
 const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
@@ -217,8 +219,18 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.inner.recover(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
-        self.inner.sample(t, y, out)
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+        self.inner.state_at(t, y, out)
+    }
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        self.inner.describe(t, q, v, within, out)
     }
     fn events(&self) -> &[PartitionEvent] {
         self.inner.events()

@@ -299,7 +299,7 @@ fn an_impossible_choice_ends_the_run_by_name() {
     let (q, v) = ([0.3, -0.91f64.sqrt(), 0.0, 0.0, 0.0], [0.91f64.sqrt(), 0.3, 0.5, 0.5, 0.5]);
     for selection in Selection::ALL {
         let mut f = Projective::new(&system, 3, by(selection));
-        let mut keep = |_: &partita_system::formulation::Sample| Ok(());
+        let mut keep = |_: &partita_system::formulation::Output| Ok(());
         let settings = mechanisms::grid(20.0, 0.01);
         let outcome =
             simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();

@@ -15,3 +15,4 @@ mod program;
 
 pub use pattern::Pattern;
 pub use plan::{PivotShrunk, Plan, PlanError, PlanOptions};
+pub use program::sparse::SparseRoom;

@@ -6,33 +6,37 @@
 
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::dense;
-use partita_math::spatial::Space;
+use partita_math::scalar::{Real, Scalar};
+use partita_math::spatial::{Space, Vec3};
+use std::convert::Infallible;
 
-/// Room for the recursion: plain numbers, DIM x DIM a link.
+/// Room for the recursion: DIM x DIM numbers a link.
 #[derive(Clone, Debug, Default)]
-pub struct Articulated {
-    inertia: Vec<f64>,
+pub struct Articulated<S> {
+    inertia: Vec<S>,
     /// S (DIM x 3) and K = U D⁻¹ (DIM x 3) of each link.
-    axes: Vec<f64>,
-    gain: Vec<f64>,
+    axes: Vec<S>,
+    gain: Vec<S>,
     /// D⁻¹ (3 x 3) of each link.
-    inverse: Vec<f64>,
-    compliance: Vec<f64>,
-    force: Vec<f64>,
-    motion: Vec<f64>,
+    inverse: Vec<S>,
+    compliance: Vec<S>,
+    force: Vec<S>,
+    motion: Vec<S>,
+    /// Effort left over on each link.
+    left: Vec<[S; 3]>,
 }
 
 /// `X` of a link: its twist is `X` times its parent's. Rows and columns turns first.
-fn shift<G: Space>(arm: [f64; 3], out: &mut [f64]) {
-    let d = G::DIM;
-    out[..d * d].fill(0.0);
+fn shift<G: Space>(arm: Vec3<G::S>, out: &mut [G::S]) {
+    let (d, o) = (G::DIM, G::S::zero());
+    out[..d * d].fill(o);
     for i in 0..d {
-        out[i * d + i] = 1.0;
+        out[i * d + i] = G::S::one();
     }
-    let [x, y, z] = arm;
+    let [x, y, z] = arm.0;
     if d == 6 {
         // u + w × r
-        let m = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]];
+        let m = [[o, z, -y], [-z, o, x], [y, -x, o]];
         for i in 0..3 {
             out[(3 + i) * 6..(3 + i) * 6 + 3].copy_from_slice(&m[i]);
         }
@@ -42,18 +46,28 @@ fn shift<G: Space>(arm: [f64; 3], out: &mut [f64]) {
     }
 }
 
+/// Sum of `f(0) … f(n − 1)`.
+#[inline(always)]
+fn sum<S: Scalar>(n: usize, f: impl Fn(usize) -> S) -> S {
+    let mut all = S::zero();
+    for i in 0..n {
+        all += f(i);
+    }
+    all
+}
+
 /// `out += Xᵀ M X` (`by_rows` false) or `out += X M Xᵀ` (true).
-fn congruence(x: &[f64], m: &[f64], d: usize, by_rows: bool, out: &mut [f64]) {
-    let mut half = [0.0; 36];
+fn congruence<S: Scalar>(x: &[S], m: &[S], d: usize, by_rows: bool, out: &mut [S]) {
+    let mut half = [S::zero(); 36];
     let at = |i: usize, j: usize| if by_rows { x[i * d + j] } else { x[j * d + i] };
     for i in 0..d {
         for j in 0..d {
-            half[i * d + j] = (0..d).map(|l| at(i, l) * m[l * d + j]).sum();
+            half[i * d + j] = sum(d, |l| at(i, l) * m[l * d + j]);
         }
     }
     for i in 0..d {
         for j in 0..d {
-            out[i * d + j] += (0..d).map(|l| half[i * d + l] * at(j, l)).sum::<f64>();
+            out[i * d + j] += sum(d, |l| half[i * d + l] * at(j, l));
         }
     }
 }
@@ -67,7 +81,7 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    fn arm_from_parent(&self, i: usize, s: &TreeScratch<G>) -> [f64; 3] {
+    fn arm_from_parent(&self, i: usize, s: &TreeScratch<G>) -> Vec3<G::S> {
         let x = &s.links[i];
         G::vec_to(match self.links[i].motion {
             LinkMotion::Slide(_) => x.arm_in,
@@ -76,13 +90,45 @@ impl<G: Space> Tree<G> {
     }
 
     /// Inward sweep at the last poses and inertias. Fails with the velocity that moves no inertia and its pivot.
-    pub fn articulate(&self, s: &mut TreeScratch<G>) -> Result<(), (usize, f64)> {
+    pub fn articulate(&self, s: &mut TreeScratch<G>) -> Result<(), (usize, f64)>
+    where
+        G::S: Real,
+    {
+        self.sweep_inward(s, |v, pivot, f| {
+            // what the free motion feels, against what it would feel with everything it carries locked
+            let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j].value()));
+            if largest <= 0.0 || largest.is_nan() || dense::cholesky(pivot, f).is_err() {
+                return Err((v, largest));
+            }
+            Ok(())
+        })
+    }
+
+    /// [`articulate`](Self::articulate) straight through, without a look at the pivots.
+    pub fn articulate_straight(&self, s: &mut TreeScratch<G>) {
+        let straight = |_, pivot: &mut [G::S], f| {
+            dense::cholesky_straight(pivot, f);
+            Ok::<(), Infallible>(())
+        };
+        match self.sweep_inward(s, straight) {
+            Ok(()) => {}
+            Err(never) => match never {},
+        }
+    }
+
+    /// `factor(velocity, pivot, freedoms)` overwrites the pivot by its Cholesky factor.
+    fn sweep_inward<E>(
+        &self,
+        s: &mut TreeScratch<G>,
+        factor: impl Fn(usize, &mut [G::S], usize) -> Result<(), E>,
+    ) -> Result<(), E> {
         let (n, d) = (self.links.len(), G::DIM);
         let mut a = std::mem::take(&mut s.articulated);
-        a.inertia.resize(n * d * d, 0.0);
-        a.axes.resize(n * d * 3, 0.0);
-        a.gain.resize(n * d * 3, 0.0);
-        a.inverse.resize(n * 9, 0.0);
+        let o = G::S::zero();
+        a.inertia.resize(n * d * d, o);
+        a.axes.resize(n * d * 3, o);
+        a.gain.resize(n * d * 3, o);
+        a.inverse.resize(n * 9, o);
         for i in 0..n {
             G::inertia_matrix(&s.links[i].inertia, self.links[i].mass, &mut a.inertia[i * d * d..(i + 1) * d * d]);
         }
@@ -92,9 +138,9 @@ impl<G: Space> Tree<G> {
             let axes = &mut a.axes[i * d * 3..(i + 1) * d * 3];
             for j in 0..f {
                 let v = self.links[i].v + j;
-                let one = |w: usize| G::S::from_f64_bool(w == v);
+                let one = |w: usize| if w == v { G::S::one() } else { o };
                 let (w, u) = self.carry(i, s, G::Ang::default(), G::Vec::default(), one);
-                let mut twist = [0.0; 6];
+                let mut twist = [o; 6];
                 G::twist_to(w, u, &mut twist);
                 for l in 0..d {
                     axes[l * 3 + j] = twist[l];
@@ -102,22 +148,20 @@ impl<G: Space> Tree<G> {
             }
             let (before, rest) = a.inertia.split_at_mut(i * d * d);
             let own = &mut rest[..d * d];
-            let mut u = [0.0; 18];
+            let mut u = [o; 18];
             for l in 0..d {
                 for j in 0..f {
-                    u[l * 3 + j] = (0..d).map(|m| own[l * d + m] * axes[m * 3 + j]).sum();
+                    u[l * 3 + j] = sum(d, |m| own[l * d + m] * axes[m * 3 + j]);
                 }
             }
-            let mut pivot = [0.0; 9];
+            let mut pivot = [o; 9];
             for j in 0..f {
                 for l in 0..f {
-                    pivot[j * f + l] = (0..d).map(|m| axes[m * 3 + j] * u[m * 3 + l]).sum();
+                    pivot[j * f + l] = sum(d, |m| axes[m * 3 + j] * u[m * 3 + l]);
                 }
             }
-            // what the free motion feels, against what it would feel with everything it carries locked
-            let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j]));
-            if largest <= 0.0 || largest.is_nan() || dense::cholesky(&mut pivot[..f * f], f).is_err() {
-                failed = Some((self.links[i].v, largest));
+            if let Err(e) = factor(self.links[i].v, &mut pivot[..f * f], f) {
+                failed = Some(e);
                 break;
             }
             let inverse = &mut a.inverse[i * 9..(i + 1) * 9];
@@ -125,17 +169,17 @@ impl<G: Space> Tree<G> {
             let gain = &mut a.gain[i * d * 3..(i + 1) * d * 3];
             for l in 0..d {
                 for j in 0..f {
-                    gain[l * 3 + j] = (0..f).map(|m| u[l * 3 + m] * inverse[m * f + j]).sum();
+                    gain[l * 3 + j] = sum(f, |m| u[l * 3 + m] * inverse[m * f + j]);
                 }
             }
             for l in 0..d {
                 for m in 0..d {
-                    own[l * d + m] -= (0..f).map(|j| gain[l * 3 + j] * u[m * 3 + j]).sum::<f64>();
+                    own[l * d + m] -= sum(f, |j| gain[l * 3 + j] * u[m * 3 + j]);
                 }
             }
             let p = self.links[i].parent;
             if p > 0 {
-                let mut x = [0.0; 36];
+                let mut x = [G::S::zero(); 36];
                 shift::<G>(self.arm_from_parent(i, s), &mut x);
                 congruence(&x, own, d, false, &mut before[p * d * d..(p + 1) * d * d]);
             }
@@ -145,31 +189,30 @@ impl<G: Space> Tree<G> {
     }
 
     /// Diagonal of `M⁻¹` after [`articulate`](Self::articulate).
-    pub fn inverse_mass_diagonal(&self, s: &mut TreeScratch<G>, out: &mut [f64]) {
+    pub fn inverse_mass_diagonal(&self, s: &mut TreeScratch<G>, out: &mut [G::S]) {
         let (n, d) = (self.links.len(), G::DIM);
         let mut a = std::mem::take(&mut s.articulated);
-        a.compliance.resize(n * d * d, 0.0);
-        a.compliance.fill(0.0);
+        a.compliance.resize(n * d * d, G::S::zero());
+        a.compliance.fill(G::S::zero());
         for i in 1..n {
             let f = self.freedoms(i);
             let (p, v) = (self.links[i].parent, self.links[i].v);
-            let mut x = [0.0; 36];
+            let mut x = [G::S::zero(); 36];
             shift::<G>(self.arm_from_parent(i, s), &mut x);
-            let mut y = [0.0; 36]; // X Y_p Xᵀ
+            let mut y = [G::S::zero(); 36]; // X Y_p Xᵀ
             congruence(&x, &a.compliance[p * d * d..(p + 1) * d * d], d, true, &mut y);
             let (axes, gain) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..]);
             let inverse = &a.inverse[i * 9..];
             for j in 0..f {
-                let carried: f64 =
-                    (0..d).map(|l| gain[l * 3 + j] * (0..d).map(|m| y[l * d + m] * gain[m * 3 + j]).sum::<f64>()).sum();
+                let carried = sum(d, |l| gain[l * 3 + j] * sum(d, |m| y[l * d + m] * gain[m * 3 + j]));
                 out[v + j] = inverse[j * f + j] + carried;
             }
             // Y = (1 − S Kᵀ) X Y_p Xᵀ (1 − S Kᵀ)ᵀ + S D⁻¹ Sᵀ
-            let mut through = [0.0; 36];
+            let mut through = [G::S::zero(); 36];
             for l in 0..d {
                 for m in 0..d {
-                    through[l * d + m] =
-                        f64::from(u8::from(l == m)) - (0..f).map(|j| axes[l * 3 + j] * gain[m * 3 + j]).sum::<f64>();
+                    let unit = if l == m { G::S::one() } else { G::S::zero() };
+                    through[l * d + m] = unit - sum(f, |j| axes[l * 3 + j] * gain[m * 3 + j]);
                 }
             }
             let own = &mut a.compliance[i * d * d..(i + 1) * d * d];
@@ -188,34 +231,32 @@ impl<G: Space> Tree<G> {
     }
 
     /// `M⁻¹ e_c` after [`articulate`](Self::articulate).
-    pub fn inverse_mass_column(&self, c: usize, s: &mut TreeScratch<G>, out: &mut [f64]) {
-        let (n, d) = (self.links.len(), G::DIM);
+    pub fn inverse_mass_column(&self, c: usize, s: &mut TreeScratch<G>, out: &mut [G::S]) {
+        let (n, d, o) = (self.links.len(), G::DIM, G::S::zero());
         let mut a = std::mem::take(&mut s.articulated);
-        a.force.resize(n * d, 0.0);
-        a.motion.resize(n * d, 0.0);
-        a.force.fill(0.0);
-        a.motion.fill(0.0);
-        let mut x = [0.0; 36];
-        let mut left = vec![[0.0; 3]; n];
+        a.force.resize(n * d, o);
+        a.motion.resize(n * d, o);
+        a.left.resize(n, [o; 3]);
+        a.force.fill(o);
+        a.motion.fill(o);
+        let mut x = [o; 36];
         for i in (1..n).rev() {
             let f = self.freedoms(i);
             let v = self.links[i].v;
             let (axes, gain) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..]);
             for j in 0..f {
-                let pushed: f64 = (0..d).map(|l| axes[l * 3 + j] * a.force[i * d + l]).sum();
-                left[i][j] = f64::from(u8::from(v + j == c)) - pushed;
+                let pushed = sum(d, |l| axes[l * 3 + j] * a.force[i * d + l]);
+                a.left[i][j] = (if v + j == c { G::S::one() } else { o }) - pushed;
             }
             let p = self.links[i].parent;
             if p > 0 {
                 shift::<G>(self.arm_from_parent(i, s), &mut x);
                 for m in 0..d {
-                    let sum: f64 = (0..d)
-                        .map(|l| {
-                            let own = a.force[i * d + l] + (0..f).map(|j| gain[l * 3 + j] * left[i][j]).sum::<f64>();
-                            x[l * d + m] * own
-                        })
-                        .sum();
-                    a.force[p * d + m] += sum;
+                    let all = sum(d, |l| {
+                        let own = a.force[i * d + l] + sum(f, |j| gain[l * 3 + j] * a.left[i][j]);
+                        x[l * d + m] * own
+                    });
+                    a.force[p * d + m] += all;
                 }
             }
         }
@@ -224,32 +265,18 @@ impl<G: Space> Tree<G> {
             let (p, v) = (self.links[i].parent, self.links[i].v);
             let (axes, gain, inverse) = (&a.axes[i * d * 3..], &a.gain[i * d * 3..], &a.inverse[i * 9..]);
             shift::<G>(self.arm_from_parent(i, s), &mut x);
-            let mut moved = [0.0; 6];
+            let mut moved = [o; 6];
             for l in 0..d {
-                moved[l] = (0..d).map(|m| x[l * d + m] * a.motion[p * d + m]).sum();
+                moved[l] = sum(d, |m| x[l * d + m] * a.motion[p * d + m]);
             }
             for j in 0..f {
-                let own: f64 = (0..f).map(|h| inverse[j * f + h] * left[i][h]).sum();
-                out[v + j] = own - (0..d).map(|l| gain[l * 3 + j] * moved[l]).sum::<f64>();
+                let own = sum(f, |h| inverse[j * f + h] * a.left[i][h]);
+                out[v + j] = own - sum(d, |l| gain[l * 3 + j] * moved[l]);
             }
             for l in 0..d {
-                a.motion[i * d + l] = moved[l] + (0..f).map(|j| axes[l * 3 + j] * out[v + j]).sum::<f64>();
+                a.motion[i * d + l] = moved[l] + sum(f, |j| axes[l * 3 + j] * out[v + j]);
             }
         }
         s.articulated = a;
-    }
-}
-
-/// One or zero, from a truth.
-trait FromBool {
-    fn from_f64_bool(b: bool) -> Self;
-}
-impl<S: partita_math::scalar::Scalar> FromBool for S {
-    fn from_f64_bool(b: bool) -> Self {
-        if b {
-            S::one()
-        } else {
-            S::zero()
-        }
     }
 }

@@ -1,12 +1,12 @@
 //! From the zero position to the tree of one space.
 
-use crate::error::DescriptionError;
 use crate::joint::{LockedSlides, Motion};
+use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
-use crate::spec::{Force, Spec};
-use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Spring, Tree};
-use crate::validate;
-use partita_math::spatial::{Mat3, Space, Vec3};
+use crate::spec::Spec;
+use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Planar, Space, Vec3};
 
 /// A closing row as the user may see it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,24 +17,9 @@ pub struct RowName {
     pub name: String,
 }
 
-/// Reference points of all links in the zero position: centres of mass, or the joint's point where there is no mass.
-pub fn reference_points(placed: &Placed) -> Vec<Vec3<f64>> {
-    let mut mass = vec![0.0; placed.links.len()];
-    let mut first = vec![Vec3::zero(); placed.links.len()];
-    for b in &placed.bodies {
-        mass[b.link] += b.mass;
-        first[b.link] += b.com.times(b.mass);
-    }
-    let mut points: Vec<Vec3<f64>> = (0..mass.len())
-        .map(|i| if mass[i] > 0.0 { first[i].times(1.0 / mass[i]) } else { placed.links[i].point })
-        .collect();
-    points[0] = Vec3::zero();
-    points
-}
-
 /// Compile for the space G; also the names of the rows.
-pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<RowName>), DescriptionError> {
-    let reference = reference_points(placed);
+pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> (Tree<G>, Vec<RowName>) {
+    let reference = &numbers.reference;
     let vec = |x: Vec3<f64>| G::vec_from(x.0);
     let mut links = vec![Link {
         parent: 0,
@@ -43,16 +28,17 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
         v: 0,
         to_joint: G::Vec::default(),
         to_centre: G::Vec::default(),
-        mass: 0.0,
+        mass: G::S::zero(),
         inertia: G::Inertia::default(),
     }];
-    for (i, l) in placed.links.iter().enumerate().skip(1) {
-        let mut inertia = Mat3::zero();
-        let mut mass = 0.0;
-        for b in placed.bodies.iter().filter(|b| b.link == i) {
-            inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[i]));
-            mass += b.mass;
-        }
+    let mut carried = vec![(G::S::zero(), Mat3::zero()); placed.links.len()];
+    for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
+        let (mass, inertia) = &mut carried[p.link];
+        *inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[p.link]));
+        *mass += b.mass;
+    }
+    for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&carried).skip(1) {
+        let point = numbers.links[i];
         links.push(Link {
             parent: l.parent,
             motion: match l.motion {
@@ -63,19 +49,20 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
             q: l.q,
             v: l.v,
             // a branch has its origin where it is held to the ground
-            to_joint: if l.parent == 0 { G::Vec::default() } else { vec(l.point - reference[l.parent]) },
-            to_centre: vec(reference[i] - l.point),
+            to_joint: if l.parent == 0 { G::Vec::default() } else { G::vec_in(point - reference[l.parent]) },
+            to_centre: G::vec_in(reference[i] - point),
             mass,
-            inertia: G::inertia_from(inertia.0),
+            inertia: G::inertia_in(&inertia),
         });
     }
-    let origins = origins(placed);
+    let origins = origins(placed, numbers);
     let mut tree = Tree {
-        origins: origins.iter().map(|x| vec(*x)).collect(),
+        origins: origins.iter().map(|x| G::vec_in(*x)).collect(),
         links,
         closings: Vec::new(),
-        springs: Vec::new(),
-        gravity: vec(placed.basis.apply(Vec3(spec.gravity))),
+        gravity: G::vec_in(numbers.gravity),
+        idle: Vec::new(),
+        efforts: Vec::new(),
         nq: placed.nq,
         nv: placed.nv,
         rows: 0,
@@ -83,7 +70,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
     };
     let mut names = Vec::new();
     for &j in &placed.topology.cuts {
-        let closing = closing::<G>(j, &placed.joints[j], placed, &reference, &origins, &tree);
+        let closing = closing::<G>(j, placed, numbers, &origins, &tree);
         for i in 0..closing.rows() {
             let slides = closing.slide_rows();
             let what = match (&closing.slides, i < slides) {
@@ -97,44 +84,14 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed) -> Result<(Tree<G>, Vec<R
         tree.entries += closing.entries();
         tree.closings.push(closing);
     }
-    let nodes = validate::nodes(spec)?;
-    for f in &spec.forces {
-        if let Force::Spring { body1, point1, body2, point2, stiffness, damping, length, .. } = f {
-            let end = |body: &str, p: [f64; 3]| {
-                let node = nodes[body];
-                let (link, at) = point_on(placed, node, p);
-                let (anchor, origin) = anchor::<G>(link, at, &reference, &origins);
-                (anchor, origin, at)
-            };
-            let ((a, oa, pa), (b, ob, pb)) = (end(body1, *point1), end(body2, *point2));
-            tree.springs.push(Spring {
-                a,
-                b,
-                offset: vec(ob - oa),
-                out_of_plane2: G::out_of_space((pb - pa).0).powi(2),
-                stiffness: *stiffness,
-                damping: *damping,
-                length: *length,
-            });
-        }
-    }
-    Ok((tree, names))
-}
-
-/// Link of a body's point and where the point is in the zero position.
-pub fn point_on(placed: &Placed, node: usize, p: [f64; 3]) -> (usize, Vec3<f64>) {
-    if node == 0 {
-        return (0, placed.basis.apply(Vec3(p)));
-    }
-    let b = &placed.bodies[node - 1];
-    (b.link, b.origin + b.rot.apply(Vec3(p)))
+    (tree, names)
 }
 
 /// Origin of the branch of each link.
-fn origins(placed: &Placed) -> Vec<Vec3<f64>> {
+pub(crate) fn origins<S: Scalar>(placed: &Placed, numbers: &Numbers<S>) -> Vec<Vec3<S>> {
     let mut origins = vec![Vec3::zero(); placed.links.len()];
     for (i, l) in placed.links.iter().enumerate().skip(1) {
-        origins[i] = if l.parent == 0 { l.point } else { origins[l.parent] };
+        origins[i] = if l.parent == 0 { numbers.links[i] } else { origins[l.parent] };
     }
     origins
 }
@@ -142,38 +99,35 @@ fn origins(placed: &Placed) -> Vec<Vec3<f64>> {
 /// A point as an anchor of its link, and the origin it counts from. On the ground the point is the origin itself.
 fn anchor<G: Space>(
     link: usize,
-    at: Vec3<f64>,
-    reference: &[Vec3<f64>],
-    origins: &[Vec3<f64>],
-) -> (Anchor<G>, Vec3<f64>) {
+    at: Vec3<G::S>,
+    reference: &[Vec3<G::S>],
+    origins: &[Vec3<G::S>],
+) -> (Anchor<G>, Vec3<G::S>) {
     if link == 0 {
         return (Anchor { link, at: G::Vec::default() }, at);
     }
-    (Anchor { link, at: G::vec_from((at - reference[link]).0) }, origins[link])
+    (Anchor { link, at: G::vec_in(at - reference[link]) }, origins[link])
 }
 
 fn closing<G: Space>(
     j: usize,
-    p: &PlacedJoint,
     placed: &Placed,
-    reference: &[Vec3<f64>],
-    origins: &[Vec3<f64>],
+    numbers: &Numbers<G::S>,
+    origins: &[Vec3<G::S>],
     tree: &Tree<G>,
 ) -> Closing<G> {
+    let p = &placed.joints[j];
     let (la, lb) = (placed.link_of(p.parent), placed.link_of(p.child));
     let (slides, locks) = if G::LENGTHS == 2 { planar_locks::<G>(p) } else { spatial_locks::<G>(p) };
+    // parents come before their children: the later one of the two is never an ancestor of the other
     let mut path: Vec<(usize, bool)> = Vec::new();
-    let up = |mut i: usize| {
-        let mut all = Vec::new();
-        while i != 0 {
-            all.push(i);
-            i = tree.links[i].parent;
-        }
-        all
-    };
-    let (ups_a, ups_b) = (up(la), up(lb));
-    path.extend(ups_a.iter().filter(|i| !ups_b.contains(i)).map(|&i| (i, false)));
-    path.extend(ups_b.iter().filter(|i| !ups_a.contains(i)).map(|&i| (i, true)));
+    let (mut on_a, mut on_b) = (la, lb);
+    while on_a != on_b {
+        let is_b = on_b > on_a;
+        let end = if is_b { &mut on_b } else { &mut on_a };
+        path.push((*end, is_b));
+        *end = tree.links[*end].parent;
+    }
     path.sort_unstable_by_key(|x| tree.links[x.0].v);
     let (mut slide_columns, mut turn_columns) = (0, 0);
     let path = path
@@ -190,13 +144,14 @@ fn closing<G: Space>(
             here
         })
         .collect();
-    let (a, origin_a) = anchor(la, p.parent_point, reference, origins);
-    let (b, origin_b) = anchor(lb, p.child_point, reference, origins);
+    let (parent_point, child_point) = numbers.joints[j];
+    let (a, origin_a) = anchor(la, parent_point, &numbers.reference, origins);
+    let (b, origin_b) = anchor(lb, child_point, &numbers.reference, origins);
     Closing {
         joint: j,
         a,
         b,
-        offset: G::vec_from((origin_b - origin_a).0),
+        offset: G::vec_in(origin_b - origin_a),
         slides,
         locks,
         row: tree.rows,
@@ -271,4 +226,17 @@ pub fn columns<G: Space>(tree: &Tree<G>) -> Vec<Vec<usize>> {
         rows.extend((0..k.locks.len()).map(|_| turns.clone()));
     }
     rows
+}
+
+/// Closing rows of the mechanism in the space it is computed in.
+pub(crate) fn row_count(placed: &Placed) -> usize {
+    let count = |p: &PlacedJoint| {
+        if placed.planar {
+            let (slides, locks) = planar_locks::<Planar<f64>>(p);
+            locks.len() + if let Locked::Along(axes) = slides { axes.len() } else { Planar::<f64>::LENGTHS }
+        } else {
+            p.shape.rows()
+        }
+    };
+    placed.topology.cuts.iter().map(|&j| count(&placed.joints[j])).sum()
 }

@@ -1,52 +1,44 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
+use crate::clusters::{self, Preference};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
-use crate::load::{self, Load};
+use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
+use crate::force::{self, Element};
+use crate::joint::Motion;
+use crate::numbers::Numbers;
 use crate::place::{Coordinates, Placed};
-use crate::spec::{Force, Spec, Value};
-use crate::tree::{LinkMotion, Tree, TreeScratch};
+use crate::spec::Spec;
+use crate::tree::{LinkMotion, Tree};
 use crate::validate;
-use crate::value::Functions;
+use crate::value::{Callers, Functions};
 use partita_math::elimination::Pattern;
-use partita_math::spatial::{Planar, Space, Spatial, Vec3};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::Space;
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
+use std::collections::HashSet;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
-
-/// A prescribed coordinate: the row `q_i − f(t)`.
-#[derive(Clone, Debug)]
-pub struct DriveRow {
-    /// Name of the drive.
-    pub name: String,
-    /// Driven joint.
-    pub joint: usize,
-    /// Which of its velocities.
-    pub coordinate: usize,
-    /// Coordinate.
-    pub q: usize,
-    /// Velocity.
-    pub v: usize,
-    /// Motion.
-    pub motion: Value,
-    /// Row.
-    pub row: usize,
-}
-
-/// The tree in the space the evaluations run in.
-#[derive(Clone, Debug)]
-pub(crate) enum Engine {
-    /// All motions in one plane: three numbers a twist.
-    Flat(Tree<Planar<f64>>),
-    /// Six.
-    Full,
-}
 
 /// Memory of the evaluations of a model.
 pub struct ModelScratch {
-    pub(crate) flat: Option<TreeScratch<Planar<f64>>>,
-    pub(crate) full: TreeScratch<Spatial<f64>>,
+    own: Scratch<f64>,
     dense: Dense,
-    forces_at: bool,
+    recursion: clusters::Plan,
+}
+
+impl Deref for ModelScratch {
+    type Target = Scratch<f64>;
+    fn deref(&self) -> &Scratch<f64> {
+        &self.own
+    }
+}
+
+impl DerefMut for ModelScratch {
+    fn deref_mut(&mut self) -> &mut Scratch<f64> {
+        &mut self.own
+    }
 }
 
 #[derive(Default)]
@@ -56,30 +48,21 @@ struct Dense {
     work: Vec<f64>,
 }
 
-/// A compiled mechanism.
+/// A compiled mechanism: an [`Evaluator`] over `f64`, and what belongs to the structure. It never changes; threads share it.
 pub struct Model {
+    own: Evaluator<f64>,
     /// The description it was made from.
-    pub spec: Spec,
-    /// Zero position.
-    pub placed: Placed,
-    pub(crate) engine: Engine,
-    /// The tree in space; outputs and reactions are computed with it.
-    pub full: Tree<Spatial<f64>>,
-    /// Applied loads.
-    pub loads: Vec<Load>,
-    /// Prescribed motions.
-    pub drives: Vec<DriveRow>,
+    pub spec: Arc<Spec>,
     /// Closing rows.
     pub row_names: Vec<RowName>,
     /// Rows of the spatial closings that the plane makes superfluous.
     pub out_of_plane: Vec<RowName>,
-    pub(crate) functions: Arc<dyn Functions>,
     pattern: Pattern,
+    clusters: Clusters,
+    preference: Preference,
     has_power: bool,
     dense_projection: bool,
     coordinates: Coordinates,
-    /// Reference points of the links in the zero position.
-    pub(crate) reference: Vec<Vec3<f64>>,
     /// Velocity whose integral each coordinate is, if there is one.
     velocity_of: Vec<Option<usize>>,
     /// Coordinates that each velocity changes.
@@ -92,24 +75,16 @@ pub struct Model {
     row_reach: Vec<f64>,
     /// Rows that close directions.
     row_is_angle: Vec<bool>,
-    /// Nodes at the ends of each spring, and where the first end is in the zero position.
-    pub(crate) spring_nodes: Vec<(usize, usize, Vec3<f64>)>,
 }
 
-/// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
-macro_rules! with_engine {
-    ($self:expr, $scratch:expr, |$tree:ident, $s:ident| $body:expr) => {
-        match (&$self.engine, &mut $scratch.flat) {
-            (Engine::Flat($tree), Some($s)) => $body,
-            _ => {
-                let ($tree, $s) = (&$self.full, &mut $scratch.full);
-                $body
-            }
-        }
-    };
+impl Deref for Model {
+    type Target = Evaluator<f64>;
+    fn deref(&self) -> &Evaluator<f64> {
+        &self.own
+    }
 }
 
-mod system; // below the macro, which it uses
+mod system;
 
 impl Model {
     /// Compile a description; `functions` are those it names by number.
@@ -117,10 +92,16 @@ impl Model {
         Self::build(spec, functions, coordinates, true)
     }
 
+    /// The same model with its reduced equations found in this way.
+    pub fn with_recursion(mut self, preference: Preference) -> Self {
+        self.preference = preference;
+        self
+    }
+
     /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
     /// reactions out of the plane.
     pub fn in_space(&self) -> Result<Self, DescriptionError> {
-        Self::build(self.spec.clone(), self.functions.clone(), self.coordinates, false)
+        Self::build((*self.spec).clone(), self.callers.functions.clone(), self.coordinates, false)
     }
 
     fn build(
@@ -135,120 +116,86 @@ impl Model {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
-        let (full, full_rows) = compile::compile::<Spatial<f64>>(&spec, &placed)?;
-        let loads = Load::all(&spec, &placed)?;
-        let (engine, row_names, mut columns) = if placed.planar {
-            let (flat, rows) = compile::compile::<Planar<f64>>(&spec, &placed)?;
-            let columns = compile::columns(&flat);
-            (Engine::Flat(flat), rows, columns)
-        } else {
-            (Engine::Full, full_rows.clone(), compile::columns(&full))
+        let drives = drives(&spec, &placed, compile::row_count(&placed))?;
+        let numbers = Numbers::new(&spec, &placed);
+        Self::made(spec, placed, numbers, drives, functions, coordinates)
+    }
+
+    /// This model with another description of the same structure.
+    pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
+        Self::made(spec, placed, numbers, self.drives.clone(), self.callers.functions.clone(), self.coordinates)
+    }
+
+    fn made(
+        spec: Spec,
+        placed: Placed,
+        numbers: Numbers<f64>,
+        drives: Vec<DriveRow>,
+        functions: Arc<dyn Functions>,
+        coordinates: Coordinates,
+    ) -> Result<Self, DescriptionError> {
+        let links = Links::new(&placed);
+        let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
+        let placed = Arc::new(placed);
+        let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
+        let (mut columns, mut row_reach, mut row_is_angle) = match &own.engine {
+            Engine::Flat(tree) => (compile::columns(tree), closing_reaches(tree, &placed), closing_angles(tree)),
+            Engine::Full => {
+                (compile::columns(&own.full), closing_reaches(&own.full, &placed), closing_angles(&own.full))
+            }
         };
         let out_of_plane = if placed.planar {
-            full_rows.iter().filter(|r| !row_names.iter().any(|k| k.name == r.name)).cloned().collect()
+            let in_plane: HashSet<&str> = row_names.iter().map(|r| r.name.as_str()).collect();
+            full_rows.iter().filter(|r| !in_plane.contains(r.name.as_str())).cloned().collect()
         } else {
             Vec::new()
         };
-        let mut drives = Vec::new();
-        for d in &spec.drives {
-            let (q, v) = load::tree_coordinate(&spec, &placed, "drive", &d.name, &d.joint, d.coordinate)?;
-            let q = q.ok_or_else(|| {
-                DescriptionError::new(
-                    "drive",
-                    &d.name,
-                    "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
-                )
-            })?;
-            if drives.iter().any(|x: &DriveRow| x.v == v) {
-                return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
-            }
-            drives.push(DriveRow {
-                name: d.name.clone(),
-                joint: load::joint_index(&spec, &d.joint),
-                coordinate: d.coordinate,
-                q,
-                v,
-                motion: d.motion.clone(),
-                row: columns.len(),
-            });
-            columns.push(vec![v]);
-        }
-        let has_power = loads.iter().any(Load::is_dissipative) || full.springs.iter().any(|s| s.damping != 0.0);
+        columns.extend(drives.iter().map(|d| vec![d.v]));
+        row_reach.extend(drives.iter().map(|d| links.reach[d.v]));
+        row_is_angle.extend(drives.iter().map(|d| links.is_turn[d.v]));
+        let elements = &own.full.elements;
+        let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        let nodes = validate::nodes(&spec)?;
-        let spring_nodes = spec
-            .forces
-            .iter()
-            .filter_map(|f| match f {
-                Force::Spring { body1, point1, body2, .. } => {
-                    let a = nodes[body1.as_str()];
-                    Some((a, nodes[body2.as_str()], compile::point_on(&placed, a, *point1).1))
-                }
-                _ => None,
-            })
-            .collect();
-        let reference = compile::reference_points(&placed);
-        let mut velocity_of = vec![None; placed.nq];
-        let mut turns = vec![false; placed.nq];
-        let mut coordinates_of = vec![0..0; placed.nv];
-        let mut reach = vec![1.0; placed.nv];
-        for l in full.links.iter().skip(1) {
-            match l.motion {
-                LinkMotion::Ball => coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
-                LinkMotion::Turn(_) => {
-                    coordinates_of[l.v] = l.q..l.q + 1;
-                    velocity_of[l.q] = Some(l.v);
-                    turns[l.q] = true;
-                }
-                LinkMotion::Slide(_) => {
-                    velocity_of[l.q] = Some(l.v);
-                    coordinates_of[l.v] = l.q..l.q + 1;
-                    reach[l.v] = placed.length;
-                }
-            }
-        }
-        if loads.iter().any(Load::sees_coordinates) {
+        let clusters = match &own.engine {
+            Engine::Flat(tree) => clusters::clusters(tree, &pattern),
+            Engine::Full => clusters::clusters(&own.full, &pattern),
+        };
+        let mut turns = links.turns;
+        if elements.iter().any(Element::sees_coordinates) {
             turns.fill(false);
         }
-        for q in loads.iter().filter_map(Load::counted).chain(drives.iter().map(|d| d.q)) {
+        for q in elements.iter().filter_map(Element::counted).chain(drives.iter().map(|d| d.q)) {
             turns[q] = false;
         }
-        let mut row_reach = match &engine {
-            Engine::Flat(tree) => closing_reaches(tree, &placed),
-            Engine::Full => closing_reaches(&full, &placed),
-        };
-        row_reach.extend(drives.iter().map(|d| reach[d.v]));
-        let turned = |l: &crate::tree::Link<Spatial<f64>>, v| l.v == v && matches!(l.motion, LinkMotion::Turn(_));
-        let mut row_is_angle = match &engine {
-            Engine::Flat(tree) => closing_angles(tree),
-            Engine::Full => closing_angles(&full),
-        };
-        row_is_angle.extend(drives.iter().map(|d| full.links.iter().skip(1).any(|l| turned(l, d.v))));
         let mut model = Self {
-            reference,
-            spring_nodes,
-            velocity_of,
-            coordinates_of,
+            own,
+            velocity_of: links.velocity_of,
+            coordinates_of: links.coordinates_of,
             turns,
-            reach,
+            reach: links.reach,
             row_reach,
             row_is_angle,
             coordinates,
             dense_projection: false,
-            spec,
-            placed,
-            engine,
-            full,
-            loads,
-            drives,
+            spec: Arc::new(spec),
             row_names,
             out_of_plane,
-            functions,
             pattern,
+            clusters,
+            preference: Preference::default(),
             has_power,
         };
         model.dense_projection = model.dense_is_cheaper();
         Ok(model)
+    }
+
+    /// The same mechanism over other numbers, all of them constants.
+    ///
+    /// Fails where a function of the user's would have to be called and cannot (a recording).
+    pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
+        let numbers = Numbers::new(&self.spec, &self.placed);
+        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
+        Ok(made?.0)
     }
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.
@@ -256,21 +203,24 @@ impl Model {
         let n = self.placed.nv;
         let k = n.saturating_sub(self.pattern.rows);
         let links = self.full.links.len();
-        // a partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns
-        let partial = links * (k * k * 6 + 24 * k);
+        let partial = Self::partial_cost(links, k);
         // a column of M touches what it carries; then D M Dᵀ
-        let carried: usize = (1..links).map(|i| self.depth(i)).sum();
+        let mut depth = vec![0; links];
+        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        let carried: usize = depth.iter().sum();
         let dense = carried * 60 + n * n * k.min(n) / 2;
         dense < partial
     }
 
-    fn depth(&self, mut i: usize) -> usize {
-        let mut d = 0;
-        while i != 0 {
-            i = self.full.links[i].parent;
-            d += 1;
-        }
-        d
+    /// A partial velocity: a cross product and its share of the sums for M_d, per link and pair of columns.
+    fn partial_cost(links: usize, k: usize) -> usize {
+        links * (k * k * 6 + 24 * k)
+    }
+
+    /// Multiplications for one dense M_d of k freedoms, its factor included.
+    fn dense_cost(&self, k: usize) -> usize {
+        let scale = if self.is_planar() { 1 } else { 4 };
+        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     /// Which coordinates the tree is made of.
@@ -302,40 +252,86 @@ impl Model {
         }
     }
 
-    fn forces(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<(), SystemError> {
-        if s.forces_at {
-            return Ok(());
-        }
-        with_engine!(self, s, |tree, x| {
-            tree.clear_forces(x);
-            tree.spring_forces(x);
-            tree.apply_loads(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-        });
-        s.forces_at = true;
-        Ok(())
-    }
-
     /// Kinetic and potential energy at the last `velocity`.
     pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
-        let (kinetic, gravity, springs, loads) = match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => {
-                let (k, g) = tree.energy(x);
-                let l = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-                (k, g, tree.spring_energy(x).0, l.0)
-            }
-            _ => {
-                let (tree, x) = (&self.full, &s.full);
-                let (k, g) = tree.energy(x);
-                let l = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-                (k, g, tree.spring_energy(x).0, l.0)
-            }
-        };
-        Ok((kinetic, gravity + springs + loads))
+        let [kinetic, potential, _] = self.energies(t, q, v, s)?;
+        Ok((kinetic, potential))
     }
 
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
         SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }
+}
+
+/// What the links say of coordinates and velocities.
+struct Links {
+    velocity_of: Vec<Option<usize>>,
+    coordinates_of: Vec<std::ops::Range<usize>>,
+    turns: Vec<bool>,
+    reach: Vec<f64>,
+    q_reach: Vec<f64>,
+    /// Does the velocity turn?
+    is_turn: Vec<bool>,
+}
+
+impl Links {
+    fn new(placed: &Placed) -> Self {
+        let mut new = Self {
+            velocity_of: vec![None; placed.nq],
+            coordinates_of: vec![0..0; placed.nv],
+            turns: vec![false; placed.nq],
+            reach: vec![1.0; placed.nv],
+            q_reach: vec![1.0; placed.nq],
+            is_turn: vec![false; placed.nv],
+        };
+        for l in placed.links.iter().skip(1) {
+            match l.motion {
+                Motion::Ball => new.coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
+                Motion::Turn(_) => {
+                    new.coordinates_of[l.v] = l.q..l.q + 1;
+                    new.velocity_of[l.q] = Some(l.v);
+                    new.turns[l.q] = true;
+                    new.is_turn[l.v] = true;
+                }
+                Motion::Slide(_) => {
+                    new.velocity_of[l.q] = Some(l.v);
+                    new.coordinates_of[l.v] = l.q..l.q + 1;
+                    new.reach[l.v] = placed.length;
+                    new.q_reach[l.q] = placed.length;
+                }
+            }
+        }
+        new
+    }
+}
+
+/// The rows of the drives, behind `first` closing rows.
+fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
+    let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
+    let mut driven = HashSet::new();
+    for d in &spec.drives {
+        let (q, v) = force::tree_coordinate(placed, "drive", &d.name, &d.joint, d.coordinate)?;
+        let q = q.ok_or_else(|| {
+            DescriptionError::new(
+                "drive",
+                &d.name,
+                "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
+            )
+        })?;
+        if !driven.insert(v) {
+            return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
+        }
+        drives.push(DriveRow {
+            name: d.name.clone(),
+            joint: force::joint_index(placed, &d.joint),
+            coordinate: d.coordinate,
+            q,
+            v,
+            motion: d.motion.clone(),
+            row: first + drives.len(),
+        });
+    }
+    Ok(drives)
 }
 
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
@@ -361,9 +357,4 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
 /// Which closing rows are turns.
 fn closing_angles<G: Space>(tree: &Tree<G>) -> Vec<bool> {
     tree.closings.iter().flat_map(|k| (0..k.rows()).map(|i| i >= k.slide_rows())).collect()
-}
-
-/// Axis helper for outputs: a length of the engine's space as three numbers.
-pub(crate) fn three<G: Space>(x: G::Vec) -> Vec3<f64> {
-    Vec3(G::vec_to(x))
 }

@@ -1,9 +1,9 @@
 //! What people ask of a state: where bodies and joints are, how they move.
 
+use crate::evaluator::Engine;
 use crate::joint::{self, Motion};
-use crate::model::{Engine, Model, ModelScratch};
-use crate::tree::LinkState;
-use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+use crate::model::{Model, ModelScratch};
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
 
 /// One body at one instant, world axes.
 #[derive(Clone, Copy, Debug)]
@@ -29,37 +29,12 @@ pub struct JointState {
     pub point: [f64; 3],
 }
 
-/// State of a node's link (0 is the ground) in mechanism axes, its reference point in the world.
-pub(crate) fn node_state(model: &Model, s: &ModelScratch, node: usize) -> LinkState<Spatial<f64>> {
-    let link = model.placed.link_of(node);
-    let mut state = s.full.links[link];
-    state.centre = model.full.place(link, &s.full);
-    state
-}
-
 impl Model {
-    /// Poses and twists of the spatial tree at (q, v), for the outputs of this module; positions also of the plane's.
-    pub fn look(&self, q: &[f64], v: &[f64], s: &mut ModelScratch) {
-        self.full.poses(q, &mut s.full);
-        self.full.inertias(&mut s.full);
-        self.full.twists(v, &mut s.full);
-        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
-            tree.poses(q, flat);
-            tree.inertias(flat);
-            tree.twists(v, flat);
-        }
-    }
-
-    /// Offset of a zero-position point from the reference point of its link, in world axes now.
-    pub(crate) fn arm_now(&self, s: &ModelScratch, link: usize, zero: Vec3<f64>) -> Vec3<f64> {
-        s.full.links[link].rot.apply(zero - self.reference[link])
-    }
-
     /// Body `i` after [`look`](Self::look).
     pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
         let b = &self.placed.bodies[i];
         let x = &s.full.links[b.link];
-        let arm = self.arm_now(s, b.link, b.origin);
+        let arm = self.arm_now(s, b.link, self.numbers.bodies[i].origin);
         let out = self.placed.basis.transpose();
         BodyState {
             position: out.apply(self.full.place(b.link, &s.full) + arm),
@@ -72,8 +47,8 @@ impl Model {
     /// Joint `j` after [`look`](Self::look). Turns of a joint that closes a loop in space come out in (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
         let p = &self.placed.joints[j];
-        let (child, parent) = (node_state(self, s, p.child), node_state(self, s, p.parent));
-        let arm_c = self.arm_now(s, self.placed.link_of(p.child), p.child_point);
+        let (child, parent) = (self.node_state(s, p.child), self.node_state(s, p.parent));
+        let arm_c = self.arm_now(s, self.placed.link_of(p.child), self.numbers.joints[j].1);
         let point = child.centre + arm_c;
         let mut state = JointState { point: self.placed.basis.apply_transposed(point).0, ..JointState::default() };
         match &p.links {
@@ -96,7 +71,7 @@ impl Model {
                 }
             }
             None => {
-                let arm_p = self.arm_now(s, self.placed.link_of(p.parent), p.parent_point);
+                let arm_p = self.arm_now(s, self.placed.link_of(p.parent), self.numbers.joints[j].0);
                 // child and parent as they carry the axes of the drawing
                 let rp = parent.rot.mul(&p.on_parent);
                 let rc = child.rot.mul(&p.on_child);
@@ -125,7 +100,7 @@ impl Model {
     /// Joint axes as the parent carries them, world axes.
     pub fn joint_frame(&self, j: usize, s: &ModelScratch) -> Mat3<f64> {
         let p = &self.placed.joints[j];
-        let r = node_state(self, s, p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
+        let r = self.node_state(s, p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
         self.placed.basis.transpose().mul(&r)
     }
 }

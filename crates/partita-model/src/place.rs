@@ -10,7 +10,7 @@ use crate::spec::{Body, Cut, Force, Joint, Spec};
 use crate::topology::{Edge, Topology, TreeEdge};
 use crate::validate;
 use partita_math::spatial::{Mat3, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Which coordinates the tree is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,6 +103,8 @@ pub struct Placed {
     pub links: Vec<PlacedLink>,
     /// Joints.
     pub joints: Vec<PlacedJoint>,
+    /// Number of each joint by its name.
+    pub joint_numbers: HashMap<String, usize>,
     /// Tree and cuts.
     pub topology: Topology,
     /// Coordinates.
@@ -119,16 +121,17 @@ pub struct Placed {
     pub length: f64,
 }
 
-fn is_loaded(spec: &Spec, joint: &Joint) -> bool {
-    spec.drives.iter().any(|d| d.joint == joint.name)
-        || spec.forces.iter().any(|f| match f {
-            Force::TorsionSpring { joint: j, .. } | Force::Torque { joint: j, .. } => *j == joint.name,
-            _ => false,
-        })
+/// Names of the joints that are driven or loaded along a coordinate.
+fn loaded(spec: &Spec) -> HashSet<&str> {
+    let by_forces = spec.forces.iter().filter_map(|f| match f {
+        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
+        _ => None,
+    });
+    spec.drives.iter().map(|d| d.joint.as_str()).chain(by_forces).collect()
 }
 
 fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
-    let nodes = validate::nodes(spec)?;
+    let (nodes, loaded) = (validate::nodes(spec)?, loaded(spec));
     Ok(spec
         .joints
         .iter()
@@ -139,7 +142,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
             class: match j.cut {
                 Cut::Always => 2,
                 Cut::Never => 0,
-                Cut::Auto if is_loaded(spec, j) => 0,
+                Cut::Auto if loaded.contains(j.name.as_str()) => 0,
                 Cut::Auto => 1,
             },
             freedoms: shape.freedoms(),
@@ -250,6 +253,7 @@ impl Placed {
             bodies: Vec::with_capacity(count - 1),
             links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
             joints: Vec::with_capacity(shapes.len()),
+            joint_numbers: spec.joints.iter().enumerate().map(|(i, j)| (j.name.clone(), i)).collect(),
             topology,
             nq: 0,
             nv: 0,
@@ -412,7 +416,7 @@ fn backwards(m: &Motion) -> Motion {
 }
 
 /// Diagonal of the box around all joints and centres of mass; 1 for a mechanism in one point.
-fn typical_length(spec: &Spec) -> f64 {
+pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     let mut see = |p: [f64; 3]| {
@@ -436,7 +440,7 @@ fn typical_length(spec: &Spec) -> f64 {
 }
 
 /// The median, over the bodies that have one, of the diameter of a body's joints and centre of mass about their mean.
-fn body_length(spec: &Spec) -> Option<f64> {
+pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
     let mut points: Vec<Vec<Vec3<f64>>> = spec.bodies.iter().map(|b| vec![com(b)]).collect();

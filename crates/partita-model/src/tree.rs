@@ -37,7 +37,7 @@ pub struct Link<G: Space> {
     /// From the joint's point to the reference point, own axes.
     pub to_centre: G::Vec,
     /// Mass; zero for links that only carry.
-    pub mass: f64,
+    pub mass: G::S,
     /// Inertia about the reference point, own axes.
     pub inertia: G::Inertia,
 }
@@ -118,25 +118,6 @@ impl<G: Space> Closing<G> {
     }
 }
 
-/// Spring and damper between two points.
-#[derive(Clone, Copy, Debug)]
-pub struct Spring<G: Space> {
-    /// One end.
-    pub a: Anchor<G>,
-    /// Other end.
-    pub b: Anchor<G>,
-    /// From the origin of a's branch to that of b's.
-    pub offset: G::Vec,
-    /// Constant distance out of the plane, squared.
-    pub out_of_plane2: f64,
-    /// [N/m].
-    pub stiffness: f64,
-    /// [N s/m].
-    pub damping: f64,
-    /// Free length (m).
-    pub length: f64,
-}
-
 /// The compiled mechanism in the space G.
 #[derive(Clone, Debug)]
 pub struct Tree<G: Space> {
@@ -144,10 +125,12 @@ pub struct Tree<G: Space> {
     pub links: Vec<Link<G>>,
     /// Closings.
     pub closings: Vec<Closing<G>>,
-    /// Springs between points.
-    pub springs: Vec<Spring<G>>,
     /// Gravity.
     pub gravity: G::Vec,
+    /// Links that only carry: without mass and inertia, and no force acts on them.
+    pub idle: Vec<bool>,
+    /// Velocities that an applied effort acts along.
+    pub efforts: Vec<usize>,
     /// Origin of the branch of each link: the point where it is held to the ground.
     pub origins: Vec<G::Vec>,
     /// Coordinates.
@@ -226,7 +209,9 @@ pub struct TreeScratch<G: Space> {
     /// Links that one coordinate carries.
     pub moves: Vec<bool>,
     /// Room for the articulated recursion.
-    pub articulated: crate::articulated::Articulated,
+    pub articulated: crate::articulated::Articulated<G::S>,
+    /// Room for the recursion over clusters.
+    pub clusters: crate::clusters::ClusterScratch<G::S>,
 }
 
 impl<G: Space> Tree<G> {
@@ -238,6 +223,7 @@ impl<G: Space> Tree<G> {
             partial: Vec::new(),
             moves: vec![false; self.links.len()],
             articulated: crate::articulated::Articulated::default(),
+            clusters: crate::clusters::ClusterScratch::default(),
         }
     }
 

@@ -2,7 +2,10 @@
 
 use crate::error::DescriptionError;
 use crate::spec::{Table, Value, VectorValue};
+use partita_math::scalar::{Arguments, Scalar};
+use partita_math::spatial::Vec3;
 use partita_system::SystemError;
+use std::sync::Arc;
 
 /// The functions handed along with a description.
 pub trait Functions: Send + Sync {
@@ -46,79 +49,156 @@ impl Functions for NoFunctions {
     }
 }
 
+/// A number that acts: a constant (a parameter, so of any kind), a table, a function.
+#[derive(Clone, Debug)]
+pub enum Source<S> {
+    /// The same at all times.
+    Constant(S),
+    /// Piecewise cubic in time.
+    Table(Table),
+    /// Function number i.
+    Function(usize),
+}
+
+/// Three components.
+#[derive(Clone, Debug)]
+pub enum VectorSource<S> {
+    /// One by one.
+    Components([Source<S>; 3]),
+    /// Function number i, which gives all.
+    Function([Source<S>; 1]),
+}
+
+/// When and where values are asked for.
+pub(crate) struct Instant<'a, S> {
+    pub t: S,
+    pub q: &'a [S],
+    pub v: &'a [S],
+    pub callers: &'a Callers,
+}
+
+/// The functions of a model, and the sizes of their arguments.
+pub(crate) struct Callers {
+    pub functions: Arc<dyn Functions>,
+    /// Typical sizes of the coordinates and of the velocities.
+    pub q_sizes: Vec<f64>,
+    pub v_sizes: Vec<f64>,
+}
+
+impl<S: Scalar> Instant<'_, S> {
+    fn arguments(&self) -> Arguments<'_, S> {
+        let (q_sizes, v_sizes) = (&self.callers.q_sizes[..], &self.callers.v_sizes[..]);
+        Arguments { t: self.t, q: self.q, v: self.v, q_sizes, v_sizes }
+    }
+}
+
 /// Value, first and second derivative of a table at t.
-pub fn table_at(table: &Table, t: f64, what: &str) -> Result<[f64; 3], SystemError> {
+pub fn table_at<S: Scalar>(table: &Table, t: S, what: &str) -> Result<[S; 3], SystemError> {
     let (from, to) = (table.breaks[0], table.breaks[table.breaks.len() - 1]);
     // steps end on the last break up to round-off
     let slack = 1e-9 * (to - from);
-    if !(t >= from - slack && t <= to + slack) {
+    if let Some(t) = t.outside(from - slack, to + slack) {
         return Err(SystemError::OutsideTable { what: what.into(), t, from, to });
     }
-    let i = table.breaks.partition_point(|b| *b <= t).clamp(1, table.coefficients.len()) - 1;
-    let x = t - table.breaks[i];
-    let [a, b, c, d] = table.coefficients[i];
-    Ok([((a * x + b) * x + c) * x + d, (3.0 * a * x + 2.0 * b) * x + c, 6.0 * a * x + 2.0 * b])
+    let (start, [a, b, c, d]) = t.interval(&table.breaks, &table.coefficients);
+    let x = t - start;
+    let position = ((a * x + b) * x + c) * x + d;
+    Ok([position, (a.scale(3.0) * x + b.scale(2.0)) * x + c, a.scale(6.0) * x + b.scale(2.0)])
 }
 
-fn finite(x: f64, what: &str, t: f64) -> Result<f64, SystemError> {
-    if x.is_finite() {
+fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], SystemError> {
+    if x.iter().all(|x| x.is_finite()) {
         Ok(x)
     } else {
         Err(SystemError::NotFinite { what: what.into(), t })
     }
 }
 
-/// A value at (t, q, v).
-pub fn scalar_at(v: &Value, f: &dyn Functions, t: f64, q: &[f64], u: &[f64], what: &str) -> Result<f64, SystemError> {
-    match v {
-        Value::Constant(x) => Ok(*x),
-        Value::Table(table) => Ok(table_at(table, t, what)?[0]),
-        Value::Function(i) => {
-            let x = f.scalar(*i, t, q, u).map_err(|source| SystemError::Function { what: what.into(), source })?;
-            finite(x, what, t)
+fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync>) -> SystemError {
+    SystemError::Function { what: what.into(), source }
+}
+
+impl<S: Scalar> Source<S> {
+    /// From a description: `constant` stands for its number.
+    pub fn new(value: &Value, constant: S) -> Self {
+        match value {
+            Value::Constant(_) => Self::Constant(constant),
+            Value::Table(table) => Self::Table(table.clone()),
+            Value::Function(i) => Self::Function(*i),
+        }
+    }
+
+    /// The value at an instant. Derivatives are exact for constants and tables, by differences for functions.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: &Instant<S>, what: &str, room: &mut Vec<f64>) -> Result<S, SystemError> {
+        match self {
+            Self::Constant(x) => Ok(*x),
+            Self::Table(table) => Ok(table_at(table, i.t, what)?[0]),
+            Self::Function(k) => {
+                let [x] = S::call(i.arguments(), room, |t, q, v| {
+                    let x = i.callers.functions.scalar(*k, t, q, v).map_err(|e| failed(what, e))?;
+                    finite([x], what, t)
+                })?;
+                Ok(x)
+            }
         }
     }
 }
 
-/// A vector at (t, q, v).
-pub fn vector_at(
-    v: &VectorValue,
-    f: &dyn Functions,
-    t: f64,
-    q: &[f64],
-    u: &[f64],
-    what: &str,
-) -> Result<[f64; 3], SystemError> {
-    match v {
-        VectorValue::Components([a, b, c]) => {
-            Ok([scalar_at(a, f, t, q, u, what)?, scalar_at(b, f, t, q, u, what)?, scalar_at(c, f, t, q, u, what)?])
-        }
-        VectorValue::Whole(Value::Function(i)) => {
-            let x = f.vector(*i, t, q, u).map_err(|source| SystemError::Function { what: what.into(), source })?;
-            for x in x {
-                finite(x, what, t)?;
+impl<S: Scalar> VectorSource<S> {
+    /// From a description: `constants` stand for its numbers.
+    pub fn new(value: &VectorValue, constants: Vec3<S>) -> Self {
+        let [a, b, c] = constants.0;
+        match value {
+            VectorValue::Components([x, y, z]) => {
+                Self::Components([Source::new(x, a), Source::new(y, b), Source::new(z, c)])
             }
-            Ok(x)
+            VectorValue::Whole(Value::Function(i)) => Self::Function([Source::Function(*i)]),
+            VectorValue::Whole(x) => Self::Components([Source::new(x, a), Source::new(x, b), Source::new(x, c)]),
         }
-        VectorValue::Whole(v) => {
-            let x = scalar_at(v, f, t, q, u, what)?;
-            Ok([x, x, x])
+    }
+
+    /// The same at all times?
+    pub fn is_constant(&self) -> bool {
+        self.sources().iter().all(|s| matches!(s, Source::Constant(_)))
+    }
+
+    pub(crate) fn sources(&self) -> &[Source<S>] {
+        match self {
+            Self::Components(c) => c,
+            Self::Function(f) => f,
+        }
+    }
+
+    /// The value at an instant.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: &Instant<S>, what: &str, room: &mut Vec<f64>) -> Result<Vec3<S>, SystemError> {
+        match self {
+            Self::Components([x, y, z]) => Ok(Vec3([x.at(i, what, room)?, y.at(i, what, room)?, z.at(i, what, room)?])),
+            Self::Function([Source::Function(k)]) => Ok(Vec3(S::call(i.arguments(), room, |t, q, v| {
+                let x = i.callers.functions.vector(*k, t, q, v).map_err(|e| failed(what, e))?;
+                finite(x, what, t)
+            })?)),
+            Self::Function([x]) => Ok(Vec3([x.at(i, what, room)?; 3])),
         }
     }
 }
 
 /// Position, velocity, acceleration of a drive at t.
-pub fn motion_at(v: &Value, f: &dyn Functions, t: f64, what: &str) -> Result<[f64; 3], SystemError> {
+pub(crate) fn motion_at<S: Scalar>(
+    v: &Value,
+    callers: &Callers,
+    t: S,
+    what: &str,
+    room: &mut Vec<f64>,
+) -> Result<[S; 3], SystemError> {
     match v {
-        Value::Constant(x) => Ok([*x, 0.0, 0.0]),
+        Value::Constant(x) => Ok([S::from_f64(*x), S::zero(), S::zero()]),
         Value::Table(table) => table_at(table, t, what),
-        Value::Function(i) => {
-            let x = f.motion(*i, t).map_err(|source| SystemError::Function { what: what.into(), source })?;
-            for x in x {
-                finite(x, what, t)?;
-            }
-            Ok(x)
-        }
+        Value::Function(i) => S::call(Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] }, room, |t, _, _| {
+            let x = callers.functions.motion(*i, t).map_err(|e| failed(what, e))?;
+            finite(x, what, t)
+        }),
     }
 }
 

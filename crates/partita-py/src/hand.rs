@@ -188,7 +188,9 @@ impl System {
             let q = vector(&q, self.f.n, "q")?;
             vector(&v, self.f.n, "v")?;
             let system = self.sized(py, t, &q)?;
-            state::assemble(py, &system, t, q, &targets, &rates, tolerance, |_| None)
+            let (q, v, said) = state::assemble(&system, t, q, &targets, &rates, tolerance, |_| None)
+                .map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })
     }
 

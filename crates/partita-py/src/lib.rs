@@ -12,6 +12,7 @@ mod run;
 mod state;
 mod tangent;
 mod toml;
+mod waiting;
 
 use pyo3::prelude::*;
 
@@ -28,6 +29,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
     m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
+    m.add_function(wrap_pyfunction!(toml::toml_line, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     Ok(())
 }

@@ -7,11 +7,12 @@ use crate::outputs::{self, States};
 use crate::run::{self, read_options};
 use crate::state::{self, Array, Levels};
 use crate::tangent::TangentFunctions;
+use crate::waiting::heard;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
-use partita_system::formulation::Sample;
+use partita_system::formulation::Output;
 use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
@@ -36,7 +37,27 @@ type Inner = partita_model::Model;
 /// Coordinates, branches and residual of an assembly.
 type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 
+/// Bytes of a description, and velocities of a model, above which an answer may take longer than a signal should wait.
+const LONG: usize = 200_000;
+const MANY: usize = 300;
+
 impl Model {
+    /// May questions to the whole model take long?
+    fn is_large(&self) -> bool {
+        self.inner.size().nv > MANY
+    }
+
+    /// What the closed drawing tells, found when first asked for.
+    fn known<'m>(slf: &'m Bound<'_, Self>) -> PyResult<&'m Structure> {
+        let (model, own) = (slf.get(), slf.clone().unbind());
+        if model.structure.get().is_none() {
+            heard(slf.py(), model.is_large(), move || {
+                own.get().structure();
+            })?;
+        }
+        Ok(model.structure())
+    }
+
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
@@ -84,11 +105,13 @@ impl Model {
                     return Err(raise(py, "ArgumentError", &message, &[("argument", "coordinates".into())]));
                 }
             };
-            let spec: Spec = serde_json::from_str(spec).map_err(|e| {
+            let (long, text) = (spec.len() > LONG, spec.to_string());
+            let spec: Spec = heard(py, long, move || serde_json::from_str(&text))?.map_err(|e| {
                 let fields = [("element", "mechanism".into()), ("name", "".into())];
                 raise(py, "DescriptionError", &format!("the description cannot be read: {e}"), &fields)
             })?;
-            let inner = Inner::new(spec, Arc::new(Callables(functions)), coordinates)
+            let functions = Arc::new(Callables(functions));
+            let inner = heard(py, long, move || Inner::new(spec, functions, coordinates))?
                 .map_err(|e| failure::description(py, &e))?;
             Ok(Self { inner, structure: OnceLock::new() })
         })
@@ -107,16 +130,20 @@ impl Model {
         self.inner.size().rows
     }
     #[getter]
-    fn rank(&self, py: Python<'_>) -> PyResult<usize> {
-        guarded(py, || Ok(self.nv() - self.mobility(py)?))
+    fn rank(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        Ok(slf.get().nv() - Self::mobility(slf)?)
     }
     #[getter]
-    fn mobility(&self, py: Python<'_>) -> PyResult<usize> {
-        guarded(py, || match &self.structure().mobility {
-            Some(m) => Ok(m.mobility),
-            None => {
-                let note = self.structure().note.clone().unwrap_or_default();
-                Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+    fn mobility(slf: &Bound<'_, Self>) -> PyResult<usize> {
+        let py = slf.py();
+        guarded(py, || {
+            let found = Self::known(slf)?;
+            match &found.mobility {
+                Some(m) => Ok(m.mobility),
+                None => {
+                    let note = found.note.clone().unwrap_or_default();
+                    Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+                }
             }
         })
     }
@@ -126,10 +153,10 @@ impl Model {
     }
 
     #[getter]
-    fn summary(&self, py: Python<'_>) -> PyResult<String> {
-        guarded(py, || {
-            let m = &self.inner;
-            let found = self.structure();
+    fn summary(slf: &Bound<'_, Self>) -> PyResult<String> {
+        guarded(slf.py(), || {
+            let m = &slf.get().inner;
+            let found = Self::known(slf)?;
             let (mut oq, mut ov) = (0, 0);
             let joints: Vec<serde_json::Value> = m
                 .placed
@@ -183,8 +210,7 @@ impl Model {
 
     #[pyo3(signature = (t, q, v, targets, rates, tolerance))]
     fn assemble<'py>(
-        &self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
@@ -192,10 +218,17 @@ impl Model {
         rates: Vec<(usize, f64)>,
         tolerance: f64,
     ) -> PyResult<(Array<'py>, Array<'py>, String)> {
+        let py = slf.py();
         guarded(py, || {
-            let (q, _) = self.state(&q, &v)?;
-            let place = |q: &[f64]| self.inner.place(t, q, &targets);
-            state::assemble(py, &self.inner, t, q, &targets, &rates, tolerance, place)
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let (q, _) = model.state(&q, &v)?;
+            let ask = move || {
+                let system = &own.get().inner;
+                let place = |q: &[f64]| system.place(t, q, &targets);
+                state::assemble(system, t, q, &targets, &rates, tolerance, place)
+            };
+            let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
+            Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })
     }
 
@@ -323,7 +356,7 @@ impl Model {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
             let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Sample| {
+            let energy = |x: &Output| {
                 levels.velocity(x.t, &x.q, &x.v)?;
                 self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
             };
@@ -373,24 +406,28 @@ impl Model {
     }
 
     fn determined<'py>(
-        &self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         in_joint_frame: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
+        let py = slf.py();
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let flags = analysis::determined::determined(&self.inner, t, &q, in_joint_frame)
-                .map_err(|e| failure::analysis(py, e))?;
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let q = vector(&q, model.nq(), "q")?;
+            let ask = move || analysis::determined::determined(&own.get().inner, t, &q, in_joint_frame);
+            let flags = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
             Ok(shaped(py, &[flags.len(), 6], flags.concat()))
         })
     }
 
-    fn report(&self, py: Python<'_>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
+    fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
+        let py = slf.py();
         guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let report = analysis::report::report(&self.inner, t, &q).map_err(|e| failure::analysis(py, e))?;
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let q = vector(&q, model.nq(), "q")?;
+            let ask = move || analysis::report::report(&own.get().inner, t, &q);
+            let report = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
             serde_json::to_string(&report).map_err(|e| failure::unexpected(e.to_string()))
         })
     }

@@ -9,7 +9,7 @@ use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::{registry, turns};
-use partita_system::formulation::{Correction, Formulation, FormulationCounters, PartitionEvent, Sample};
+use partita_system::formulation::{Correction, Formulation, FormulationCounters, Output, PartitionEvent, Sample};
 use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
@@ -73,7 +73,7 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
 /// Everything collected during a run.
 #[derive(Default)]
 struct Collected {
-    samples: Vec<Sample>,
+    outputs: Vec<Output>,
     energies: Vec<(f64, f64)>,
 }
 
@@ -86,16 +86,16 @@ struct Report {
 }
 
 fn march<F: Formulation>(
-    mut formulation: F,
+    formulation: &mut F,
     t0: f64,
     q: &[f64],
     v: &[f64],
     t_eval: &[f64],
     settings: &Settings,
-    sink: &mut dyn FnMut(&Sample) -> Result<(), SystemError>,
+    sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Report, SystemError> {
-    let outcome = simulate(&mut formulation, t0, q, v, t_eval, settings, sink, watch)?;
+    let outcome = simulate(formulation, t0, q, v, t_eval, settings, sink, watch)?;
     let (rows, notes) = (formulation.rows(), formulation.notes());
     Ok(Report { notes, outcome, events: formulation.events().to_vec(), counters: formulation.counters(), rows })
 }
@@ -111,7 +111,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     tangent: Option<Arc<dyn TangentMap>>,
     progress: Option<Py<PyAny>>,
-    mut energy: impl FnMut(&Sample) -> Result<Option<(f64, f64)>, SystemError> + Send,
+    mut energy: impl FnMut(&Output) -> Result<Option<(f64, f64)>, SystemError> + Send,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = crate::arrays::any_vector(t_eval);
     let tableau = tableau::by_name(&options.method).ok_or_else(|| {
@@ -215,18 +215,25 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
     };
     let report = {
         let collected = &mut collected;
-        let mut sink = |s: &Sample| {
+        let (outputs, energies) = (&mut collected.outputs, &mut collected.energies);
+        let mut sink = |s: &Output| {
             if let Some(e) = energy(s)? {
-                collected.energies.push(e);
+                energies.push(e);
             }
-            collected.samples.push(s.clone());
+            outputs.push(s.clone());
             Ok(())
         };
-        let f = registry::by_name(&options.formulation, system, found.rank, &formulation_options)
+        let mut f = registry::by_name(&options.formulation, system, found.rank, &formulation_options)
             .map_err(|e| refuse(py, "formulation", e.to_string()))?;
-        py.detach(|| march(f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch))
+        let marched = py.detach(|| march(&mut f, t0, q, v, &t_eval, &settings, &mut sink, &mut watch));
+        let outputs = &collected.outputs;
+        marched.and_then(|report| {
+            let described = |output: &Output| Sample::of(&mut f, output, &report.events);
+            let samples: Vec<Sample> = py.detach(|| outputs.iter().map(described).collect::<Result<_, _>>())?;
+            Ok((report, samples))
+        })
     };
-    let mut report = report.map_err(|e| failure::system(py, e))?;
+    let (mut report, samples) = report.map_err(|e| failure::system(py, e))?;
     notes.append(&mut report.notes);
     let passed = &report.outcome.passages;
     if !passed.is_empty() {
@@ -257,7 +264,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send>>(
             return Err(e);
         }
     }
-    dictionary(py, system, &collected, &report, notes)
+    dictionary(py, system, &collected, &samples, &report, notes)
 }
 
 fn indices<S: ConstrainedSystem>(py: Python<'_>, system: &S, names: &[String]) -> PyResult<Vec<usize>> {
@@ -277,11 +284,11 @@ fn dictionary<'py, S: ConstrainedSystem>(
     py: Python<'py>,
     system: &S,
     collected: &Collected,
+    samples: &[Sample],
     report: &Report,
     notes: Vec<String>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let size = system.size();
-    let samples = &collected.samples;
     let nt = samples.len();
     let d = PyDict::new(py);
     let column = |f: &dyn Fn(&Sample) -> f64| array(py, &[nt], samples.iter().map(f).collect());

@@ -1,103 +1,154 @@
-//! TOML with the lines of everything in it.
+//! TOML as JSON, and the lines of what is in it.
 
 use crate::failure::{guarded, raise, Field};
+use crate::waiting::heard;
 use pyo3::prelude::*;
 use serde_json::{Map, Value as Json};
-use toml_edit::{Document, Item, Table, TableLike, Value};
+use std::ops::Range;
+use toml_edit::{Document, Item, TableLike, TomlError, Value};
 
-struct Lines<'t> {
-    text: &'t str,
-    found: Map<String, Json>,
+/// Bytes above which reading may take longer than a signal should wait.
+const LONG: usize = 200_000;
+
+fn line(text: &str, at: usize) -> usize {
+    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|b| **b == b'\n').count()
 }
 
-impl Lines<'_> {
-    fn line(&self, at: usize) -> usize {
-        1 + self.text.as_bytes()[..at.min(self.text.len())].iter().filter(|b| **b == b'\n').count()
+fn table(table: &dyn TableLike) -> Json {
+    Json::Object(table.iter().map(|(key, x)| (key.to_string(), item(x))).collect())
+}
+
+fn item(item: &Item) -> Json {
+    match item {
+        Item::None => Json::Null,
+        Item::Value(v) => value(v),
+        Item::Table(t) => table(t),
+        Item::ArrayOfTables(all) => Json::Array(all.iter().map(|t| table(t)).collect()),
     }
-    fn note(&mut self, path: &str, span: Option<std::ops::Range<usize>>) {
+}
+
+fn value(v: &Value) -> Json {
+    match v {
+        Value::String(s) => s.value().as_str().into(),
+        Value::Integer(i) => (*i.value()).into(),
+        // JSON knows no infinities: they travel as words and are refused as what they are
+        Value::Float(f) => serde_json::Number::from_f64(*f.value())
+            .map_or_else(|| Json::String(format!("{}", f.value())), Json::Number),
+        Value::Boolean(b) => (*b.value()).into(),
+        Value::Datetime(d) => d.value().to_string().into(),
+        Value::Array(a) => Json::Array(a.iter().map(value).collect()),
+        Value::InlineTable(t) => table(t),
+    }
+}
+
+/// Where the members of a list begin in the text; those of which nothing is known begin where the list does.
+fn begins(item: &Item) -> Vec<usize> {
+    let start = item.span().map_or(0, |s| s.start);
+    let at = |span: Option<Range<usize>>| span.map_or(start, |s| s.start);
+    match item {
+        Item::ArrayOfTables(all) => all.iter().map(|t| at(t.span())).collect(),
+        Item::Value(Value::Array(all)) => all.iter().map(|v| at(v.span())).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// What a JSON pointer means, as far as the document has it: the place of the last key that is there.
+struct Walk<'t> {
+    parts: std::str::Split<'t, char>,
+    found: Option<usize>,
+}
+
+impl Walk<'_> {
+    fn note(&mut self, span: Option<Range<usize>>) {
         if let Some(span) = span {
-            let line = self.line(span.start);
-            self.found.entry(path.to_string()).or_insert_with(|| line.into());
+            self.found = Some(span.start);
         }
     }
 
-    fn table(&mut self, table: &dyn TableLike, path: &str) -> Json {
-        let mut out = Map::new();
-        for (key, item) in table.iter() {
-            let here = format!("{path}/{}", key.replace('~', "~0").replace('/', "~1"));
-            self.note(&here, table.key(key).and_then(|k| k.span()));
-            self.note(&here, item.span());
-            let value = self.item(item, &here);
-            out.insert(key.to_string(), value);
-        }
-        Json::Object(out)
-    }
-
-    fn item(&mut self, item: &Item, path: &str) -> Json {
+    fn table(&mut self, table: &dyn TableLike) {
+        let Some(part) = self.parts.next() else { return };
+        let key = part.replace("~1", "/").replace("~0", "~");
+        let Some((name, item)) = table.get_key_value(&key) else { return };
+        self.note(name.span().or_else(|| item.span()));
         match item {
-            Item::None => Json::Null,
-            Item::Value(v) => self.value(v, path),
-            Item::Table(t) => self.table(t, path),
+            Item::None => {}
+            Item::Value(v) => self.value(v),
+            Item::Table(t) => self.table(t),
             Item::ArrayOfTables(all) => {
-                let rows: Vec<&Table> = all.iter().collect();
-                Json::Array(
-                    rows.into_iter()
-                        .enumerate()
-                        .map(|(i, t)| {
-                            let here = format!("{path}/{i}");
-                            self.note(&here, t.span());
-                            self.table(t, &here)
-                        })
-                        .collect(),
-                )
+                if let Some(t) = self.index().and_then(|i| all.get(i)) {
+                    self.note(t.span());
+                    self.table(t);
+                }
             }
         }
     }
 
-    fn value(&mut self, v: &Value, path: &str) -> Json {
-        match v {
-            Value::String(s) => s.value().as_str().into(),
-            Value::Integer(i) => (*i.value()).into(),
-            // JSON knows no infinities: they travel as words and are refused as what they are
-            Value::Float(f) => serde_json::Number::from_f64(*f.value())
-                .map_or_else(|| Json::String(format!("{}", f.value())), Json::Number),
-            Value::Boolean(b) => (*b.value()).into(),
-            Value::Datetime(d) => d.value().to_string().into(),
-            Value::Array(a) => Json::Array(
-                a.iter()
-                    .enumerate()
-                    .map(|(i, v)| {
-                        let here = format!("{path}/{i}");
-                        self.note(&here, v.span());
-                        self.value(v, &here)
-                    })
-                    .collect(),
-            ),
-            Value::InlineTable(t) => self.table(t, path),
+    fn value(&mut self, value: &Value) {
+        match value {
+            Value::Array(a) => {
+                if let Some(v) = self.index().and_then(|i| a.get(i)) {
+                    self.note(v.span());
+                    self.value(v);
+                }
+            }
+            Value::InlineTable(t) => self.table(t),
+            _ => {}
         }
+    }
+
+    fn index(&mut self) -> Option<usize> {
+        self.parts.next()?.parse().ok()
     }
 }
 
-/// JSON of the document, and JSON of {"/body/0/mass": line} with lines from 1.
+fn refused(py: Python<'_>, text: &str, path: &str, e: &TomlError) -> PyErr {
+    let line = e.span().map(|s| line(text, s.start));
+    let place = line.map_or_else(|| path.to_string(), |l| format!("{path}, line {l}"));
+    let message = format!("{place}: {}", e.message().replace('\n', " "));
+    let mut fields: Vec<(&str, Field)> = vec![("path", path.into())];
+    if let Some(l) = line {
+        fields.push(("line", l.into()));
+    }
+    raise(py, "FileFormatError", &message, &fields)
+}
+
+/// The document as JSON, and where the members of its lists begin.
+fn read(text: &str) -> Result<(String, String), TomlError> {
+    let document = Document::parse(text)?;
+    let lists: Map<String, Json> = document
+        .as_table()
+        .iter()
+        .map(|(key, x)| (key.to_string(), begins(x)))
+        .filter(|(_, begins)| !begins.is_empty())
+        .map(|(key, begins)| (key, begins.into()))
+        .collect();
+    Ok((table(document.as_table()).to_string(), Json::Object(lists).to_string()))
+}
+
+/// Line of the key that a JSON pointer names, or of the nearest one around it.
+fn line_of(text: &str, pointer: &str) -> Result<Option<usize>, TomlError> {
+    let document = Document::parse(text)?;
+    let mut parts = pointer.split('/');
+    parts.next(); // a pointer begins with a slash
+    let mut walk = Walk { parts, found: None };
+    walk.table(document.as_table());
+    Ok(walk.found.map(|at| line(text, at)))
+}
+
+/// JSON of the document, and JSON of {"body": [where each begins, in bytes]} for the lists in it.
 #[pyfunction]
 pub fn parse_toml(py: Python<'_>, text: &str, path: &str) -> PyResult<(String, String)> {
     guarded(py, || {
-        let mut lines = Lines { text, found: Map::new() };
-        match Document::parse(text) {
-            Ok(document) => {
-                let json = lines.table(document.as_table(), "");
-                Ok((json.to_string(), Json::Object(lines.found).to_string()))
-            }
-            Err(e) => {
-                let line = e.span().map(|s| lines.line(s.start));
-                let place = line.map_or_else(|| path.to_string(), |l| format!("{path}, line {l}"));
-                let message = format!("{place}: {}", e.message().replace('\n', " "));
-                let mut fields: Vec<(&str, Field)> = vec![("path", path.into())];
-                if let Some(l) = line {
-                    fields.push(("line", l.into()));
-                }
-                Err(raise(py, "FileFormatError", &message, &fields))
-            }
-        }
+        let own = text.to_string();
+        heard(py, text.len() > LONG, move || read(&own))?.map_err(|e| refused(py, text, path, &e))
+    })
+}
+
+/// Line, from 1, of the key that a JSON pointer names, or of the nearest one around it; None where nothing is known.
+#[pyfunction]
+pub fn toml_line(py: Python<'_>, text: &str, pointer: &str) -> PyResult<Option<usize>> {
+    guarded(py, || {
+        let own = (text.to_string(), pointer.to_string());
+        heard(py, text.len() > LONG, move || line_of(&own.0, &own.1))?.map_err(|e| refused(py, text, "text", &e))
     })
 }

@@ -227,7 +227,10 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     r.v.fill(0.0);
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
-    let chosen = criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights);
+    let chosen = match r.by_clusters() {
+        true => r.choose_by_clusters(weights)?,
+        false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
+    };
     // P5 is a factorisation of a good basis: what it picks is admissible unless rounding says otherwise
     if chosen != r.partition.independent && r.set_partition(t, &chosen).is_err() {
         first_partition(r, t, q)?;
@@ -239,13 +242,12 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     };
     // every exchange multiplies the volume by more than 1 + 1e-6, so the loop ends; the bound is for round-off
     for _ in 0..10 * r.size().nv {
-        let (d, i) = (&r.partition.dependent, &r.partition.independent);
-        let Some(x) = crate::partition::exchange::best(&r.a_matrix, &scales, d, i) else { break };
-        if x.gain <= threshold.max(1.0 + 1e-6) {
+        let pairs = r.best_exchanges(&scales, threshold.max(1.0 + 1e-6));
+        if pairs.is_empty() {
             break;
         }
         let mut next = r.partition.independent.clone();
-        next[x.leaves] = r.partition.dependent[x.enters];
+        pairs.iter().for_each(|x| next[x.leaves] = r.partition.dependent[x.enters]);
         next.sort_unstable();
         r.set_partition(t, &next)?;
         r.tangent(t)?;

@@ -1,5 +1,6 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
+use crate::clusters::Clusters;
 use crate::kinematics::closing::Closing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -220,6 +221,29 @@ pub struct Tangent<'a> {
     pub delta: &'a [f64],
 }
 
+/// How a system finds its reduced accelerations cluster by cluster, decided when rows are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Recursion {
+    /// Columns of the packed `Dᵀ` it wants: the most freedoms of a cluster that goes by partial velocities.
+    pub columns: usize,
+    /// Does this cluster go by partial velocities? The others need no D.
+    pub by_partial_velocities: Vec<bool>,
+}
+
+/// What the recursion over clusters is given.
+pub struct ClusterTangent<'a> {
+    /// Columns of `dt`.
+    pub columns: usize,
+    /// `Dᵀ` (nv x columns): the freedoms of its own cluster beside each velocity; zero where the cluster needs none.
+    pub dt: &'a [f64],
+    /// `[0; ξ]` (nv).
+    pub delta: &'a [f64],
+    /// Values of C in pattern order.
+    pub c: &'a [f64],
+    /// b (rows).
+    pub b: &'a [f64],
+}
+
 /// S1-S5 of a mechanism or of a system written by hand.
 ///
 /// Evaluated by level: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
@@ -283,6 +307,54 @@ pub trait ConstrainedSystem: Sync {
         md: &mut [f64],
         hd: &mut [f64],
     ) -> Result<(), SystemError>;
+    /// Velocities and rows that hang together through C; all in one where the system does not tell.
+    fn clusters(&self) -> Clusters {
+        let size = self.size();
+        Clusters::one(size.nv, size.rows)
+    }
+    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or all there is.
+    fn plan_recursion(&self, _kept: &[usize], _s: &mut Self::Scratch) -> Option<Recursion> {
+        None
+    }
+    /// `v'` with `C v' + b = 0`, after `velocity` and [`plan_recursion`](Self::plan_recursion).     (P3 by clusters)
+    fn accelerate(
+        &self,
+        _t: f64,
+        _q: &[f64],
+        _v: &[f64],
+        _tangent: &ClusterTangent,
+        _s: &mut Self::Scratch,
+        _vdot: &mut [f64],
+    ) -> Result<(), SystemError> {
+        Err(SystemError::Request("this system offers no recursion over clusters; give its equations densely".into()))
+    }
+    /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and the terms of
+    /// velocity. After `position` and [`plan_recursion`](Self::plan_recursion).
+    fn respond(
+        &self,
+        _tangent: &ClusterTangent,
+        _effort: &[f64],
+        _s: &mut Self::Scratch,
+        _out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        Err(SystemError::Request("this system offers no recursion over clusters; give its equations densely".into()))
+    }
+    /// Reduced mass (k_c x k_c, lower triangle) on a resting base of the n-th cluster that goes by partial velocities,
+    /// after `accelerate` or `respond`.
+    fn cluster_mass<'x>(&self, _n: usize, _s: &'x Self::Scratch) -> &'x [f64] {
+        &[]
+    }
+    /// `[Dᵀ M_d⁻¹ D]_ii` of all velocities, and `block(cluster, its independent velocities, their block of M_d⁻¹)` for each
+    /// cluster, after `accelerate` or `respond`.                                                (21)
+    fn mobility(
+        &self,
+        _tangent: &ClusterTangent,
+        _independent: &[usize],
+        _s: &mut Self::Scratch,
+        _diagonal: &mut [f64],
+        _block: &mut dyn FnMut(usize, &[usize], &[f64]),
+    ) {
+    }
     /// `M v' − h` (nv), after `velocity`.
     fn inverse_dynamics(
         &self,

@@ -4,14 +4,14 @@ mod by_hand;
 mod instants;
 
 use by_hand::{Angles, FourBar, Pendulum, Plate, Redundant};
-use instants::{Given, Instant};
+use instants::{sample, Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::{by_name, unread, NAMES};
-use partita_system::formulation::{Correction, Sample};
+use partita_system::formulation::Correction;
 use partita_system::partition::Selection;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::Arc;
@@ -123,8 +123,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
         assert_eq!(f.name(), name);
         let mut y = vec![0.0; f.dim()];
         f.start(t, q, v, &mut y).unwrap();
-        let mut out = Sample::default();
-        f.sample(t, &y, &mut out).unwrap();
+        let mut out = sample(&mut f, t, &y);
         let off = apart(&out.vdot, &vdot, &s);
         assert!(off < TOLERANCE, "{what}, {name}: v' off by {off:e}");
         let pattern = system.pattern();
@@ -145,7 +144,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
             }
             let mut dy = vec![0.0; f.dim()];
             f.derivative(t, &y, &mut dy).unwrap();
-            f.sample(t, &y, &mut out).unwrap();
+            out = sample(&mut f, t, &y);
             let speed = v.iter().zip(&s).map(|(v, s)| (v / s).abs()).fold(1.0, f64::max);
             let row = |i: usize| pattern.row(i).map(|e| (c[e] * s[pattern.col_idx[e]]).abs()).fold(0.0, f64::max);
             let arm = (0..size.rows).map(row).fold(0.0, f64::max);
@@ -191,9 +190,9 @@ fn regression_values_of_the_four_bar() {
     let tangent = tangent_at(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
-        let (mut y, mut out) = (vec![0.0; f.dim()], Sample::default());
+        let mut y = vec![0.0; f.dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();
-        f.sample(0.0, &y, &mut out).unwrap();
+        let out = sample(&mut f, 0.0, &y);
         // link angles are sums of the joint angles of the reference: the crank is the same
         assert!((out.vdot[0] + 10.466415143407).abs() < 1e-11, "{name}: {}", out.vdot[0]);
         let lambda = [7.546968149505, 27.999622165247];

@@ -3,7 +3,7 @@
 
 mod instants;
 
-use instants::{between, inverse, vector, Given, Instant};
+use instants::{between, inverse, sample, vector, Given, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor::FactorError;
 use partita_system::equations::ByHand;
@@ -17,7 +17,7 @@ use partita_system::formulation::svd::SingularValues;
 use partita_system::formulation::tangent::TangentVelocities;
 use partita_system::formulation::user_tangent::UserTangent;
 use partita_system::formulation::zero_eigenvalue::ZeroEigenvalue;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::{Correction, Formulation};
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -128,16 +128,16 @@ fn every_rule_moves_alike() {
         let (n, m) = (e.mass.rows(), e.c.rows());
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
         let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
-        let (mut y, mut out) = (vec![0.0; reference.dim()], Sample::default());
+        let mut y = vec![0.0; reference.dim()];
         reference.start(0.0, q, v, &mut y).unwrap();
-        reference.sample(0.0, &y, &mut out).unwrap();
+        let out = sample(&mut reference, 0.0, &y);
         for rule in rules() {
             let name = rule.name();
             let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
-            let (mut y, mut s) = (vec![0.0; f.dim()], Sample::default());
+            let mut y = vec![0.0; f.dim()];
             assert_eq!(f.dim(), n + (n - m) + 1);
             f.start(0.0, q, v, &mut y).unwrap();
-            f.sample(0.0, &y, &mut s).unwrap();
+            let s = sample(&mut f, 0.0, &y);
             let off = length(&e.mass, &minus(&s.v, &out.v)) / length(&e.mass, &out.v);
             // u itself is short of digits where the rows of S lie close together
             assert!(off < 1e-12 / s.sigma, "{name}: v off by {off:e}");
@@ -168,12 +168,11 @@ fn renewing_keeps_the_motion() {
         for rule in rules() {
             let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
             let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
-            let (mut before, mut after) = (Sample::default(), Sample::default());
             f.start(0.0, q, v, &mut y).unwrap();
-            f.sample(0.0, &y, &mut before).unwrap();
+            let before = sample(&mut f, 0.0, &y);
             f.derivative(0.0, &y, &mut dy).unwrap();
             f.change(0.0, &mut y, &mut dy).unwrap();
-            f.sample(0.0, &y, &mut after).unwrap();
+            let after = sample(&mut f, 0.0, &y);
             assert_eq!(f.events().len(), 2);
             assert!(f.events()[1].reason.contains("renewed"), "{}", f.events()[1].reason);
             let off = length(&e.mass, &minus(&before.v, &after.v)) / length(&e.mass, &before.v);
@@ -329,12 +328,10 @@ fn tangent_velocities_of_the_user() {
             f.start(0.0, q, v, &mut y).map(|()| (f, y))
         };
         let (mut f, y) = start(&good, v).unwrap();
-        let (mut reference, mut out, mut s) =
-            (by_name("range-space", system, m, &uncorrected()).unwrap(), Sample::default(), Sample::default());
+        let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
         let mut whole = vec![0.0; reference.dim()];
         reference.start(0.0, q, v, &mut whole).unwrap();
-        reference.sample(0.0, &whole, &mut out).unwrap();
-        f.sample(0.0, &y, &mut s).unwrap();
+        let (out, s) = (sample(&mut reference, 0.0, &whole), sample(&mut f, 0.0, &y));
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
         assert!(length(&e.mass, &minus(&s.v, &out.v)) < 1e-10 * length(&e.mass, &out.v));
         assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));

@@ -1,6 +1,6 @@
 """The builder: what a user says about a mechanism becomes a checked description."""
 
-from .mechanism import Mechanism
+from .builder import Builder
 from .records import Body, Drive, Force, Joint
 
-__all__ = ["Body", "Drive", "Force", "Joint", "Mechanism"]
+__all__ = ["Body", "Builder", "Drive", "Force", "Joint"]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import frames
 from .checks import Array, Element, find, name_of, number, vector
-from .records import GROUND, Body, BodyRecord, Handle
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from .drawing import Drawing
+from .records import GROUND, Body, BodyRecord, Description, Handle
 
 
 def add_body(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     mass: float,
     inertia: ArrayLike,
@@ -63,7 +61,7 @@ def add_body(
     return Body(name, self)
 
 
-def add_rod(self: Mechanism, name: str, start: ArrayLike, end: ArrayLike, mass: float) -> Body:
+def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: float) -> Body:
     """Add a uniform slender rod between two points of the world as drawn.
 
     Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so
@@ -105,18 +103,18 @@ def add_rod(self: Mechanism, name: str, start: ArrayLike, end: ArrayLike, mass: 
     return Body(name, self)
 
 
-def resolve(mechanism: Mechanism, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:
+def resolve(mechanism: Drawing, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:
     """Name of the body meant by a handle or a name."""
     name = own_name(mechanism, asker, what, body, Body)
     if name == GROUND:
         if not ground:
             asker.fail(f"{what} is the ground, which does not move; name a body")
         return name
-    known = list(mechanism._description.bodies) + ([GROUND] if ground else [])
-    return find("body", name, known, where=f'{asker.kind} "{asker.name}": {what}: ')
+    more = (GROUND,) if ground else ()
+    return find("body", name, mechanism._description.bodies, *more, where=f'{asker.kind} "{asker.name}": {what}: ')
 
 
-def own_name(mechanism: Mechanism, asker: Element, what: str, item: Any, kind: type[Handle]) -> str:
+def own_name(mechanism: Drawing, asker: Element, what: str, item: Any, kind: type[Handle]) -> str:
     """Name of a handle of this mechanism, or the name itself."""
     if isinstance(item, str):
         return item
@@ -130,6 +128,6 @@ def own_name(mechanism: Mechanism, asker: Element, what: str, item: Any, kind: t
     return item.name
 
 
-def to_world(mechanism: Mechanism, body: str, point: Array) -> Array:
+def to_world(description: Description, body: str, point: Array) -> Array:
     """World position, as drawn, of a point given in the axes of `body` (of the world for the ground)."""
-    return point if body == GROUND else mechanism._description.bodies[body].to_world(point)
+    return point if body == GROUND else description.bodies[body].to_world(point)

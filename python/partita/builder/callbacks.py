@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import EvaluationError
 from ..state import Layout, StateView
 from .checks import Array, Element
+from .travelling import check_picklable
 from .values import Function, finite, one_number
 
 
@@ -28,6 +29,14 @@ class Callback:
             return self._result(t, self.function(t, StateView(t, q, v, layout)))
 
         return call
+
+    def __getstate__(self) -> dict[str, Any]:
+        check_picklable(self.element, "function", self.function)
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Callback:
+        """With the same function: Python copies functions as themselves."""
+        return Callback(self.element, self.function, self.size)
 
     def _result(self, t: float, value: Any) -> Any:
         """One finite number, or a list of three."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -31,8 +31,8 @@ class Element:
         raise DescriptionError(f'{self.kind} "{self.name}": {sentence}', element=self.kind, name=self.name) from cause
 
 
-def name_of(kind: str, name: Any, taken: Iterable[str] = (), reserved: Iterable[str] = ()) -> Element:
-    """A usable name: text, not blank, without line breaks, not in `taken`, not in `reserved`."""
+def name_of(kind: str, name: Any, taken: Collection[str] = (), reserved: Collection[str] = ()) -> Element:
+    """A usable name: text, not blank, without line breaks, not in `taken` (a dict or set), not in `reserved`."""
     element = Element(kind, str(name))
     if not isinstance(name, str):
         element.fail(f"a name must be text, not {type(name).__name__} {name!r}")
@@ -49,11 +49,11 @@ def _plural(kind: str) -> str:
     return "bodies" if kind == "body" else kind + "s"
 
 
-def find(kind: str, name: str, known: Iterable[str], where: str = "") -> str:
-    """`name` if it is among `known`; else `UnknownNameError` with the nearest name."""
-    names = list(known)
-    if name in names:
+def find(kind: str, name: str, known: Collection[str], *more: str, where: str = "") -> str:
+    """`name` if it is among `known` (a dict or set) or `more`; else `UnknownNameError` with the nearest name."""
+    if name in known or name in more:
         return name
+    names = [*known, *more]
     close = difflib.get_close_matches(str(name), names, n=1)
     hint = (
         f'did you mean "{close[0]}"?'
@@ -140,7 +140,7 @@ def _floats(element: Element, what: str, value: Any) -> Array:
 
 
 def _finite(element: Element, what: str, array: Array) -> Array:
-    if not np.all(np.isfinite(array)):
+    if not all(map(math.isfinite, array.ravel().tolist())):  # for a few numbers quicker than NumPy
         element.fail(f"{what} is {array.tolist()}; NaN and infinity are not allowed")
     return array
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..errors import ArgumentError
+from ..state import Layout
+from .checks import Element
+from .records import Description
+from .spec import Writer
 
 Array = NDArray[np.float64]
 
@@ -82,11 +87,13 @@ class Equations:
 
 
 class CompiledModel(Equations):
-    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes.
+    """A mechanism compiled into equations: made by `Mechanism.compile`, never changes. Copies are itself; pickled, it
+    travels as its description and is compiled again.
 
     Attributes:
         summary: names, sizes and layout as plain data.
         coordinates: "relative" or "absolute".
+        description: what was compiled, as JSON.
         notes: what the compiler wants known: rows left out as redundant, derivatives found by differences,
             ...
 
@@ -98,9 +105,17 @@ class CompiledModel(Equations):
     [[1.0]]
     """
 
-    def __init__(self, core: _core.Model, summary: dict[str, Any], coordinates: str, notes: list[list[str]]) -> None:
+    def __init__(
+        self,
+        core: _core.Model,
+        summary: dict[str, Any],
+        coordinates: str,
+        notes: list[list[str]],
+        description: str,
+        drawn: Description,
+    ) -> None:
         super().__init__(core, list(summary["coordinates"]), list(summary["velocities"]))
-        self.core = core
+        self.core, self.description, self._drawn = core, description, drawn
         self.summary, self.coordinates = summary, coordinates
         self._notes = notes
 
@@ -119,6 +134,17 @@ class CompiledModel(Equations):
         """Number of independent velocities in the assembled position."""
         return self.core.mobility
 
+    def __reduce__(self) -> Any:
+        """Pickled as its description, and compiled again where it arrives."""
+        return _again, (self._drawn, self.coordinates)
+
+    def __copy__(self) -> CompiledModel:
+        """Itself: a model never changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CompiledModel:
+        return self
+
     def __repr__(self) -> str:
         core = self.core
         return (
@@ -126,6 +152,23 @@ class CompiledModel(Equations):
             f"{core.rows} constraint rows of rank "
             f"{core.rank}, mobility {core.mobility})"
         )
+
+
+def compile_description(description: Description, coordinates: str) -> tuple[CompiledModel, Layout]:
+    """Compile a description that will not change any more; also the layout of its states."""
+    if not description.bodies:
+        Element("mechanism", description.name).fail("it has no bodies; add some with add_body or add_rod")
+    layout = Layout()
+    writer = Writer(description, layout)
+    text = writer.text()
+    core = _core.Model(text, writer.functions, coordinates)
+    summary = json.loads(core.summary)
+    layout.fill(summary)
+    return CompiledModel(core, summary, coordinates, writer.notes, text, description), layout
+
+
+def _again(description: Description, coordinates: str) -> CompiledModel:
+    return compile_description(description, coordinates)[0]
 
 
 def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:

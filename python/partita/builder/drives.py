@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from .checks import Element, name_of
+from .drawing import Drawing
 from .forces import coordinate_of, free_name, joint_record
 from .joints import scalars
 from .motion import Motion
 from .records import Drive, DriveRecord, Joint
 from .values import Function, Table, scalar
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
-
 
 def add_drive(
-    self: Mechanism,
+    self: Drawing,
     joint: Joint | str,
     position: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     velocity: Callable[..., Any] | None = None,
@@ -57,15 +55,13 @@ def add_drive(
     'drive of S'
     """
     drives = self._description.drives
-    element = name_of("drive", name if name is not None else free_name(f"drive of {joint}", drives), drives)
+    element = name_of("drive", name if name is not None else free_name(self, f"drive of {joint}", drives), drives)
     found = joint_record(self, element, joint)
     number = coordinate_of(element, found, coordinate, scalars(found))
-    for other in drives.values():
-        if (other.joint, other.coordinate) == (found.name, number):
-            element.fail(
-                f'coordinate {number} of joint "{found.name}" is driven already by "{other.name}"; '
-                "remove one of the two"
-            )
+    if (other := self._description.driven.get((found.name, number))) is not None:
+        element.fail(
+            f'coordinate {number} of joint "{found.name}" is driven already by "{other}"; remove one of the two'
+        )
 
     def wrap(function: Callable[..., Any]) -> Function:
         return Function(Motion(element, function, velocity, acceleration))
@@ -75,6 +71,7 @@ def add_drive(
     if isinstance(motion, Table) and motion.times.size < 4:
         element.fail(f"position: a smooth motion needs a table of at least 4 times, not {motion.times.size}")
     self._description.store(drives, DriveRecord(element.name, found.name, number, motion))
+    self._description.driven[found.name, number] = element.name
     return Drive(element.name, self)
 
 

@@ -10,7 +10,7 @@ most expensive part of an evaluation; numbers and tables cost nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from . import callbacks
 from .bodies import own_name, resolve, to_world
 from .checks import Element, choice, find, index, name_of, number, vector
+from .drawing import Drawing
 from .joints import scalars, speeds
 from .records import (
     Body,
@@ -32,12 +33,9 @@ from .records import (
 )
 from .values import Function, Table, Value, is_table, scalar, table
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
-
 
 def add_spring(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     body1: Body | str,
     point1: ArrayLike,
@@ -72,7 +70,8 @@ def add_spring(
     if first == second:
         element.fail(f'both ends are on "{first}", where the spring does nothing; name two different bodies')
     end1, end2 = vector(element, "point1", point1), vector(element, "point2", point2)
-    drawn = float(np.linalg.norm(to_world(self, second, end2) - to_world(self, first, end1)))
+    d = self._description
+    drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
     if drawn == 0.0:
         element.fail(
             "both ends are at the same point as drawn, where the direction of the force is unknown; move one end"
@@ -91,7 +90,7 @@ def add_spring(
 
 
 def add_torsion_spring(
-    self: Mechanism,
+    self: Drawing,
     joint: Joint | str,
     *,
     stiffness: float,
@@ -132,7 +131,7 @@ def add_torsion_spring(
 
 
 def add_torque(
-    self: Mechanism,
+    self: Drawing,
     joint: Joint | str,
     value: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     *,
@@ -167,7 +166,7 @@ def add_torque(
 
 
 def add_force(
-    self: Mechanism,
+    self: Drawing,
     body: Body | str,
     force: ArrayLike | tuple[Any, ...] | Callable[..., Any],
     point: ArrayLike | None = None,
@@ -219,7 +218,7 @@ def _components(element: Element, force: Any) -> tuple[Value, Value, Value] | Fu
     return x, y, z
 
 
-def joint_record(mechanism: Mechanism, element: Element, joint: Joint | str) -> JointRecord:
+def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
     """The record of the joint meant by a handle or a name."""
     joints = mechanism._description.joints
     name = own_name(mechanism, element, "joint", joint, Joint)
@@ -233,21 +232,25 @@ def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: 
     return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
 
 
-def _named(mechanism: Mechanism, name: str | None, words: str, owner: Any) -> Element:
+def _named(mechanism: Drawing, name: str | None, words: str, owner: Any) -> Element:
     """The element with the user's name, or with one made from its owner's; a second one becomes "... 2"."""
     taken = mechanism._description.forces
-    return name_of("force", name if name is not None else free_name(f"{words} {owner}", taken), taken)
+    return name_of("force", name if name is not None else free_name(mechanism, f"{words} {owner}", taken), taken)
 
 
-def free_name(wanted: str, taken: dict[str, Any]) -> str:
+def free_name(mechanism: Drawing, wanted: str, taken: dict[str, Any]) -> str:
     """`wanted`, or the first of "wanted 2", "wanted 3", ... that is free."""
-    name, count = wanted, 1
-    while name in taken:
+    if wanted not in taken:
+        return wanted
+    # names are never given back: the search goes on where it last ended
+    numbers = mechanism._description.numbers
+    count = numbers.get(wanted, 2)
+    while f"{wanted} {count}" in taken:
         count += 1
-        name = f"{wanted} {count}"
-    return name
+    numbers[wanted] = count
+    return f"{wanted} {count}"
 
 
-def _store(mechanism: Mechanism, record: ForceLike) -> Force:
+def _store(mechanism: Drawing, record: ForceLike) -> Force:
     mechanism._description.store(mechanism._description.forces, record)
     return Force(record.name, mechanism)

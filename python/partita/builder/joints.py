@@ -13,7 +13,7 @@ exist.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +21,8 @@ from numpy.typing import ArrayLike
 from . import frames
 from .bodies import resolve
 from .checks import Array, Element, choice, direction, name_of, vector
+from .drawing import Drawing
 from .records import Body, Joint, JointRecord
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
 
 BodyLike = Body | str
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -44,7 +42,7 @@ _SPEEDS = {
 
 
 def add_revolute(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -69,7 +67,7 @@ def add_revolute(
 
 
 def add_prismatic(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -96,7 +94,7 @@ def add_prismatic(
 
 
 def add_cylindrical(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -122,7 +120,7 @@ def add_cylindrical(
 
 
 def add_spherical(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -147,7 +145,7 @@ def add_spherical(
 
 
 def add_universal(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -181,7 +179,7 @@ def add_universal(
 
 
 def add_planar(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -210,7 +208,7 @@ def add_planar(
 
 
 def add_fixed(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -234,7 +232,7 @@ def add_fixed(
 
 
 def add_free(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -258,7 +256,7 @@ def add_free(
 
 
 def add_joint(
-    self: Mechanism,
+    self: Drawing,
     name: str,
     parent: BodyLike,
     child: BodyLike,
@@ -299,12 +297,12 @@ def _listed(element: Element, free: Any) -> list[Any]:
     return list(free)
 
 
-def _element(mechanism: Mechanism, name: str) -> Element:
+def _element(mechanism: Drawing, name: str) -> Element:
     return name_of("joint", name, mechanism._description.joints)
 
 
 def _store(
-    mechanism: Mechanism,
+    mechanism: Drawing,
     element: Element,
     kind: str,
     parent: BodyLike,

@@ -11,6 +11,7 @@ from ..errors import EvaluationError
 from ..state import Layout
 from .checks import Element
 from .taylor import Jet
+from .travelling import check_picklable
 from .values import finite, one_number
 
 TimeFunction = Callable[[Any], Any]
@@ -40,6 +41,17 @@ class Motion:
     def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
         """Itself: a prescribed motion looks at no state."""
         return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        for what in ("position", "velocity", "acceleration"):
+            check_picklable(self.element, f"function of the {what}", getattr(self, what))
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
+        """With the same functions, which were tried before: Python copies functions as themselves."""
+        twin = Motion.__new__(Motion)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes))
+        return twin
 
     def __call__(self, t: float) -> tuple[float, float, float]:
         if self.velocity is not None and self.acceleration is not None:

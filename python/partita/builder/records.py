@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from .checks import Array
 from .values import Function, Value
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
-
 GROUND = "ground"
+
+
+class Owner(Protocol):
+    """The mechanism that a handle belongs to."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +25,7 @@ class Handle:
     """An element of a mechanism, accepted wherever its name is."""
 
     name: str
-    mechanism: Mechanism = field(repr=False)
+    mechanism: Owner = field(repr=False)
 
     def __str__(self) -> str:
         return self.name
@@ -146,8 +151,17 @@ class Description:
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
+    driven: dict[tuple[str, int], str] = field(default_factory=dict)  # (joint, coordinate) -> drive
     forces: dict[str, ForceLike] = field(default_factory=dict)
+    numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
     version: int = 0
+
+    def copy(self) -> Description:
+        """As it is now, whatever is added to this one later; records never change and are shared."""
+        tables = {
+            name: dict(getattr(self, name)) for name in ("bodies", "joints", "drives", "driven", "forces", "numbers")
+        }
+        return Description(self.name, self.gravity, version=self.version, **tables)
 
     def store(self, table: dict[str, Any], record: Any) -> None:
         """Add a finished record."""

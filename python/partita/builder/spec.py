@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from .bodies import to_world
 from .records import (
     GROUND,
     BodyRecord,
+    Description,
     DriveRecord,
     ForceLike,
     ForceRecord,
@@ -27,24 +30,34 @@ _AXIS_WORDS = {"axis": "axis", "normal": "axis", "axis1": "axis", "axis2": "axis
 
 
 class Writer:
-    """Writes one mechanism; collects the Python functions it meets."""
+    """Writes one description; collects the Python functions it meets."""
 
-    def __init__(self, mechanism: Any, layout: Layout) -> None:
-        self.mechanism, self.layout = mechanism, layout
+    def __init__(self, description: Description, layout: Layout) -> None:
+        self.description, self.layout = description, layout
         self.functions: list[Any] = []
         self.notes: list[list[str]] = []
 
     def spec(self) -> dict[str, Any]:
         """The whole description."""
-        d = self.mechanism._description
+        lists = {name: list(records) for name, records in self._lists().items()}
+        return {**self._head(), **lists}
+
+    def text(self) -> str:
+        """The same as JSON, written record by record: of many thousands no more than one is alive as plain data."""
+        lists = (f"{json.dumps(name)}: [{', '.join(map(json.dumps, items))}]" for name, items in self._lists().items())
+        return f"{json.dumps(self._head())[:-1]}, {', '.join(lists)}}}"
+
+    def _head(self) -> dict[str, Any]:
+        d = self.description
+        return {"partita": VERSION, "name": d.name, "gravity": d.gravity.tolist()}
+
+    def _lists(self) -> dict[str, Iterator[dict[str, Any]]]:
+        d = self.description
         return {
-            "partita": VERSION,
-            "name": d.name,
-            "gravity": d.gravity.tolist(),
-            "bodies": [_body(record) for record in d.bodies.values()],
-            "joints": [self._joint(record) for record in d.joints.values()],
-            "drives": [self._drive(record) for record in d.drives.values()],
-            "forces": [self._force(record) for record in d.forces.values()],
+            "bodies": map(_body, d.bodies.values()),
+            "joints": map(self._joint, d.joints.values()),
+            "drives": map(self._drive, d.drives.values()),
+            "forces": map(self._force, d.forces.values()),
         }
 
     def _joint(self, record: JointRecord) -> dict[str, Any]:
@@ -68,7 +81,7 @@ class Writer:
 
     def _origin(self, child: str, parent: str) -> Any:
         """The child's origin as drawn (the parent's where the child is the ground)."""
-        return to_world(self.mechanism, parent if child == GROUND else child, np.zeros(3))
+        return to_world(self.description, parent if child == GROUND else child, np.zeros(3))
 
     def _drive(self, record: DriveRecord) -> dict[str, Any]:
         return {
@@ -128,7 +141,7 @@ class Writer:
         if record.length is not None:
             return record.length
         ends = [
-            to_world(self.mechanism, *end) for end in ((record.body1, record.point1), (record.body2, record.point2))
+            to_world(self.description, *end) for end in ((record.body1, record.point1), (record.body2, record.point2))
         ]
         return float(np.linalg.norm(ends[1] - ends[0]))
 

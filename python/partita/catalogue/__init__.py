@@ -38,7 +38,7 @@ from . import (
 from .entry import Check, Entry, Measurement
 
 if TYPE_CHECKING:
-    from ..builder import Mechanism
+    from ..mechanism import Mechanism
 
 __all__ = ["Check", "Entry", "Measurement", "about", "entry", "load", "names"]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..builder import Body, Mechanism
+from ..builder import Body
+from ..mechanism import Mechanism
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, row_at

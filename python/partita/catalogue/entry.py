@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 
 if TYPE_CHECKING:
-    from ..builder import Mechanism
+    from ..mechanism import Mechanism
     from ..results import Result
     from ..state import State
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ..builder import Mechanism
 from ..errors import ArgumentError
+from ..mechanism import Mechanism
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, path_error, row_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..builder import Mechanism
+from ..mechanism import Mechanism
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, path_error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..builder import Mechanism
+from ..mechanism import Mechanism
 from ..results import Result
 from ..state import State
 from .dyad import FloatArray, FourBar, arms, meet, turned

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..naming import listed
 from ..options import SELECTIONS
-from ..results.names import listed
 
 if TYPE_CHECKING:
     from ..results import Result

@@ -50,7 +50,7 @@ def view(arguments: argparse.Namespace) -> int:
 
 def convert(arguments: argparse.Namespace) -> int:
     """Read one model file and write another."""
-    from ..io import load
+    from ..mechanism import load
 
     load(arguments.source).save(arguments.target)
     print(f"wrote {arguments.target}")

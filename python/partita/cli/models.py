@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..builder import Mechanism
     from ..catalogue import Entry
+    from ..mechanism import Mechanism
     from ..state import State
 
 
@@ -32,7 +32,7 @@ def open_model(word: str) -> Opened:
     """
     path = Path(word)
     if path.is_file() or path.suffix or len(path.parts) > 1:
-        from ..io import load
+        from ..mechanism import load
 
         return Opened(load(word))
     from .. import catalogue

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import PartitaError
+from ..naming import index_of
 from .bench import Bench
 from .cases import Case
+from .progress import Progress
 from .row import FAILED, INTERRUPTED, NOT_RUN, Row, measured, not_run
-from .table import CONDITION_NOTE, aligned, notes, write_csv
+from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
+from .work_precision import WorkPrecision, work_precision
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
     from ..results import Result
-    from .work_precision import WorkPrecision
 
 PathLike = str | os.PathLike[str]
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -62,8 +63,6 @@ class Comparison:
 
     def row(self, name: str) -> Row:
         """The row of this name. `UnknownNameError` with the nearest names."""
-        from ..results.names import index_of
-
         return self.rows[index_of(name, [row.name for row in self.rows], "row")]
 
     def to_text(self) -> str:
@@ -81,8 +80,6 @@ class Comparison:
 
     def to_pandas(self) -> pandas.DataFrame:
         """One line per row, one column per number. `MissingDependencyError` without pandas."""
-        from .table import to_pandas
-
         return to_pandas(self.rows, self.caption)
 
     def to_csv(self, path: PathLike) -> Path:
@@ -109,8 +106,6 @@ class Comparison:
         Raises:
             ArgumentError: no tolerance, or one that is not above zero. UnknownNameError: a name that no row has.
         """
-        from .work_precision import work_precision
-
         names = [self.row(name).name for name in names] if names is not None else self._formulations()
         chosen = [case for case in self._cases if case.name in names and case.missing is None]
         return work_precision(self._bench, chosen, tolerances, progress)
@@ -151,31 +146,3 @@ def _row(bench: Bench, case: Case, progress: Any) -> Row:
     except PartitaError as error:
         return not_run(case, str(error), FAILED)
     return measured(case, bench, result, time)
-
-
-class Progress:
-    """Hands the fraction done of many runs on: to nobody, to a line on stderr, or to a function of 0 to 1."""
-
-    def __init__(self, progress: Any, total: int) -> None:
-        self._target: Any = progress
-        self._total, self._done = total, -1
-
-    def part(self, name: str) -> Callable[[float], None] | None:
-        """What the next run calls with its own fraction."""
-        self._done += 1
-        if self._target is None or self._target is False:
-            return None
-        begun = self._done
-        if self._target is True:
-            sys.stderr.write(f"\r{begun + 1:>3} of {self._total}: {name:<40}")
-            sys.stderr.flush()
-            return None
-        return lambda fraction: self._target((begun + min(max(fraction, 0.0), 1.0)) / self._total)
-
-    def end(self) -> None:
-        """Close the line."""
-        if self._target is True:
-            sys.stderr.write("\n")
-            sys.stderr.flush()
-        elif callable(self._target) and self._done + 1 >= self._total:
-            self._target(1.0)

@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..builder.compiled import Equations
 from ..errors import ArgumentError
 from ..options import METHODS, one_of, output_times, positive
+from ..results import Result
 from ..state import State
+from ..system import System, simulate
+from ..tangent import TangentVelocities
 from .bench import OUTPUTS, Bench
 from .cases import cases
 from .comparison import Comparison, carry_out
 
-if TYPE_CHECKING:
-    from ..builder import Mechanism
-    from ..builder.compiled import Equations
-    from ..results import Result
-    from ..system import System
-    from ..tangent import TangentVelocities
+
+class Mechanical(Protocol):
+    """What is asked of a mechanism."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def compile(self) -> Callable[[str], Equations]: ...
+    @property
+    def assemble(self) -> Callable[..., State]: ...
+    @property
+    def simulate(self) -> Callable[..., Result]: ...
 
 
 def compare_mechanism(
-    self: Mechanism,
+    self: Mechanical,
     duration: float | None = None,
     *,
     initial: State | None = None,
@@ -119,8 +129,6 @@ def compare(
     >>> found.row("projective").error < 1e-7
     True
     """
-    from ..system import System, simulate
-
     if not isinstance(system, System):
         hint = "; call its own method: mechanism.compare(duration)" if hasattr(system, "compare") else ""
         raise ArgumentError(f"compare works on a System, not on {type(system).__name__}{hint}", argument="system")

@@ -12,7 +12,7 @@ from ..errors import ArgumentError, PartitaError
 from ..options import positive
 from .bench import Bench
 from .cases import Case
-from .comparison import Progress
+from .progress import Progress
 from .row import FAILED, FINISHED
 from .table import grid, write_lines
 

@@ -1,4 +1,4 @@
-"""Model files: `load` and `save`, by the suffix of the path."""
+"""Model files: `read` and `save`, by the suffix of the path."""
 
 from __future__ import annotations
 
@@ -7,40 +7,29 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..builder import Mechanism
+from ..builder import Builder
 from ..errors import FileFormatError, MissingFileError
 from . import toml
+from .toml import Maker
 
-__all__ = ["load", "save"]
+__all__ = ["read", "save"]
 
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
-_READERS: dict[str, Callable[[Path], Mechanism]] = {".toml": toml.read}
-_WRITERS: dict[str, Callable[[Mechanism, Path], None]] = {".toml": toml.write}
+_READERS: dict[str, Callable[[Path, Maker], Any]] = {".toml": toml.read}
+_WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}
 
 
-def load(path: str | PathLike[str]) -> Mechanism:
-    """Read a mechanism from a model file; the suffix says which kind: .toml.
-
-    Raises:
-        MissingFileError: there is no such file.
-        FileFormatError: the suffix is not known, or the content is wrong; `line` says where.
-
-    >>> import partita as pt
-    >>> try:
-    ...     pt.load("no-such-file.toml")
-    ... except pt.errors.MissingFileError as error:
-    ...     print(error.path)
-    no-such-file.toml
-    """
+def read(path: str | PathLike[str], make: Maker) -> Any:
+    """What `make(name, gravity)` made, filled from a model file; see `partita.load`."""
     where = Path(path)
-    reader: Callable[[Path], Mechanism] = _by_suffix(_READERS, where, "read")
+    reader: Callable[[Path, Maker], Any] = _by_suffix(_READERS, where, "read")
     if not where.is_file():
         what = "this is a folder" if where.is_dir() else "there is no such file"
         raise MissingFileError(f'"{where}": {what}; the working folder is {Path.cwd()}', path=str(where))
-    return reader(where)
+    return reader(where, make)
 
 
-def save(mechanism: Mechanism, path: str | PathLike[str]) -> None:
+def save(mechanism: Builder, path: str | PathLike[str]) -> None:
     """Write a mechanism to a model file; see `Mechanism.save`."""
     where = Path(path)
     writer = _by_suffix(_WRITERS, where, "written")

@@ -24,37 +24,41 @@ before joints, joints before drives and forces, and among themselves in the orde
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from .. import _core
-from ..builder import Mechanism
+from ..builder import Builder
 from ..errors import ArgumentError, DescriptionError, EvaluationError, FileFormatError, UnknownNameError
 from . import schema
 from .toml_writer import document
+
+Maker = Callable[..., Builder]
+"""Makes an empty mechanism of a name and, if given, a gravity: `Mechanism` itself."""
 
 # Tables that are made together, in the order of the file.
 _STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
 
 
-def read(path: Path) -> Mechanism:
+def read(path: Path, make: Maker) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
-    return parse(text, str(path))
+    return parse(text, make, str(path))
 
 
-def parse(text: str, path: str = "text") -> Mechanism:
+def parse(text: str, make: Maker, path: str = "text") -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
-    content, lines = _core.parse_toml(text, path)
-    file = _File(path, json.loads(content), json.loads(lines))
-    return file.mechanism()
+    content, begins = _core.parse_toml(text, path)
+    file = _File(path, text, json.loads(content), json.loads(begins))
+    return file.mechanism(make)
 
 
-def write(mechanism: Mechanism, path: Path) -> None:
+def write(mechanism: Builder, path: Path) -> None:
     """Write a mechanism to a TOML file."""
     text = document(mechanism)
     try:
@@ -64,21 +68,19 @@ def write(mechanism: Mechanism, path: Path) -> None:
 
 
 class _File:
-    """The content of a file with the line of every key."""
+    """The content of a file, and where the members of each list in it begin."""
 
-    def __init__(self, path: str, content: dict[str, Any], lines: dict[str, int]) -> None:
-        self.path, self.content, self.lines = path, content, lines
+    def __init__(self, path: str, text: str, content: dict[str, Any], begins: dict[str, list[int]]) -> None:
+        self.path, self.text, self.content, self.begins = path, text, content, begins
 
-    def mechanism(self) -> Mechanism:
-        """Check the content by the schema, then say it to a `Mechanism`."""
+    def mechanism(self, make: Maker) -> Any:
+        """Check the content by the schema, then say it to what `make` makes."""
         try:
             schema.check(self.content)
         except schema.Mismatch as error:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
-        mechanism: Mechanism = self._call(
-            "/mechanism", Mechanism, {key: head[key] for key in ("name", "gravity") if key in head}
-        )
+        mechanism = self._call("/mechanism", make, {key: head[key] for key in ("name", "gravity") if key in head})
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
@@ -88,9 +90,14 @@ class _File:
     def _in_order(self, tables: tuple[str, ...]) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Tables of these kinds as they follow each other in the file."""
         found = [
-            (kind, f"/{kind}/{index}", item) for kind in tables for index, item in enumerate(self.content.get(kind, []))
+            (begin, kind, f"/{kind}/{index}", item)
+            for kind in tables
+            for index, (item, begin) in enumerate(
+                zip(self.content.get(kind, []), self.begins.get(kind, []), strict=True)
+            )
         ]
-        yield from sorted(found, key=lambda entry: self._line(entry[1]) or 0)
+        for _, kind, pointer, item in sorted(found, key=itemgetter(0)):
+            yield kind, pointer, item
 
     def _call(self, pointer: str, function: Any, arguments: dict[str, Any]) -> Any:
         """Call the builder; what it refuses is told with the line."""
@@ -100,15 +107,9 @@ class _File:
             raise self._error(pointer, error.message) from error
 
     def _error(self, pointer: str, sentence: str) -> FileFormatError:
-        line = self._line(pointer)
+        line = _core.toml_line(self.text, pointer)
         place = f'"{self.path}", line {line}' if line is not None else f'"{self.path}"'
         return FileFormatError(f"{place}: {sentence}", path=self.path, line=line)
-
-    def _line(self, pointer: str) -> int | None:
-        """Line of a key, or of the nearest table around it."""
-        while pointer and pointer not in self.lines:
-            pointer = pointer.rpartition("/")[0]
-        return self.lines.get(pointer)
 
 
 def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..builder import Mechanism
+from ..builder import Builder
 from ..builder.checks import Array, Element
 from ..builder.records import (
     BodyRecord,
@@ -27,14 +27,14 @@ _WIDTH = 110
 Entries = dict[str, Any]
 
 
-def document(mechanism: Mechanism) -> str:
+def document(mechanism: Builder) -> str:
     """The whole file. Raises `DescriptionError` that names the first Python function met."""
     d = mechanism._description
     head = _table("[mechanism]", {"partita": VERSION, "name": d.name, "gravity": d.gravity})
     return "\n".join([head, *_tables(mechanism)])
 
 
-def _tables(mechanism: Mechanism) -> Iterator[str]:
+def _tables(mechanism: Builder) -> Iterator[str]:
     d = mechanism._description
     for body in d.bodies.values():
         yield _table("[[body]]", _body(body)) if body.rod is None else _table("[[rod]]", _rod(body))

@@ -6,25 +6,19 @@ ending (.png, .pdf, .svg). Units stand on the axes; where not all lines fit, the
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
-from ..errors import FileFormatError, MissingFileError
-from ..results.names import index_of
+from ..naming import index_of
+from ..readable import Readable
+from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
 from .measure import draw_measure
 from .overview import draw_overview
 from .reactions import draw_reactions
 from .series import draw_closure, draw_coordinates, draw_energy
 from .style import Canvas, headline, new_figure
-
-if TYPE_CHECKING:
-    from ..results.result import Result
 
 __all__ = [
     "figure_path",
@@ -37,8 +31,7 @@ __all__ = [
     "save_figure",
 ]
 
-PathLike = str | os.PathLike[str]
-WORDS: dict[str, tuple[Callable[[Result, Canvas], object], float]] = {
+WORDS: dict[str, tuple[Callable[[Readable, Canvas], object], float]] = {
     # word: (how it is drawn, height in inches)
     "overview": (draw_overview, 6.5),
     "coordinates": (lambda result, canvas: draw_coordinates(result, canvas.subplots()), 3.5),
@@ -50,7 +43,7 @@ WORDS: dict[str, tuple[Callable[[Result, Canvas], object], float]] = {
 JOINT_HEIGHT = 5.5
 
 
-def plot(result: Result, *what: str, path: PathLike | None = None) -> Figure:
+def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
     """Words among overview (the default), coordinates, closure, energy, measure, reactions, or names of joints,
     below each other in one figure. `UnknownNameError` for another word."""
     parts = [_part(result, word) for word in what or ("overview",)]
@@ -67,7 +60,7 @@ def plot(result: Result, *what: str, path: PathLike | None = None) -> Figure:
     return _saved(figure, path)
 
 
-def _part(result: Result, word: str) -> tuple[Callable[[Result, Canvas], object], float]:
+def _part(result: Readable, word: str) -> tuple[Callable[[Readable, Canvas], object], float]:
     if word in WORDS:
         return WORDS[word]
     known = [*WORDS, *result.names.joints]
@@ -75,27 +68,27 @@ def _part(result: Result, word: str) -> tuple[Callable[[Result, Canvas], object]
     return (lambda result, canvas: draw_joint(result, name, canvas)), JOINT_HEIGHT
 
 
-def overview(result: Result, path: PathLike | None = None) -> Figure:
+def overview(result: Readable, path: PathLike | None = None) -> Figure:
     """The run at a glance: coordinates, measure with the independent coordinates, closure, energy balance."""
     return plot(result, "overview", path=path)
 
 
-def plot_energy(result: Result, path: PathLike | None = None) -> Figure:
+def plot_energy(result: Readable, path: PathLike | None = None) -> Figure:
     """Kinetic, potential and total energy and the work put in [J]."""
     return plot(result, "energy", path=path)
 
 
-def plot_measure(result: Result, path: PathLike | None = None) -> Figure:
+def plot_measure(result: Readable, path: PathLike | None = None) -> Figure:
     """Projective measure of the coordinates over time; a strip on top shows which were independent."""
     return plot(result, "measure", path=path)
 
 
-def plot_reactions(result: Result, path: PathLike | None = None) -> Figure:
+def plot_reactions(result: Readable, path: PathLike | None = None) -> Figure:
     """Size of force [N] and moment [N m] of every joint; of many, the most loaded."""
     return plot(result, "reactions", path=path)
 
 
-def plot_joint(result: Result, name: str, path: PathLike | None = None, *, axes: str = "world") -> Figure:
+def plot_joint(result: Readable, name: str, path: PathLike | None = None, *, axes: str = "world") -> Figure:
     """Position, velocity, force and moment of the joint `name`, the last two in "world" or "joint" axes.
 
     Components that are not unique are dashed. `UnknownNameError` with the nearest names.
@@ -109,29 +102,3 @@ def _saved(figure: Figure, path: PathLike | None) -> Figure:
     if path is not None:
         save_figure(figure, path)
     return figure
-
-
-def save_figure(figure: Figure, path: PathLike) -> Path:
-    """Save in the format of the ending; errors of `figure_path`."""
-    target = figure_path(path)
-    figure.savefig(target)
-    return target
-
-
-def figure_path(path: PathLike) -> Path:
-    """`path` when a figure can be written there: `FileFormatError` for an ending that matplotlib does not write,
-    `MissingFileError` when the folder does not exist."""
-    target = Path(path)
-    endings = sorted(FigureCanvasBase.get_supported_filetypes())
-    if target.suffix.lower().lstrip(".") not in endings:
-        raise FileFormatError(
-            f"cannot save a figure to {str(target)!r}: the ending {target.suffix!r} is not one of {', '.join(endings)}",
-            path=str(target),
-            line=None,
-        )
-    if not target.parent.is_dir():
-        raise MissingFileError(
-            f"cannot save a figure to {str(target)!r}: the folder {str(target.parent)!r} does not exist; make it first",
-            path=str(target.parent),
-        )
-    return target

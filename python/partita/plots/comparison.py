@@ -3,26 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from .files import PathLike, save_figure
 from .style import COLOURS, FLOOR, dressed, empty, new_figure
-
-if TYPE_CHECKING:
-    from ..comparison import Comparison, WorkPrecision
-    from . import PathLike
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
-def plot_comparison(comparison: Comparison, path: PathLike | None = None) -> Figure:
-    """Error, evaluations and time of every row that finished, one line of dots each; `path` saves it too."""
-    from . import save_figure
+class Compared(Protocol):
+    """What is read of a comparison: its rows, each with name, formulation, error, evaluations and time."""
 
+    @property
+    def title(self) -> str: ...
+    @property
+    def rows(self) -> Sequence[Any]: ...
+    @property
+    def reference(self) -> Any: ...
+
+
+class Precision(Protocol):
+    """What is read of runs over several tolerances: the points of each name, each with error, evaluations and time."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def names(self) -> Sequence[str]: ...
+
+    def of(self, name: str) -> Sequence[Any]:
+        """The finished runs of one name."""
+
+
+def plot_comparison(comparison: Compared, path: PathLike | None = None) -> Figure:
+    """Error, evaluations and time of every row that finished, one line of dots each; `path` saves it too."""
     rows = [row for row in comparison.rows if row.finished]
     figure = new_figure(11.0, 1.8 + 0.28 * max(len(rows), 3))
     figure.suptitle(f"{comparison.title}: formulations compared", fontsize=12, fontweight="bold")
@@ -51,7 +71,7 @@ def plot_comparison(comparison: Comparison, path: PathLike | None = None) -> Fig
     return figure
 
 
-def _error_unit(comparison: Comparison) -> str:
+def _error_unit(comparison: Compared) -> str:
     """Displacements of bodies are lengths; coordinates of a system have the units of its author."""
     mechanism = comparison.reference is not None and comparison.reference.is_mechanism
     return "against the reference [m]" if mechanism else "against the reference"
@@ -71,10 +91,8 @@ def _logarithmic(ax: Axes, which: str, values: Sequence[float]) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def plot_work_precision(found: WorkPrecision, path: PathLike | None = None) -> Figure:
+def plot_work_precision(found: Precision, path: PathLike | None = None) -> Figure:
     """Error over evaluations and over time, a line for each formulation; `path` saves it too."""
-    from . import save_figure
-
     figure = new_figure(11.0, 4.6)
     figure.suptitle(f"{found.title}: error against work", fontsize=12, fontweight="bold")
     left, right = figure.subplots(1, 2, sharey=True)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..results.names import joint_units
-from ..results.variables import column_names
+from ..naming import column_names, joint_units
+from ..readable import Readable
 from .style import COLOURS, Canvas, dressed, empty, ending, legend, unit_label
 
-if TYPE_CHECKING:
-    from ..results.joint import JointResult
-    from ..results.result import Result
 
-
-def draw_joint(result: Result, name: str, canvas: Canvas, axes: str = "world") -> None:
+def draw_joint(result: Readable, name: str, canvas: Canvas, axes: str = "world") -> None:
     """Position, velocity, force and moment of the joint `name` in four panels.
 
     Reaction components that are not unique are drawn dashed and marked in the legend.
@@ -70,7 +66,7 @@ def level(ax: Axes, values: NDArray[np.float64]) -> None:
         ax.set_ylim(-1.0, 1.0)
 
 
-def _effort(joint: JointResult, rates: list[str]) -> str:
+def _effort(joint: Any, rates: list[str]) -> str:
     """For the title of the velocities: the greatest effort of a drive, where there is one."""
     peaks = np.max(np.abs(joint.drive), axis=0, initial=0.0)
     units = ["N" if rate == "m/s" else "N m" for rate in rates]

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
+from ..readable import Readable
 from .style import COLOURS, Canvas, dressed, empty, legend, shortened, telling
-
-if TYPE_CHECKING:
-    from ..results.result import Result
 
 GREY = "#bbbbbb"
 STRIPS = 6
 
 
-def draw_measure(result: Result, canvas: Canvas, place: SubplotSpec) -> None:
+def draw_measure(result: Readable, canvas: Canvas, place: SubplotSpec) -> None:
     """rho of each coordinate over time below, which were independent above."""
     rows = min(result.independent.shape[1], STRIPS)
     if rows == 0 or len(result.t) == 0:
@@ -41,7 +38,7 @@ def draw_measure(result: Result, canvas: Canvas, place: SubplotSpec) -> None:
     strip.tick_params(labelbottom=False, length=0)
 
 
-def _draw_strip(result: Result, ax: Axes, colour: dict[int, str], rows: int) -> None:
+def _draw_strip(result: Readable, ax: Axes, colour: dict[int, str], rows: int) -> None:
     """One band per independent coordinate, in the colour of its line below."""
     for row, name_of_band in enumerate(bands(result)[:rows]):
         for start, end, i in name_of_band:
@@ -61,7 +58,7 @@ def _draw_strip(result: Result, ax: Axes, colour: dict[int, str], rows: int) -> 
         ax.spines[side].set_visible(False)
 
 
-def bands(result: Result) -> list[list[tuple[float, float, int]]]:
+def bands(result: Readable) -> list[list[tuple[float, float, int]]]:
     """For each place among the independent: spans (from, to, column of v) between the outputs.
 
     A coordinate that stays keeps its place when another one is exchanged.

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from ..readable import Readable
 from .measure import draw_measure
 from .series import draw_balance, draw_closure, draw_coordinates
 from .style import Canvas, headline
 
-if TYPE_CHECKING:
-    from ..results.result import Result
 
-
-def draw_overview(result: Result, canvas: Canvas) -> None:
+def draw_overview(result: Readable, canvas: Canvas) -> None:
     """Coordinates, measure with the independent coordinates, closure, and energy balance."""
     grid = canvas.add_gridspec(2, 2)
     draw_coordinates(result, canvas.add_subplot(grid[0, 0]))

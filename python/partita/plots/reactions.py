@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ..readable import Readable
 from .joint import level
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
 
-if TYPE_CHECKING:
-    from ..results.result import Result
 
-
-def draw_reactions(result: Result, canvas: Canvas) -> None:
+def draw_reactions(result: Readable, canvas: Canvas) -> None:
     """|force| and |moment| of each joint; of many joints, the most loaded. Marked * when not all is unique."""
     upper, lower = canvas.subplots(2, 1, sharex=True)
     dressed(upper, "Forces of the joints", "|force| [N]", time_axis=False)

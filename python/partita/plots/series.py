@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..results.names import coordinate_units
+from ..naming import coordinate_units
+from ..readable import Readable
 from .style import COLOURS, dressed, empty, legend, positive, shortened, telling, unit_label
 
-if TYPE_CHECKING:
-    from ..results.result import Result
 
-
-def draw_coordinates(result: Result, ax: Axes) -> None:
+def draw_coordinates(result: Readable, ax: Axes) -> None:
     """q over time; where there are too many, the independent ones and those that move most."""
     columns = telling(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
     units = coordinate_units(result.summary, result.names)[0]
@@ -24,13 +20,13 @@ def draw_coordinates(result: Result, ax: Axes) -> None:
     legend(ax, len(columns), result.q.shape[1], "shown")
 
 
-def _widest(result: Result) -> list[int]:
+def _widest(result: Readable) -> list[int]:
     """With quaternions the columns of q are not those of v: choose by movement alone."""
     span = np.ptp(result.q, axis=0) if len(result.q) else np.zeros(result.q.shape[1])
     return sorted(int(i) for i in np.argsort(-span, kind="stable")[: len(COLOURS)])
 
 
-def draw_closure(result: Result, ax: Axes) -> None:
+def draw_closure(result: Readable, ax: Axes) -> None:
     """Largest closing errors over time, on a logarithmic axis."""
     dressed(ax, "Closure of the loops", "largest error")
     if result.multipliers.shape[1] == 0:
@@ -50,7 +46,7 @@ def draw_closure(result: Result, ax: Axes) -> None:
     )
 
 
-def draw_balance(result: Result, ax: Axes) -> None:
+def draw_balance(result: Readable, ax: Axes) -> None:
     """Energy that came or went without a cause, relative to the energy exchanged."""
     dressed(ax, "Energy balance", "imbalance / exchanged energy")
     if not result.has_energy:
@@ -67,7 +63,7 @@ def draw_balance(result: Result, ax: Axes) -> None:
     )  # fmt: skip
 
 
-def draw_energy(result: Result, ax: Axes) -> None:
+def draw_energy(result: Readable, ax: Axes) -> None:
     """Kinetic, potential and total energy, and the work put in."""
     dressed(ax, "Energy", "energy [J]")
     if not result.has_energy:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from ..results.result import Result
+from ..readable import Readable
 
 Canvas = Figure | SubFigure
 
@@ -66,7 +64,7 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.abs(values), FLOOR)
 
 
-def telling(result: Result, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
+def telling(result: Readable, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
     """Columns worth a line: those most often independent first, then the ones that move most; at most `limit`."""
     total = values.shape[1]
     if total <= limit:
@@ -84,13 +82,13 @@ def unit_label(units: Sequence[str]) -> str:
     return f" [{', '.join(known)}]" if known else ""
 
 
-def headline(result: Result, canvas: Canvas) -> None:
+def headline(result: Readable, canvas: Canvas) -> None:
     """Name of the mechanism and how the run ended, over the whole figure."""
     colour = "#222222" if result.success else "#a01010"
     canvas.suptitle(f"{result.title}{ending(result)}", fontsize=12, fontweight="bold", color=colour)
 
 
-def ending(result: Result) -> str:
+def ending(result: Readable) -> str:
     """A warning for titles when the run stopped early, else nothing."""
     return "" if result.success else f"  (stopped early: {result.status})"
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PartitaError
-
-if TYPE_CHECKING:
-    from .result import Result
+from ..readable import Readable
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class Certificate:
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
-def certify(result: Result) -> Certificate:
+def certify(result: Readable) -> Certificate:
     """Gather the certificate of a result; asks for the reactions, O(outputs x bodies)."""
     notes = list(result.notes)
     newton_euler = None

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import FileFormatError, MissingFileError
+from ..readable import Readable
 from .save_json import write_json
 from .save_mat import write_mat
 from .save_netcdf import write_netcdf
 from .save_table import write_csv, write_parquet
 
-if TYPE_CHECKING:
-    from .result import Result
-
-WRITERS: dict[str, Callable[[Result, Path], None]] = {
+WRITERS: dict[str, Callable[[Readable, Path], None]] = {
     ".nc": write_netcdf,
     ".parquet": write_parquet,
     ".csv": write_csv,
@@ -47,7 +44,7 @@ def checked_path(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def save(result: Result, path: str | os.PathLike[str]) -> Path:
+def save(result: Readable, path: str | os.PathLike[str]) -> Path:
     """Write `result` beside `path` first and put it in place when complete, so no half file is left."""
     target = checked_path(path)
     draft = target.with_name(f".{target.name}.{os.getpid()}.part")

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ..readable import Readable
 from .record import plain
 from .variables import variables
-
-if TYPE_CHECKING:
-    from .result import Result
 
 VERSION = 1
 
 
-def write_json(result: Result, path: Path) -> None:
+def write_json(result: Readable, path: Path) -> None:
     """Account and arrays of `result`; numbers to full precision, NaN and infinities as null."""
     path.write_text(json.dumps(document(result), ensure_ascii=False, separators=(",", ":")), encoding="utf-8")
 
 
-def document(result: Result) -> dict[str, Any]:
+def document(result: Readable) -> dict[str, Any]:
     """The file's content: `partita_result` (its version), the account, `arrays` by name with axes and units."""
     arrays = {
         v.name: {

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from ..readable import Readable
 from .variables import axes, variables
 
-if TYPE_CHECKING:
-    from .result import Result
 
-
-def write_mat(result: Result, path: Path) -> None:
+def write_mat(result: Readable, path: Path) -> None:
     """Arrays under their own names, time along the first axis; cells of names in the structure `names`.
 
     `units` and `about` tell the unit and the meaning of each array. `independent` counts from 1, as

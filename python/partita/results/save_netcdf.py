@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.io import netcdf_file
 
+from ..readable import Readable
 from .save_json import VERSION
 from .variables import Axis, Variable, axes, variables
 
-if TYPE_CHECKING:
-    from .result import Result
 
-
-def write_netcdf(result: Result, path: Path) -> None:
+def write_netcdf(result: Readable, path: Path) -> None:
     """All arrays with `units` and `long_name`; names along an axis `body` stand in `body_name`.
 
     The format knows no empty dimension, so arrays without columns are left out (the reader puts them

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from ..errors import MissingDependencyError
+from ..readable import Readable
 from .names import coordinate_units
 from .variables import axes
 
 if TYPE_CHECKING:
     import pandas
 
-    from .result import Result
 
 XYZ = ("x", "y", "z")
 
@@ -30,7 +30,7 @@ class Column:
     values: NDArray[Any]
 
 
-def columns(result: Result) -> list[Column]:
+def columns(result: Readable) -> list[Column]:
     """Columns of the table, time first: `q.A`, `v.A`, `joint.A.force.x`, `body.crank.position.x`, ...
 
     Rotation matrices of bodies and joints and indices of the independent coordinates are left to the other formats.
@@ -54,7 +54,7 @@ def columns(result: Result) -> list[Column]:
     return [column for column in found if len(column.values) == len(result.t)]
 
 
-def _joints(result: Result) -> list[Column]:
+def _joints(result: Readable) -> list[Column]:
     every = axes(result)
     position, freedom = every["joint_coordinate"], every["joint_freedom"]
     efforts = ["N" if unit == "m/s" else "N m" for unit in freedom.units]
@@ -68,7 +68,7 @@ def _joints(result: Result) -> list[Column]:
     return found
 
 
-def _bodies(result: Result) -> list[Column]:
+def _bodies(result: Readable) -> list[Column]:
     found: list[Column] = []
     for b, name in enumerate(result.names.bodies):
         for what, unit in (("position", "m"), ("velocity", "m/s"), ("angular_velocity", "rad/s")):
@@ -82,7 +82,7 @@ def _spread(pattern: str, labels: Any, units: Any, values: NDArray[Any]) -> list
     return [Column(f"{head}{label}{tail}", unit, values[:, i]) for i, (label, unit) in pairs]
 
 
-def write_csv(result: Result, path: Path) -> None:
+def write_csv(result: Readable, path: Path) -> None:
     """Comma separated, one header line with units in brackets, numbers to full precision."""
     found = columns(result)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -91,7 +91,7 @@ def write_csv(result: Result, path: Path) -> None:
         writer.writerows(map(repr, row) for row in zip(*(c.values.tolist() for c in found), strict=True))
 
 
-def write_parquet(result: Result, path: Path) -> None:
+def write_parquet(result: Readable, path: Path) -> None:
     """Parquet through pyarrow; the unit of each column stands in the metadata of its field."""
     try:
         import pyarrow
@@ -107,7 +107,7 @@ def write_parquet(result: Result, path: Path) -> None:
     pyarrow.parquet.write_table(table, str(path))
 
 
-def to_pandas(result: Result) -> pandas.DataFrame:
+def to_pandas(result: Readable) -> pandas.DataFrame:
     """See `Result.to_pandas`."""
     try:
         import pandas

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ..readable import Readable
 from .save_table import missing
 from .variables import axes, variables
 
 if TYPE_CHECKING:
     import xarray
 
-    from .result import Result
 
-
-def to_xarray(result: Result) -> xarray.Dataset:
+def to_xarray(result: Readable) -> xarray.Dataset:
     """See `Result.to_xarray`."""
     try:
         import xarray

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
+from ..naming import column_names, coordinate_units, joint_units
+from ..readable import Readable
 from .joint import COMPONENTS
-from .names import coordinate_units, joint_units
 from .source import Arrays
-
-if TYPE_CHECKING:
-    from .result import Result
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ DETERMINED = {
 }
 
 
-def variables(result: Result) -> list[Variable]:
+def variables(result: Readable) -> list[Variable]:
     """All arrays of `result`; asks for bodies and reactions. Arrays the run does not have are left out."""
     nt = len(result.t)
     found = [v for v in _over_time(RUN, result.record.arrays) if len(v.values) == nt]
@@ -96,7 +94,7 @@ def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Array
     ]
 
 
-def axes(result: Result) -> dict[str, Axis]:
+def axes(result: Readable) -> dict[str, Axis]:
     """Labels of every axis the variables use, except time."""
     names = result.names
     q_units, v_units = coordinate_units(result.summary, names)
@@ -119,7 +117,7 @@ def axes(result: Result) -> dict[str, Axis]:
     return {axis.name: axis for axis in listed}
 
 
-def _joint_axes(result: Result) -> tuple[list[str], list[str], list[str], list[str]]:
+def _joint_axes(result: Readable) -> tuple[list[str], list[str], list[str], list[str]]:
     """Labels and units of the columns of joint_position and joint_velocity."""
     q_labels: list[str] = []
     q_units: list[str] = []
@@ -135,12 +133,3 @@ def _joint_axes(result: Result) -> tuple[list[str], list[str], list[str], list[s
         quaternion = len(qs) != len(vs)
         q_labels += column_names(joint["name"], [*slides, "qw", "qx", "qy", "qz"] if quaternion else words, len(qs))
     return q_labels, q_units, v_labels, v_units
-
-
-def column_names(name: str, words: list[str], count: int) -> list[str]:
-    """`A` for a joint with one freedom, `A.x`, `A.turn`, ... for more."""
-    if count == 1:
-        return [name]
-    if len(words) != count or len(set(words)) != count:
-        words = [str(i) for i in range(count)]
-    return [f"{name}.{word}" for word in words]

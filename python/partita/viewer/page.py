@@ -8,18 +8,15 @@ from html import escape
 from importlib import resources
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import ArgumentError, MissingFileError
+from ..readable import Readable
 from .scene import describe
-
-if TYPE_CHECKING:
-    from ..results import Result
 
 SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
 
 
-def html(result: Result, title: str | None = None) -> str:
+def html(result: Readable, title: str | None = None) -> str:
     """The animation of a run as the text of one HTML page.
 
     Use `write_html` for a file; this is for putting the page elsewhere, such as a notebook or a server.
@@ -49,7 +46,7 @@ def html(result: Result, title: str | None = None) -> str:
     return re.sub(r"\{\{(TITLE|STYLE|DATA|SCRIPT)\}\}", lambda mark: parts[mark[1]], _file("page.html"))
 
 
-def write_html(result: Result, path: str | PathLike[str], title: str | None = None) -> Path:
+def write_html(result: Readable, path: str | PathLike[str], title: str | None = None) -> Path:
     """Write the animation of a run to one HTML file that opens from disk, and return its path.
 
     See `html` for what it shows and holds. An existing file is replaced.

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..readable import Readable
 from .geometry import outline, plane_normal, view
 from .packing import pack_tables
-
-if TYPE_CHECKING:
-    from ..results import Result
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +36,7 @@ class Motion:
         return np.einsum("tji,tj->ti", self.rotation[:, body], points - self.position[:, body])
 
 
-def describe(result: Result, title: str | None) -> dict[str, Any]:
+def describe(result: Readable, title: str | None) -> dict[str, Any]:
     """The scene of a run: names, shapes, joints, springs, first view, log of choices, packed arrays."""
     summary = result.summary or {}
     spec = result.spec or {}
@@ -67,7 +65,7 @@ def describe(result: Result, title: str | None) -> dict[str, Any]:
     }
 
 
-def _motion(result: Result) -> Motion:
+def _motion(result: Readable) -> Motion:
     nt = len(result.t)
     bodies = [result.body(name) for name in result.names.bodies]
     position = np.array([b.position for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
@@ -80,7 +78,7 @@ def _motion(result: Result) -> Motion:
     return Motion(position, rotation, point, size or 1.0)
 
 
-def _tables(result: Result, motion: Motion) -> dict[str, FloatArray]:
+def _tables(result: Readable, motion: Motion) -> dict[str, FloatArray]:
     """Everything that changes with time, each (nt, columns)."""
     nt = len(result.t)
     joints = [result.joint(name) for name in result.names.joints]
@@ -170,7 +168,7 @@ def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list
 
 
 def _bodies(
-    result: Result, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
+    result: Readable, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
@@ -242,7 +240,7 @@ def _choices(independent: NDArray[Any]) -> list[list[Any]]:
     return choices
 
 
-def _switches(result: Result) -> list[dict[str, Any]]:
+def _switches(result: Readable) -> list[dict[str, Any]]:
     """The log of exchanges; the first choice of a run is not one."""
     changes = [change for change in result.partitions if change.entering or change.leaving]
     return [

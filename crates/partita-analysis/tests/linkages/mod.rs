@@ -10,6 +10,8 @@ use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSI
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
+use partita_system::formulation::reduction::largest;
+use partita_system::formulation::Output;
 use partita_system::kinematics::closing::Closing;
 use partita_system::ConstrainedSystem;
 use std::f64::consts::TAU;
@@ -375,4 +377,12 @@ pub fn six_bar(watt: bool, ground: &str) -> Drawing {
         .pin("5", name("t1"), name("c"), [-0.9, 0.3])
         .pin("6", name("c"), name("d"), [-0.7, 1.5])
         .pin("7", name("d"), name("t2"), [0.6, 1.9])
+}
+
+/// Largest |Φ| at an output; NaN counts as infinite.
+pub fn openness(model: &Model, s: &Output) -> f64 {
+    let size = model.size();
+    let (mut phi, mut c, mut a) = (vec![0.0; size.holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; size.rows]);
+    model.position(s.t, &s.q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();
+    largest(phi)
 }

@@ -10,7 +10,7 @@ use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{DOP853, RK4};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Formulation, Sample};
+use partita_system::formulation::{Formulation, Output, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 
@@ -28,15 +28,21 @@ pub fn reference(t_end: f64) -> Settings {
 
 /// Samples at `times`.
 pub fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], times: &[f64], settings: &Settings) -> Vec<Sample> {
-    let mut samples = Vec::new();
-    let mut sink = |s: &Sample| {
-        samples.push(s.clone());
+    let mut outputs = Vec::new();
+    let mut sink = |s: &Output| {
+        outputs.push(s.clone());
         Ok(())
     };
     let outcome = simulate(f, 0.0, q, v, times, settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
-    assert_eq!(samples.len(), times.len());
-    samples
+    assert_eq!(outputs.len(), times.len());
+    described(f, &outputs)
+}
+
+/// All that a formulation tells about the outputs of its run.
+pub fn described<F: Formulation>(f: &mut F, outputs: &[Output]) -> Vec<Sample> {
+    let events = f.events().to_vec();
+    outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
 /// Samples in the compact form.

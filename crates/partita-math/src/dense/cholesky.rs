@@ -1,5 +1,8 @@
 //! Cholesky factors of symmetric positive definite matrices, plain and with diagonal pivoting.
 
+use crate::scalar::{Real, Scalar};
+use std::convert::Infallible;
+
 /// Pivots at or below this fraction of the diagonal entry they came from count as lost.
 const RELATIVE_GUARD: f64 = 1e-14;
 
@@ -18,11 +21,12 @@ pub struct NotPositiveDefinite {
 
 /// Square root of a pivot, if it holds its own against the diagonal entry it came from.
 #[inline(always)]
-fn root(index: usize, pivot: f64, diagonal: f64) -> Result<f64, NotPositiveDefinite> {
-    if pivot > RELATIVE_GUARD * diagonal && pivot > 0.0 && pivot < f64::INFINITY {
+fn root<T: Real>(index: usize, pivot: T, diagonal: T) -> Result<T, NotPositiveDefinite> {
+    let (p, d) = (pivot.value(), diagonal.value());
+    if p > RELATIVE_GUARD * d && p > 0.0 && p < f64::INFINITY {
         Ok(pivot.sqrt())
     } else {
-        Err(NotPositiveDefinite { index, pivot })
+        Err(NotPositiveDefinite { index, pivot: p })
     }
 }
 
@@ -30,7 +34,22 @@ fn root(index: usize, pivot: f64, diagonal: f64) -> Result<f64, NotPositiveDefin
 ///
 /// `a` (n×n) is read and overwritten on and below the diagonal; above it nothing is touched. The guard on the pivots is
 /// relative to the diagonal, so the units of the coordinates do not matter. After an error the lower triangle is spoilt.
-pub fn cholesky(a: &mut [f64], n: usize) -> Result<(), NotPositiveDefinite> {
+#[inline]
+pub fn cholesky<T: Real>(a: &mut [T], n: usize) -> Result<(), NotPositiveDefinite> {
+    factored(a, n, root)
+}
+
+/// [`cholesky`] straight through, without a look at the pivots: NaN where A is not positive definite.
+#[inline]
+pub fn cholesky_straight<T: Scalar>(a: &mut [T], n: usize) {
+    match factored(a, n, |_, pivot: T, _| Ok::<T, Infallible>(pivot.sqrt())) {
+        Ok(()) => {}
+        Err(never) => match never {},
+    }
+}
+
+#[inline(always)]
+fn factored<T: Scalar, E>(a: &mut [T], n: usize, root: impl Fn(usize, T, T) -> Result<T, E>) -> Result<(), E> {
     match n {
         1 => {
             a[0] = root(0, a[0], a[0])?;
@@ -67,7 +86,7 @@ pub fn cholesky(a: &mut [f64], n: usize) -> Result<(), NotPositiveDefinite> {
 
 /// Solves `L y = b` in place, with L from [`cholesky`].
 #[inline]
-pub fn cholesky_forward(l: &[f64], n: usize, b: &mut [f64]) {
+pub fn cholesky_forward<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
     for i in 0..n {
         let row = &l[i * n..=i * n + i];
         let (known, rest) = b.split_at_mut(i);
@@ -77,7 +96,7 @@ pub fn cholesky_forward(l: &[f64], n: usize, b: &mut [f64]) {
 
 /// Solves `Lᵀ x = y` in place, with L from [`cholesky`].
 #[inline]
-pub fn cholesky_backward(l: &[f64], n: usize, b: &mut [f64]) {
+pub fn cholesky_backward<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
     for i in (0..n).rev() {
         let row = &l[i * n..=i * n + i];
         let (waiting, rest) = b.split_at_mut(i);
@@ -89,9 +108,9 @@ pub fn cholesky_backward(l: &[f64], n: usize, b: &mut [f64]) {
 
 /// Solves `A x = b` in place, with `A = L Lᵀ` from [`cholesky`]; n² multiply–adds.
 #[inline]
-pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
+pub fn cholesky_solve<T: Scalar>(l: &[T], n: usize, b: &mut [T]) {
     match n {
-        1 => b[0] /= l[0] * l[0],
+        1 => b[0] = b[0] / (l[0] * l[0]),
         2 => {
             let (l, b) = (&l[..4], &mut b[..2]);
             let y0 = b[0] / l[0];
@@ -107,17 +126,17 @@ pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
 }
 
 /// Writes `A⁻¹` (n×n, both triangles) to `out`, with `A = L Lᵀ` from [`cholesky`].
-pub fn inverse_from_cholesky(l: &[f64], n: usize, out: &mut [f64]) {
+pub fn inverse_from_cholesky<T: Scalar>(l: &[T], n: usize, out: &mut [T]) {
     // A is symmetric, so the columns of the inverse may be computed as its rows.
     for i in 0..n {
         let row = &mut out[i * n..(i + 1) * n];
-        row.fill(0.0);
-        row[i] = 1.0;
+        row.fill(T::zero());
+        row[i] = T::one();
         cholesky_solve(l, n, row);
     }
     for i in 0..n {
         for j in 0..i {
-            let mean = 0.5 * (out[i * n + j] + out[j * n + i]);
+            let mean = (out[i * n + j] + out[j * n + i]).scale(0.5);
             out[i * n + j] = mean;
             out[j * n + i] = mean;
         }

@@ -1,13 +1,35 @@
 //! `L D Lᵀ` factors of symmetric matrices, without pivoting.
 
 use super::Singular;
+use crate::scalar::{Real, Scalar};
+use std::convert::Infallible;
 
 /// Factors `A = L D Lᵀ` in place; n³/6 multiply–adds and no square root.
 ///
 /// `a` (n×n) is read on and below the diagonal and overwritten there: D on the diagonal, L (unit diagonal) below. Prefer it
 /// to Cholesky for quasi-definite matrices, whose leading blocks are all regular; it fails on a pivot that is zero, not
 /// finite, or below 1e-14 of the diagonal terms it was left over from.
-pub fn ldlt(a: &mut [f64], n: usize) -> Result<(), Singular> {
+pub fn ldlt<T: Real>(a: &mut [T], n: usize) -> Result<(), Singular> {
+    factored(a, n, |index, pivot: T, reference: T| {
+        let (pivot, reference) = (pivot.value(), reference.value());
+        if pivot.is_nan() || pivot.is_infinite() || pivot.abs() <= 1e-14 * reference {
+            return Err(Singular { index, pivot });
+        }
+        Ok(())
+    })
+}
+
+/// [`ldlt`] straight through, without a look at the pivots.
+pub fn ldlt_straight<T: Scalar>(a: &mut [T], n: usize) {
+    match factored(a, n, |_, _: T, _: T| Ok::<(), Infallible>(())) {
+        Ok(()) => {}
+        Err(never) => match never {},
+    }
+}
+
+/// `accept(i, pivot, reference)` may stop; the reference is the largest term the pivot is left over from.
+#[inline(always)]
+fn factored<T: Scalar, E>(a: &mut [T], n: usize, accept: impl Fn(usize, T, T) -> Result<(), E>) -> Result<(), E> {
     for i in 0..n {
         let (above, rest) = a.split_at_mut(i * n);
         let row = &mut rest[..=i];
@@ -24,22 +46,20 @@ pub fn ldlt(a: &mut [f64], n: usize) -> Result<(), Singular> {
             pivot -= term;
             reference = reference.max(term.abs());
         }
-        if pivot.is_nan() || pivot.is_infinite() || pivot.abs() <= 1e-14 * reference {
-            return Err(Singular { index: i, pivot });
-        }
+        accept(i, pivot, reference)?;
         row[i] = pivot;
     }
     Ok(())
 }
 
 /// Solves `A x = b` in place with the factors of [`ldlt`].
-pub fn ldlt_solve(a: &[f64], n: usize, b: &mut [f64]) {
+pub fn ldlt_solve<T: Scalar>(a: &[T], n: usize, b: &mut [T]) {
     for i in 1..n {
         let (known, rest) = b.split_at_mut(i);
         rest[0] -= super::dot(&a[i * n..i * n + i], known);
     }
     for i in 0..n {
-        b[i] /= a[i * n + i];
+        b[i] = b[i] / a[i * n + i];
     }
     for i in (1..n).rev() {
         let (waiting, rest) = b.split_at_mut(i);

@@ -1,5 +1,7 @@
 //! LU factors with partial pivoting.
 
+use crate::scalar::{Real, Scalar};
+
 /// Elimination met a column without a usable pivot.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("column {index} has no usable pivot (largest candidate {pivot:e}): the matrix is singular or not finite")]
@@ -14,12 +16,12 @@ pub struct Singular {
 ///
 /// L has a unit diagonal (not stored); `piv[k]` (n) is the row exchanged with row k at step k. Fails only when a column is
 /// exactly zero or not finite; of a nearly singular matrix [`lu_pivot_ratio`] tells.
-pub fn lu(a: &mut [f64], n: usize, piv: &mut [usize]) -> Result<(), Singular> {
+pub fn lu<T: Real>(a: &mut [T], n: usize, piv: &mut [usize]) -> Result<(), Singular> {
     for k in 0..n {
         let mut best = k;
-        let mut pivot = a[k * n + k].abs();
+        let mut pivot = a[k * n + k].value().abs();
         for i in k + 1..n {
-            let candidate = a[i * n + k].abs();
+            let candidate = a[i * n + k].value().abs();
             // A NaN, once met, stays the pivot and is refused below.
             if candidate > pivot || candidate.is_nan() {
                 best = i;
@@ -30,24 +32,37 @@ pub fn lu(a: &mut [f64], n: usize, piv: &mut [usize]) -> Result<(), Singular> {
             return Err(Singular { index: k, pivot });
         }
         piv[k] = best;
-        let (upper, below) = a.split_at_mut((k + 1) * n);
-        let top = &mut upper[k * n..];
-        if best != k {
-            let start = (best - k - 1) * n;
-            top.swap_with_slice(&mut below[start..start + n]);
-        }
-        let reciprocal = 1.0 / top[k];
-        for row in below.chunks_exact_mut(n).take(n - k - 1) {
-            let l = row[k] * reciprocal;
-            row[k] = l;
-            super::axpy(-l, &top[k + 1..], &mut row[k + 1..]);
-        }
+        step(a, n, k, best);
     }
     Ok(())
 }
 
+/// [`lu`] straight through, with the exchanges `piv` of an earlier one.
+pub fn lu_in_order<T: Scalar>(a: &mut [T], n: usize, piv: &[usize]) {
+    for k in 0..n {
+        step(a, n, k, piv[k]);
+    }
+}
+
+/// Brings row `best` to place k and subtracts it from the rows below.
+#[inline(always)]
+fn step<T: Scalar>(a: &mut [T], n: usize, k: usize, best: usize) {
+    let (upper, below) = a.split_at_mut((k + 1) * n);
+    let top = &mut upper[k * n..];
+    if best != k {
+        let start = (best - k - 1) * n;
+        top.swap_with_slice(&mut below[start..start + n]);
+    }
+    let reciprocal = T::one() / top[k];
+    for row in below.chunks_exact_mut(n).take(n - k - 1) {
+        let l = row[k] * reciprocal;
+        row[k] = l;
+        super::axpy(-l, &top[k + 1..], &mut row[k + 1..]);
+    }
+}
+
 /// Solves `A x = b` in place with the factors of [`lu`].
-pub fn lu_solve(a: &[f64], n: usize, piv: &[usize], b: &mut [f64]) {
+pub fn lu_solve<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut [T]) {
     for k in 0..n {
         b.swap(k, piv[k]);
     }
@@ -63,7 +78,7 @@ pub fn lu_solve(a: &[f64], n: usize, piv: &[usize], b: &mut [f64]) {
 }
 
 /// Solves `Aᵀ x = b` in place with the factors of [`lu`].
-pub fn lu_solve_transposed(a: &[f64], n: usize, piv: &[usize], b: &mut [f64]) {
+pub fn lu_solve_transposed<T: Scalar>(a: &[T], n: usize, piv: &[usize], b: &mut [T]) {
     for i in 0..n {
         let row = &a[i * n..(i + 1) * n];
         let (head, waiting) = b.split_at_mut(i + 1);

@@ -1,8 +1,10 @@
 //! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
 use super::choice;
-use super::program::Program;
+use super::program::{sparse::SparseRoom, Program};
 use super::Pattern;
+use crate::scalar::{Real, Scalar};
+use std::convert::Infallible;
 
 /// How pivots are chosen and watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +105,7 @@ impl Plan {
         let program = Program::new(pattern, &steps);
         let mut work = vec![0.0; program.len()];
         let deficient = |(found, best)| PlanError::RankDeficient { found, wanted: rank, best };
-        program.factor(values, &mut work, &vec![f64::MIN_POSITIVE; rank]).map_err(deficient)?;
+        program.factor(values, &mut work, |k, pivot: f64| above(f64::MIN_POSITIVE, k, pivot)).map_err(deficient)?;
         let references: Vec<f64> = (0..rank).map(|k| 1.0 / work[program.pivot_place(k)].abs()).collect();
         Ok(Plan {
             pivot_rows: steps.iter().map(|s| s.row).collect(),
@@ -146,8 +148,8 @@ impl Plan {
     }
 
     /// Magnitude of the pivot of step `k` in the factors of the last [`factor`](Self::factor).
-    pub fn pivot(&self, work: &[f64], k: usize) -> f64 {
-        1.0 / work[self.program.pivot_place(k)].abs()
+    pub fn pivot<T: Scalar>(&self, work: &[T], k: usize) -> T {
+        T::one() / work[self.program.pivot_place(k)].abs()
     }
 
     /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).
@@ -155,8 +157,27 @@ impl Plan {
     /// # Errors
     /// [`PivotShrunk`] if a pivot is below its guard, or not finite; `work` is then of no use.
     #[inline]
-    pub fn factor(&self, values: &[f64], work: &mut [f64]) -> Result<(), PivotShrunk> {
-        self.program.factor(values, work, &self.guards).map_err(|(step, pivot)| self.shrunk(step, pivot))
+    pub fn factor<T: Real>(&self, values: &[T], work: &mut [T]) -> Result<(), PivotShrunk> {
+        let guarded = |k: usize, pivot: T| above(self.guards[k], k, pivot.value());
+        self.program.factor(values, work, guarded).map_err(|(step, pivot)| self.shrunk(step, pivot))
+    }
+
+    /// The same without a look at the pivots, for numbers that have none to look at: straight through, whatever comes.
+    /// Where there is a value, [`check`](Self::check) tells afterwards whether the plan still fits.
+    #[inline]
+    pub fn eliminate<T: Scalar>(&self, values: &[T], work: &mut [T]) {
+        let all = |_: usize, _: T| Ok::<(), Infallible>(());
+        match self.program.factor(values, work, all) {
+            Ok(()) => {}
+            Err(never) => match never {},
+        }
+    }
+
+    /// Do the pivots of the last [`eliminate`](Self::eliminate) hold against their guards?
+    pub fn check<T: Real>(&self, work: &[T]) -> Result<(), PivotShrunk> {
+        let pivot = |k: usize| 1.0 / work[self.program.pivot_place(k)].value();
+        let failed = (0..self.rank()).find_map(|k| above(self.guards[k], k, pivot(k)).err());
+        failed.map_or(Ok(()), |(step, pivot)| Err(self.shrunk(step, pivot)))
     }
 
     #[cold]
@@ -169,13 +190,13 @@ impl Plan {
     /// `b` (rank×nrhs, row-major): row k belongs to row `pivot_rows()[k]` of C on entry and to the unknown
     /// `pivot_cols()[k]` on return.
     #[inline]
-    pub fn solve(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+    pub fn solve<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         match nrhs {
             0 => {}
-            1 => self.program.solve_fixed::<1>(work, b),
-            2 => self.program.solve_fixed::<2>(work, b),
-            3 => self.program.solve_fixed::<3>(work, b),
-            4 => self.program.solve_fixed::<4>(work, b),
+            1 => self.program.solve_fixed::<T, 1>(work, b),
+            2 => self.program.solve_fixed::<T, 2>(work, b),
+            3 => self.program.solve_fixed::<T, 3>(work, b),
+            4 => self.program.solve_fixed::<T, 4>(work, b),
             _ => self.program.solve_many(work, b, nrhs),
         }
     }
@@ -185,15 +206,38 @@ impl Plan {
     /// `b` (rank×nrhs, row-major): row k belongs to column `pivot_cols()[k]` of C on entry and to row `pivot_rows()[k]`
     /// (its multiplier) on return.
     #[inline]
-    pub fn solve_transposed(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+    pub fn solve_transposed<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         match nrhs {
             0 => {}
-            1 => self.program.solve_transposed_fixed::<1>(work, b),
-            2 => self.program.solve_transposed_fixed::<2>(work, b),
-            3 => self.program.solve_transposed_fixed::<3>(work, b),
-            4 => self.program.solve_transposed_fixed::<4>(work, b),
+            1 => self.program.solve_transposed_fixed::<T, 1>(work, b),
+            2 => self.program.solve_transposed_fixed::<T, 2>(work, b),
+            3 => self.program.solve_transposed_fixed::<T, 3>(work, b),
+            4 => self.program.solve_transposed_fixed::<T, 4>(work, b),
             _ => self.program.solve_transposed_many(work, b, nrhs),
         }
+    }
+
+    /// Solves `C_Dᵀ y = b` for a right-hand side with few entries `(step, value)`; the entries of y that are not zero,
+    /// in any order. What cancels to rounding errors of its terms counts as zero.
+    ///
+    /// Cost: the rows of the factors that are touched, not the rank.
+    pub fn solve_transposed_sparse(
+        &self,
+        work: &[f64],
+        b: &[(usize, f64)],
+        room: &mut SparseRoom,
+    ) -> Vec<(usize, f64)> {
+        self.program.solve_transposed_sparse(work, b, room)
+    }
+}
+
+/// Is the pivot of step k large enough? Written so that NaN and infinity fail as well.
+#[inline(always)]
+fn above(guard: f64, k: usize, pivot: f64) -> Result<(), (usize, f64)> {
+    if (guard..f64::INFINITY).contains(&pivot.abs()) {
+        Ok(())
+    } else {
+        Err((k, pivot))
     }
 }
 
@@ -201,6 +245,70 @@ impl Plan {
 mod tests {
     use super::*;
     use crate::dense::{lu, lu_solve, Matrix};
+    use crate::scalar::{Dual, Lanes, Recorder, Recording};
+
+    /// C_D x = b and C_Dᵀ y = b for every scalar; the values of C first, then b.
+    fn both<T: Scalar>(made: &Plan, input: &[T], nrhs: usize) -> Vec<T> {
+        let (values, b) = input.split_at(input.len() - made.rank() * nrhs);
+        let mut work = vec![T::zero(); made.factor_len()];
+        made.eliminate(values, &mut work);
+        let (mut x, mut y) = (b.to_vec(), b.to_vec());
+        made.solve(&work, &mut x, nrhs);
+        made.solve_transposed(&work, &mut y, nrhs);
+        x.append(&mut y);
+        x
+    }
+
+    #[test]
+    fn every_scalar_goes_through_the_same_elimination() {
+        let mut rng = fastrand::Rng::with_seed(50);
+        for (size, density) in [(3, 0.7), (9, 0.4), (40, 0.2)] {
+            let pattern = sparse(&mut rng, size, size + 2, density);
+            let values = random_values(&mut rng, pattern.nnz());
+            let made = plan(&pattern, &values, size).unwrap();
+            for nrhs in [1, 4, 6] {
+                let mut input = values.clone();
+                input.extend(random_values(&mut rng, size * nrhs));
+                let along = random_values(&mut rng, input.len());
+                let moved = |h: f64| -> Vec<f64> { input.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
+                let plain = both(&made, &input, nrhs);
+                let dual: Vec<Dual> = input.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
+                let h = 1e-6;
+                let (ahead, behind) = (both(&made, &moved(h), nrhs), both(&made, &moved(-h), nrhs));
+                let size = plain.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+                for (i, x) in both(&made, &dual, nrhs).iter().enumerate() {
+                    assert_eq!(x.re.to_bits(), plain[i].to_bits());
+                    // h² of the third derivative, which grows with the fourth power of the solution
+                    let slope = (ahead[i] - behind[i]) / (2.0 * h);
+                    assert!((x.eps - slope).abs() < 1e-9 * size.powi(4), "{} {slope} {size}", x.eps);
+                }
+                let lanes: Vec<Lanes> =
+                    (0..input.len()).map(|i| Lanes::from_fn(|l| input[i] + 1e-3 * l as f64 * along[i])).collect();
+                let lanes = both(&made, &lanes, nrhs);
+                let tape = Recording::new(input.len(), |x: &[Recorder]| Ok::<_, ()>(both(&made, x, nrhs))).unwrap();
+                let (mut work, mut out) = (vec![0.0; tape.len()], vec![0.0; tape.outputs()]);
+                for l in 0..Lanes::COUNT {
+                    let there: Vec<f64> = input.iter().zip(&along).map(|(x, d)| x + 1e-3 * l as f64 * d).collect();
+                    let single = both(&made, &there, nrhs);
+                    assert!(single.iter().zip(&lanes).all(|(x, y)| x.to_bits() == y.0[l].to_bits()));
+                    tape.evaluate(&there, &mut work, &mut out);
+                    assert!(single.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_check_afterwards_agrees_with_the_guard() {
+        let pattern = Pattern::from_rows(2, &[vec![0, 1], vec![0, 1]]);
+        let made = plan(&pattern, &[2.0, 1.0, 1.0, 2.0], 2).unwrap();
+        let mut work = vec![0.0; made.factor_len()];
+        for values in [[2.0, 1.0, 1.0, 2.0], [2.0, 1.0, 1.0, 0.5001], [f64::NAN, 1.0, 1.0, 2.0]] {
+            made.eliminate(&values, &mut work);
+            let after = made.check(&work);
+            assert_eq!(after.is_ok(), made.factor(&values, &mut work).is_ok());
+        }
+    }
 
     /// Plans with everything eligible and every scale 1.
     fn plan(pattern: &Pattern, values: &[f64], rank: usize) -> Result<Plan, PlanError> {
@@ -263,6 +371,18 @@ mod tests {
             let mut y = b.clone();
             plan.solve_transposed(&work, y.data_mut(), nrhs);
             residual_is_small(&c.transpose(), &y, &b);
+        }
+        let mut room = SparseRoom::new(r);
+        for step in (0..r).step_by(1 + r / 7) {
+            let (mut x, mut y) = (Matrix::new(r, 1), Matrix::new(r, 1));
+            x[(step, 0)] = 0.5 + rng.f64();
+            for (k, value) in plan.solve_transposed_sparse(&work, &[(step, x[(step, 0)])], &mut room) {
+                y[(k, 0)] = value;
+            }
+            residual_is_small(&c.transpose(), &y, &x);
+            plan.solve_transposed(&work, x.data_mut(), 1);
+            let difference = x.data().iter().zip(y.data()).fold(0.0_f64, |m, (p, q)| m.max((p - q).abs()));
+            assert!(difference <= 1e-11 * (1.0 + x.max_abs()), "{difference:e}");
         }
     }
 
@@ -435,9 +555,9 @@ mod tests {
     fn rank_zero_needs_nothing() {
         let made = plan(&Pattern::dense(0, 3), &[], 0).unwrap();
         assert_eq!(made.factor_len(), 0);
-        made.factor(&[], &mut []).unwrap();
-        made.solve(&[], &mut [], 1);
-        made.solve_transposed(&[], &mut [], 5);
+        made.factor::<f64>(&[], &mut []).unwrap();
+        made.solve::<f64>(&[], &mut [], 1);
+        made.solve_transposed::<f64>(&[], &mut [], 5);
     }
 
     /// A chain of four-bars in joint angles: two conditions on the three angles of each loop, the last of them shared

@@ -10,6 +10,9 @@
 
 use super::choice::Step;
 use super::Pattern;
+use crate::scalar::Scalar;
+
+pub mod sparse;
 
 /// Runs of targets at least this long are executed as a loop over slices.
 const RUN: usize = 4;
@@ -165,26 +168,28 @@ impl Program {
         self.lines[k].diagonal as usize
     }
 
-    /// Runs the elimination; `guards[k]` is the least pivot magnitude allowed. The error is the step and its pivot.
+    /// Runs the elimination; `accept(k, pivot)` may stop it before pivot k is divided by.
     #[inline]
-    pub(super) fn factor(&self, values: &[f64], work: &mut [f64], guards: &[f64]) -> Result<(), (usize, f64)> {
+    pub(super) fn factor<T: Scalar, E>(
+        &self,
+        values: &[T],
+        work: &mut [T],
+        mut accept: impl FnMut(usize, T) -> Result<(), E>,
+    ) -> Result<(), E> {
         let work = &mut work[..self.columns.len()];
         for &place in &self.fill {
-            work[place as usize] = 0.0;
+            work[place as usize] = T::zero();
         }
         for &[target, source] in &self.scatter {
             work[target as usize] = values[source as usize];
         }
         let (mut singles, mut runs) = (&self.singles[..], &self.runs[..]);
-        for (k, ((line, tally), &guard)) in self.lines.iter().zip(&self.tallies).zip(guards).enumerate() {
+        for (k, (line, tally)) in self.lines.iter().zip(&self.tallies).enumerate() {
             let diagonal = line.diagonal as usize;
             let row = &mut work[diagonal..line.end as usize];
             let pivot = row[0];
-            // Written so that NaN and infinity fail as well.
-            if !(guard..f64::INFINITY).contains(&pivot.abs()) {
-                return Err((k, pivot));
-            }
-            let reciprocal = 1.0 / pivot;
+            accept(k, pivot)?;
+            let reciprocal = T::one() / pivot;
             row[0] = reciprocal;
             for u in &mut row[1..] {
                 *u *= reciprocal;
@@ -210,13 +215,13 @@ impl Program {
 
     /// `L U x = b`, N right-hand sides side by side.
     #[inline]
-    pub(super) fn solve_fixed<const N: usize>(&self, work: &[f64], b: &mut [f64]) {
+    pub(super) fn solve_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {
         let b = &mut b[..self.lines.len() * N];
         for (i, line) in self.lines.iter().enumerate() {
-            let mut row = take::<N>(b, i);
+            let mut row = take::<T, N>(b, i);
             let (start, diagonal) = (line.start as usize, line.diagonal as usize);
             for (l, &j) in work[start..diagonal].iter().zip(&self.columns[start..diagonal]) {
-                subtract(&mut row, *l, &take::<N>(b, j as usize));
+                subtract(&mut row, *l, &take::<T, N>(b, j as usize));
             }
             for x in &mut row {
                 *x *= work[diagonal];
@@ -224,10 +229,10 @@ impl Program {
             b[i * N..(i + 1) * N].copy_from_slice(&row);
         }
         for (i, line) in self.lines.iter().enumerate().rev() {
-            let mut row = take::<N>(b, i);
+            let mut row = take::<T, N>(b, i);
             let (right, end) = (line.diagonal as usize + 1, line.end as usize);
             for (u, &j) in work[right..end].iter().zip(&self.columns[right..end]) {
-                subtract(&mut row, *u, &take::<N>(b, j as usize));
+                subtract(&mut row, *u, &take::<T, N>(b, j as usize));
             }
             b[i * N..(i + 1) * N].copy_from_slice(&row);
         }
@@ -235,26 +240,26 @@ impl Program {
 
     /// `Uᵀ Lᵀ y = b`, N right-hand sides side by side.
     #[inline]
-    pub(super) fn solve_transposed_fixed<const N: usize>(&self, work: &[f64], b: &mut [f64]) {
+    pub(super) fn solve_transposed_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {
         let b = &mut b[..self.lines.len() * N];
         for (k, line) in self.lines.iter().enumerate() {
-            let row = take::<N>(b, k);
+            let row = take::<T, N>(b, k);
             let (right, end) = (line.diagonal as usize + 1, line.end as usize);
             for (u, &j) in work[right..end].iter().zip(&self.columns[right..end]) {
-                let mut other = take::<N>(b, j as usize);
+                let mut other = take::<T, N>(b, j as usize);
                 subtract(&mut other, *u, &row);
                 b[j as usize * N..(j as usize + 1) * N].copy_from_slice(&other);
             }
         }
         for (k, line) in self.lines.iter().enumerate().rev() {
             let (start, diagonal) = (line.start as usize, line.diagonal as usize);
-            let mut row = take::<N>(b, k);
+            let mut row = take::<T, N>(b, k);
             for y in &mut row {
                 *y *= work[diagonal];
             }
             b[k * N..(k + 1) * N].copy_from_slice(&row);
             for (l, &j) in work[start..diagonal].iter().zip(&self.columns[start..diagonal]) {
-                let mut other = take::<N>(b, j as usize);
+                let mut other = take::<T, N>(b, j as usize);
                 subtract(&mut other, *l, &row);
                 b[j as usize * N..(j as usize + 1) * N].copy_from_slice(&other);
             }
@@ -262,7 +267,7 @@ impl Program {
     }
 
     /// `L U x = b`, any number of right-hand sides.
-    pub(super) fn solve_many(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+    pub(super) fn solve_many<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         for (i, line) in self.lines.iter().enumerate() {
             let (known, rest) = b.split_at_mut(i * nrhs);
             let row = &mut rest[..nrhs];
@@ -286,7 +291,7 @@ impl Program {
     }
 
     /// `Uᵀ Lᵀ y = b`, any number of right-hand sides.
-    pub(super) fn solve_transposed_many(&self, work: &[f64], b: &mut [f64], nrhs: usize) {
+    pub(super) fn solve_transposed_many<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         for (k, line) in self.lines.iter().enumerate() {
             let (head, waiting) = b.split_at_mut((k + 1) * nrhs);
             let row = &head[k * nrhs..];
@@ -321,15 +326,15 @@ fn positions(count: usize, used: impl Iterator<Item = usize>) -> Vec<Option<usiz
 
 /// Row `i` of N numbers.
 #[inline(always)]
-fn take<const N: usize>(b: &[f64], i: usize) -> [f64; N] {
-    let mut row = [0.0; N];
+fn take<T: Scalar, const N: usize>(b: &[T], i: usize) -> [T; N] {
+    let mut row = [T::zero(); N];
     row.copy_from_slice(&b[i * N..(i + 1) * N]);
     row
 }
 
 #[inline(always)]
-fn subtract<const N: usize>(row: &mut [f64; N], factor: f64, other: &[f64; N]) {
-    for (x, y) in row.iter_mut().zip(other) {
+fn subtract<T: Scalar, const N: usize>(row: &mut [T; N], factor: T, other: &[T; N]) {
+    for (x, &y) in row.iter_mut().zip(other) {
         *x -= factor * y;
     }
 }

@@ -1,7 +1,8 @@
 //! A plane: one turn and two slides. The normal is z.
 
+use super::rotation::Mat3;
 use super::space::Space;
-use super::vector::Vec2;
+use super::vector::{Vec2, Vec3};
 use crate::scalar::Scalar;
 use std::marker::PhantomData;
 
@@ -125,30 +126,51 @@ impl<S: Scalar> Space for Planar<S> {
     fn ang_from(x: [f64; 3]) -> S {
         S::from_f64(x[2])
     }
-    fn vec_to(x: Vec2<S>) -> [f64; 3] {
-        [x.0[0].value(), x.0[1].value(), 0.0]
+    #[inline(always)]
+    fn vec_in(x: Vec3<S>) -> Vec2<S> {
+        Vec2([x.0[0], x.0[1]])
     }
-    fn ang_to(x: S) -> [f64; 3] {
-        [0.0, 0.0, x.value()]
+    #[inline(always)]
+    fn ang_in(x: Vec3<S>) -> S {
+        x.0[2]
     }
-    fn rot_to(r: &PlanarRotation<S>) -> [[f64; 3]; 3] {
-        let (s, c) = (r.sin.value(), r.cos.value());
-        [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    #[inline(always)]
+    fn vec_to(x: Vec2<S>) -> Vec3<S> {
+        Vec3([x.0[0], x.0[1], S::zero()])
     }
-    fn out_of_space(x: [f64; 3]) -> f64 {
-        x[2]
+    #[inline(always)]
+    fn ang_to(x: S) -> Vec3<S> {
+        Vec3([S::zero(), S::zero(), x])
     }
-    fn inertia_from(i: [[f64; 3]; 3]) -> S {
-        S::from_f64(i[2][2])
+    fn rot_to(r: &PlanarRotation<S>) -> Mat3<S> {
+        let (s, c, o, i) = (r.sin, r.cos, S::zero(), S::one());
+        Mat3([[c, -s, o], [s, c, o], [o, o, i]])
     }
-    fn inertia_matrix(i: &S, mass: f64, out: &mut [f64]) {
-        out.fill(0.0);
-        out[0] = i.value();
+    fn out_of_space(x: Vec3<S>) -> S {
+        x.0[2]
+    }
+    fn inertia_in(i: &Mat3<S>) -> S {
+        i.0[2][2]
+    }
+    fn inertia_matrix(i: &S, mass: S, out: &mut [S]) {
+        out.fill(S::zero());
+        out[0] = *i;
         out[4] = mass;
         out[8] = mass;
     }
-    fn twist_to(w: S, v: Vec2<S>, out: &mut [f64]) {
-        out[0] = w.value();
-        out[1..3].copy_from_slice(&v.value());
+    fn twist_to(w: S, v: Vec2<S>, out: &mut [S]) {
+        out[0] = w;
+        out[1..3].copy_from_slice(&v.0);
+    }
+    #[inline(always)]
+    fn flat(w: S, v: Vec2<S>) -> [S; 6] {
+        let o = S::zero();
+        [w, v.0[0], v.0[1], o, o, o]
+    }
+    #[inline(always)]
+    fn add_inertia(i: &S, mass: S, out: &mut [S]) {
+        out[0] += *i;
+        out[4] += mass;
+        out[8] += mass;
     }
 }

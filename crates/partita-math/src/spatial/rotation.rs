@@ -29,10 +29,6 @@ impl<S: Scalar> Mat3<S> {
     pub fn from_f64(m: [[f64; 3]; 3]) -> Self {
         Self(m.map(|r| r.map(S::from_f64)))
     }
-    /// The plain values.
-    pub fn value(&self) -> [[f64; 3]; 3] {
-        self.0.map(|r| r.map(|x| x.value()))
-    }
     /// Matrix with the given columns.
     #[inline(always)]
     pub fn from_columns(x: Vec3<S>, y: Vec3<S>, z: Vec3<S>) -> Self {
@@ -96,9 +92,9 @@ impl<S: Scalar> Mat3<S> {
     }
 }
 
-impl Mat3<f64> {
+impl<S: Scalar> Mat3<S> {
     /// `m (|r|² 1 − r rᵀ)`: what a mass at `r` adds to an inertia about the origin.
-    pub fn steiner(mass: f64, r: Vec3<f64>) -> Self {
+    pub fn steiner(mass: S, r: Vec3<S>) -> Self {
         let d = r.dot(r);
         let mut s = Self::zero();
         for i in 0..3 {
@@ -109,19 +105,21 @@ impl Mat3<f64> {
         }
         s
     }
-    /// The shortest turn that takes the unit vector `a` to the unit vector `b`.
-    pub fn between(a: Vec3<f64>, b: Vec3<f64>) -> Self {
-        let c = a.dot(b);
-        let v = a.cross(b);
+    /// `yes` where `test` is above 0, else `no`.
+    pub fn where_positive(test: S, yes: &Self, no: &Self) -> Self {
+        Self(std::array::from_fn(|i| std::array::from_fn(|j| test.where_positive(yes.0[i][j], no.0[i][j]))))
+    }
+    /// The shortest turn that takes the unit vector `a` to the unit vector `b`; half a turn across `a` where they are
+    /// opposite.
+    pub fn between(a: Vec3<S>, b: Vec3<S>) -> Self {
+        let (v, c) = (a.cross(b), a.dot(b));
         let s = v.norm();
-        if s > 1e-14 {
-            return Self::about(v.times(1.0 / s), s.atan2(c).sin(), s.atan2(c).cos());
-        }
-        if c > 0.0 {
-            return Self::identity();
-        }
-        let (e, _) = a.complement();
-        Self::about(e, 0.0, -1.0)
+        // too close to a line to tell the plane of the turn
+        let apart = s - S::from_f64(1e-14);
+        let in_line = Self::where_positive(c, &Self::identity(), &Self::about(a.across(), S::zero(), -S::one()));
+        let angle = s.atan2(c);
+        let (sin, cos) = angle.sin_cos();
+        Self::where_positive(apart, &Self::about(Vec3(v.0.map(|x| x.over_or_zero(s))), sin, cos), &in_line)
     }
 }
 
@@ -157,7 +155,7 @@ impl<S: Scalar> Quaternion<S> {
     }
 }
 
-impl Quaternion<f64> {
+impl<S: Scalar> Quaternion<S> {
     /// Hamilton product.
     pub fn times(&self, o: &Self) -> Self {
         let [a, b, c, d] = self.0;
@@ -169,6 +167,39 @@ impl Quaternion<f64> {
             a * h + b * g - c * f + d * e,
         ])
     }
+    /// Scaled to unit length; the identity if it has none.
+    pub fn normalised(&self) -> Self {
+        let [a, b, c, d] = self.0;
+        let n = (a * a + b * b + c * c + d * d).sqrt();
+        let [a, b, c, d] = self.0.map(|x| x.over_or_zero(n));
+        // no length: nothing is above 0
+        Self([n.where_positive(a, S::one()), b, c, d])
+    }
+    /// The quaternion of a rotation matrix (largest component positive).
+    pub fn from_matrix(m: &Mat3<S>) -> Self {
+        let r = &m.0;
+        let one = S::one();
+        let t = [
+            one + r[0][0] + r[1][1] + r[2][2],
+            one + r[0][0] - r[1][1] - r[2][2],
+            one - r[0][0] + r[1][1] - r[2][2],
+            one - r[0][0] - r[1][1] + r[2][2],
+        ];
+        let (a, b, c) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
+        let (d, e, f) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
+        // each is a multiple of the quaternion; the one by its largest component keeps the digits
+        let by = [[t[0], a, b, c], [a, t[1], d, e], [b, d, t[2], f], [c, e, f, t[3]]];
+        let (mut largest, mut q) = (t[0], by[0]);
+        for i in 1..4 {
+            let more = t[i] - largest;
+            q = std::array::from_fn(|k| more.where_positive(by[i][k], q[k]));
+            largest = more.where_positive(t[i], largest);
+        }
+        Self(q).normalised()
+    }
+}
+
+impl Quaternion<f64> {
     /// Exponential of a rotation vector.
     pub fn exp(w: Vec3<f64>) -> Self {
         let n = w.norm();
@@ -176,35 +207,6 @@ impl Quaternion<f64> {
         // sin(n/2)/n, by its series where the quotient would lose digits
         let k = if n < 1e-4 { 0.5 - n * n / 48.0 } else { half.sin() / n };
         Self([half.cos(), k * w.0[0], k * w.0[1], k * w.0[2]])
-    }
-    /// Scaled to unit length; the identity if it has none.
-    pub fn normalised(&self) -> Self {
-        let n = self.0.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if n > 0.0 && n.is_finite() {
-            Self(self.0.map(|x| x / n))
-        } else {
-            Self([1.0, 0.0, 0.0, 0.0])
-        }
-    }
-    /// The quaternion of a rotation matrix (largest component positive).
-    pub fn from_matrix(m: &Mat3<f64>) -> Self {
-        let r = &m.0;
-        let t = [
-            1.0 + r[0][0] + r[1][1] + r[2][2],
-            1.0 + r[0][0] - r[1][1] - r[2][2],
-            1.0 - r[0][0] + r[1][1] - r[2][2],
-            1.0 - r[0][0] - r[1][1] + r[2][2],
-        ];
-        let i = (0..4).fold(0, |b, i| if t[i] > t[b] { i } else { b });
-        let (a, b, c) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
-        let (d, e, f) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
-        let q = match i {
-            0 => [t[0], a, b, c],
-            1 => [a, t[1], d, e],
-            2 => [b, d, t[2], f],
-            _ => [c, e, f, t[3]],
-        };
-        Self(q).normalised()
     }
 }
 

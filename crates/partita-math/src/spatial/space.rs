@@ -1,5 +1,7 @@
 //! What a recursion over bodies needs of the space it lives in.
 
+use super::rotation::Mat3;
+use super::vector::Vec3;
 use crate::scalar::Scalar;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
@@ -102,18 +104,27 @@ pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
     fn vec_from(x: [f64; 3]) -> Self::Vec;
     /// An axis from three plain numbers.
     fn ang_from(x: [f64; 3]) -> Self::Ang;
-    /// A length as three plain numbers.
-    fn vec_to(x: Self::Vec) -> [f64; 3];
-    /// An axis as three plain numbers.
-    fn ang_to(x: Self::Ang) -> [f64; 3];
-    /// Orientation as a plain matrix.
-    fn rot_to(r: &Self::Rot) -> [[f64; 3]; 3];
+    /// A length from three numbers (the plane is x-y).
+    fn vec_in(x: Vec3<Self::S>) -> Self::Vec;
+    /// An axis from three numbers.
+    fn ang_in(x: Vec3<Self::S>) -> Self::Ang;
+    /// A length as three numbers.
+    fn vec_to(x: Self::Vec) -> Vec3<Self::S>;
+    /// An axis as three numbers.
+    fn ang_to(x: Self::Ang) -> Vec3<Self::S>;
+    /// Orientation as a matrix.
+    fn rot_to(r: &Self::Rot) -> Mat3<Self::S>;
     /// The part of a length that this space does not carry (normal to the plane), as a constant.
-    fn out_of_space(x: [f64; 3]) -> f64;
-    /// Inertia from a plain matrix.
-    fn inertia_from(i: [[f64; 3]; 3]) -> Self::Inertia;
+    fn out_of_space(x: Vec3<Self::S>) -> Self::S;
+    /// Inertia from a matrix.
+    fn inertia_in(i: &Mat3<Self::S>) -> Self::Inertia;
     /// Write a world inertia (about the centre of mass) and mass as a DIM x DIM matrix, turns first.
-    fn inertia_matrix(i: &Self::Inertia, mass: f64, out: &mut [f64]);
+    fn inertia_matrix(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
     /// Write the twist (or wrench) as DIM numbers, turns first.
-    fn twist_to(w: Self::Ang, v: Self::Vec, out: &mut [f64]);
+    fn twist_to(w: Self::Ang, v: Self::Vec, out: &mut [Self::S]);
+
+    /// A twist (or wrench) as DIM numbers, turns first.
+    fn flat(w: Self::Ang, v: Self::Vec) -> [Self::S; 6];
+    /// Add a world inertia (about the centre of mass) and mass to a DIM x DIM matrix, turns first.
+    fn add_inertia(i: &Self::Inertia, mass: Self::S, out: &mut [Self::S]);
 }

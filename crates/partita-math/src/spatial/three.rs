@@ -131,32 +131,54 @@ impl<S: Scalar> Space for Spatial<S> {
     fn ang_from(x: [f64; 3]) -> Vec3<S> {
         Vec3::from_f64(x)
     }
-    fn vec_to(x: Vec3<S>) -> [f64; 3] {
-        x.value()
+    #[inline(always)]
+    fn vec_in(x: Vec3<S>) -> Vec3<S> {
+        x
     }
-    fn ang_to(x: Vec3<S>) -> [f64; 3] {
-        x.value()
+    #[inline(always)]
+    fn ang_in(x: Vec3<S>) -> Vec3<S> {
+        x
     }
-    fn rot_to(r: &Mat3<S>) -> [[f64; 3]; 3] {
-        r.value()
+    #[inline(always)]
+    fn vec_to(x: Vec3<S>) -> Vec3<S> {
+        x
     }
-    fn out_of_space(_: [f64; 3]) -> f64 {
-        0.0
+    #[inline(always)]
+    fn ang_to(x: Vec3<S>) -> Vec3<S> {
+        x
     }
-    fn inertia_from(i: [[f64; 3]; 3]) -> Inertia3<S> {
-        Inertia3(Mat3::from_f64(i))
+    #[inline(always)]
+    fn rot_to(r: &Mat3<S>) -> Mat3<S> {
+        *r
     }
-    fn inertia_matrix(i: &Inertia3<S>, mass: f64, out: &mut [f64]) {
-        out.fill(0.0);
+    fn out_of_space(_: Vec3<S>) -> S {
+        S::zero()
+    }
+    fn inertia_in(i: &Mat3<S>) -> Inertia3<S> {
+        Inertia3(*i)
+    }
+    fn inertia_matrix(i: &Inertia3<S>, mass: S, out: &mut [S]) {
+        out.fill(S::zero());
         for r in 0..3 {
-            for c in 0..3 {
-                out[r * 6 + c] = i.0 .0[r][c].value();
-            }
+            out[r * 6..r * 6 + 3].copy_from_slice(&i.0 .0[r]);
             out[(r + 3) * 6 + r + 3] = mass;
         }
     }
-    fn twist_to(w: Vec3<S>, v: Vec3<S>, out: &mut [f64]) {
-        out[..3].copy_from_slice(&w.value());
-        out[3..6].copy_from_slice(&v.value());
+    fn twist_to(w: Vec3<S>, v: Vec3<S>, out: &mut [S]) {
+        out[..3].copy_from_slice(&w.0);
+        out[3..6].copy_from_slice(&v.0);
+    }
+    #[inline(always)]
+    fn flat(w: Vec3<S>, v: Vec3<S>) -> [S; 6] {
+        [w.0[0], w.0[1], w.0[2], v.0[0], v.0[1], v.0[2]]
+    }
+    #[inline(always)]
+    fn add_inertia(i: &Inertia3<S>, mass: S, out: &mut [S]) {
+        for r in 0..3 {
+            for c in 0..3 {
+                out[r * 6 + c] += i.0 .0[r][c];
+            }
+            out[(r + 3) * 6 + r + 3] += mass;
+        }
     }
 }

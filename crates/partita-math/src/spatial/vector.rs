@@ -20,11 +20,6 @@ macro_rules! vector {
             pub fn from_f64(x: [f64; $n]) -> Self {
                 Self(x.map(S::from_f64))
             }
-            /// The plain values, derivatives dropped.
-            #[inline(always)]
-            pub fn value(self) -> [f64; $n] {
-                self.0.map(|x| x.value())
-            }
             /// Scalar product.
             #[inline(always)]
             pub fn dot(self, o: Self) -> S {
@@ -104,6 +99,29 @@ impl<S: Scalar> Vec3<S> {
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
         Self([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    }
+
+    /// `yes` where `test` is above 0, else `no`.
+    #[inline(always)]
+    pub fn where_positive(test: S, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|i| test.where_positive(yes.0[i], no.0[i])))
+    }
+
+    /// Unit vector along this one; zero for a vector without length.
+    #[inline(always)]
+    pub fn direction(self) -> Self {
+        let n = self.norm();
+        Self(self.0.map(|x| x.over_or_zero(n)))
+    }
+
+    /// A unit vector across this unit vector: square to it and to the world axis least aligned with it.
+    pub fn across(self) -> Self {
+        let [x, y, z] = self.0.map(S::abs);
+        let (o, i) = (S::zero(), S::one());
+        // above 0 where the first is not the smaller one
+        let seed = Self::where_positive(x - y, Self([o, i, o]), Self([i, o, o]));
+        let seed = Self::where_positive(x.min(y) - z, Self([o, o, i]), seed);
+        (seed - self.times(seed.dot(self))).direction()
     }
 }
 

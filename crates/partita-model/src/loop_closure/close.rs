@@ -6,7 +6,7 @@ use super::implicit::Field;
 use super::planar::{self, FlatJoint, Shortfall};
 use super::polygon::{turn_in, Polygon};
 use super::{spatial, Graph, LoopClosing, Work};
-use crate::model::Engine;
+use crate::evaluator::Engine;
 use crate::tree::{Closing as CutJoint, LinkMotion};
 use crate::value;
 use partita_math::spatial::{Mat3, Planar, Quaternion};
@@ -129,7 +129,8 @@ impl LoopClosing<'_> {
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
                 let drive = &self.model.drives[*d];
-                let [p, _, _] = value::motion_at(&drive.motion, &*self.model.functions, t, &drive.name)?;
+                let room = &mut self.scratch.room;
+                let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, room)?;
                 self.x[*edge] = p;
                 q[drive.q] = p;
                 return Ok(());

@@ -83,7 +83,7 @@ fn implicit_count(model: &Model, graph: &Graph, inputs: &[usize]) -> usize {
 /// with too many sets to look at them all.
 fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut budget: usize) -> Option<Vec<usize>> {
     let model = at.model;
-    let mut r = Reduction::new(model, model.size().nv - k);
+    let mut r = Reduction::dense(model, model.size().nv - k);
     start::choose_partition(&mut r, t, q, None, None).ok()?;
     let mut best = (implicit_count(model, graph, &r.partition.independent), r.partition.independent.clone());
     while best.0 > 0 && budget > 0 {

@@ -1,15 +1,41 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
-use super::{Dense, Engine, Model, ModelScratch};
+use super::{Dense, Model, ModelScratch};
+use crate::clusters::{Plan, Preference, Tangents, Way};
+use crate::evaluator::{with_engine, Engine};
 use crate::spec::Value;
 use crate::tree::LinkMotion;
-use crate::value;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Quaternion, Vec3};
+use partita_system::clusters::Clusters;
 use partita_system::kinematics::closing::Closing;
-use partita_system::system::{project_dense, Tangent};
+use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
+
+/// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
+const FEW_FREEDOMS: usize = 6;
+
+fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
+    Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
+}
+
+impl Model {
+    /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
+    fn felt(&self, t: f64, s: &ModelScratch, vdot: &[f64]) -> Result<(), SystemError> {
+        if vdot.iter().all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        let pivots = match (&self.engine, &s.flat) {
+            (Engine::Flat(_), Some(x)) => x.clusters.pivots(),
+            _ => s.full.clusters.pivots(),
+        };
+        match pivots.iter().position(|x| *x <= 0.0) {
+            Some(v) => Err(self.mass_error((v, pivots[v]))),
+            None => Err(SystemError::NotFinite { what: "an acceleration".into(), t }),
+        }
+    }
+}
 
 impl ConstrainedSystem for Model {
     type Scratch = ModelScratch;
@@ -22,15 +48,7 @@ impl ConstrainedSystem for Model {
         &self.pattern
     }
     fn scratch(&self) -> ModelScratch {
-        ModelScratch {
-            flat: match &self.engine {
-                Engine::Flat(tree) => Some(tree.scratch()),
-                Engine::Full => None,
-            },
-            full: self.full.scratch(),
-            dense: Dense::default(),
-            forces_at: false,
-        }
+        ModelScratch { own: self.own.scratch(), dense: Dense::default(), recursion: Plan::default() }
     }
     fn velocity_name(&self, i: usize) -> String {
         self.placed.velocity_names[i].clone()
@@ -64,32 +82,11 @@ impl ConstrainedSystem for Model {
         c: &mut [f64],
         a: &mut [f64],
     ) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.poses(q, x);
-            tree.inertias(x);
-            tree.close(x, phi, c);
-        });
-        let entries = c.len() - self.drives.len();
-        for (i, d) in self.drives.iter().enumerate() {
-            let [p, u, _] = value::motion_at(&d.motion, &*self.functions, t, &d.name)?;
-            phi[d.row] = q[d.q] - p;
-            a[d.row] = -u;
-            c[entries + i] = 1.0;
-        }
-        Ok(())
+        self.own.position(t, q, s, phi, c, a)
     }
 
     fn velocity(&self, t: f64, _q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
-        s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
-            tree.twists(v, x);
-            tree.bias(x, b);
-        });
-        for d in &self.drives {
-            b[d.row] = -value::motion_at(&d.motion, &*self.functions, t, &d.name)?[2];
-        }
-        Ok(())
+        self.own.velocity(t, v, s, b)
     }
 
     fn dynamics(
@@ -101,19 +98,7 @@ impl ConstrainedSystem for Model {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| {
-            tree.mass_matrix(x, mass);
-            // h = −(M 0 − h): inverse dynamics without acceleration
-            let zero = std::mem::take(&mut s.dense.work);
-            let mut zero = zero;
-            zero.clear();
-            zero.resize(v.len(), 0.0);
-            tree.inverse_dynamics(&zero, x, h);
-            s.dense.work = zero;
-        });
-        h.iter_mut().for_each(|x| *x = -*x);
-        Ok(())
+        self.own.dynamics(t, q, v, s, mass, h)
     }
 
     fn project(
@@ -141,9 +126,86 @@ impl ConstrainedSystem for Model {
             s.dense = d;
             return Ok(());
         }
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.project(tangent.k, tangent.dt, tangent.delta, x, md, hd));
-        Ok(())
+        self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s, md, hd)
+    }
+
+    fn clusters(&self) -> Clusters {
+        self.clusters.clone()
+    }
+
+    fn plan_recursion(&self, kept: &[usize], s: &mut ModelScratch) -> Option<Recursion> {
+        let k = self.placed.nv.saturating_sub(kept.len());
+        let counted = self.preference == Preference::Counted;
+        if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
+            return None;
+        }
+        let plan =
+            with_engine!(self, s, |tree, _x| Plan::new(tree, &self.pattern, &self.clusters, kept, self.preference));
+        if counted && self.dense_cost(k) <= plan.cost {
+            return None;
+        }
+        self.own.fit(&plan, s);
+        let by_partial_velocities = plan.ways.iter().map(|w| *w == Way::PartialVelocities).collect();
+        let recursion = Recursion { columns: plan.columns, by_partial_velocities };
+        s.recursion = plan;
+        Some(recursion)
+    }
+
+    fn accelerate(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &ClusterTangent,
+        s: &mut ModelScratch,
+        vdot: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let plan = std::mem::take(&mut s.recursion);
+        let done = self.own.accelerate(t, q, v, &plan, &by(tangent), s, vdot);
+        s.recursion = plan;
+        done?;
+        self.felt(t, s, vdot)
+    }
+
+    fn respond(
+        &self,
+        tangent: &ClusterTangent,
+        effort: &[f64],
+        s: &mut ModelScratch,
+        out: &mut [f64],
+    ) -> Result<(), SystemError> {
+        let plan = std::mem::take(&mut s.recursion);
+        self.own.respond(&plan, &by(tangent), effort, s, out);
+        s.recursion = plan;
+        self.felt(0.0, s, out)
+    }
+
+    fn mobility(
+        &self,
+        tangent: &ClusterTangent,
+        independent: &[usize],
+        s: &mut ModelScratch,
+        diagonal: &mut [f64],
+        block: &mut dyn FnMut(usize, &[usize], &[f64]),
+    ) {
+        let plan = &s.recursion;
+        let of = &self.clusters.of_velocity;
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => {
+                tree.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+            }
+            _ => {
+                let x = &s.full;
+                self.full.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
+            }
+        }
+    }
+
+    fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
+            _ => self.full.cluster_mass(&s.recursion, n, &s.full.clusters),
+        }
     }
 
     fn inverse_dynamics(
@@ -155,9 +217,7 @@ impl ConstrainedSystem for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.forces(t, q, v, s)?;
-        with_engine!(self, s, |tree, x| tree.inverse_dynamics(vdot, x, out));
-        Ok(())
+        self.own.inverse_dynamics(t, q, v, vdot, s, out)
     }
 
     fn inverse_mass_diagonal(
@@ -200,25 +260,11 @@ impl ConstrainedSystem for Model {
         if !self.has_power {
             return Ok(0.0);
         }
-        with_engine!(self, s, |tree, x| {
-            let loads = tree.load_energy(&self.loads, &self.placed.basis, &*self.functions, t, q, v, x)?;
-            Ok(tree.spring_energy(x).1 + loads.1)
-        })
+        Ok(self.energies(t, q, v, s)?[2])
     }
 
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
-        if self.placed.nq == self.placed.nv {
-            qdot.copy_from_slice(v);
-            return;
-        }
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                qdot[l.q..l.q + 4].copy_from_slice(&p.rate(Vec3([v[l.v], v[l.v + 1], v[l.v + 2]])));
-            } else {
-                qdot[l.q] = v[l.v];
-            }
-        }
+        self.own.rate(q, v, qdot);
     }
 
     fn step(&self, q: &mut [f64], dv: &[f64]) {

@@ -1,91 +1,52 @@
 //! What acts on the bodies besides their joints.
 
 use super::Wrench;
-use crate::load::{self, Load, Push};
-use crate::model::{Model, ModelScratch};
-use crate::value;
-use partita_math::spatial::Vec3;
+use crate::evaluator::{Evaluator, Scratch};
+use crate::force::{Acts, At, Push};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Spatial, Vec3};
 use partita_system::SystemError;
 
-impl Model {
+/// Applied forces at one instant, in mechanism axes.
+pub(super) struct Applied<S> {
+    /// On each body, about its centre of mass: gravity too.
+    pub on: Vec<Wrench<S>>,
+    /// Along each velocity of the tree.
+    pub efforts: Vec<S>,
+}
+
+impl<S: Scalar> Evaluator<S> {
     /// Put a wrench about a point of space on a node.
-    pub(super) fn put(&self, s: &ModelScratch, on: &mut [Wrench], node: usize, w: &Wrench, point: Vec3<f64>) {
+    pub(super) fn put(&self, s: &Scratch<S>, on: &mut [Wrench<S>], node: usize, w: &Wrench<S>, point: Vec3<S>) {
         if node > 0 {
             on[node - 1].add(&w.about(point - self.com_now(s, node - 1)));
         }
     }
 
-    /// Everything but joints that acts on the bodies, about their centres of mass.
-    pub(super) fn applied(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
-        let mut on = vec![Wrench::default(); self.placed.bodies.len()];
-        let zero = Vec3::zero();
-        for (w, b) in on.iter_mut().zip(&self.placed.bodies) {
-            w.force += self.full.gravity.times(b.mass);
-        }
-        for (k, &(na, nb, first)) in self.full.springs.iter().zip(&self.spring_nodes) {
-            let (ra, rb) = (self.full.arm(&k.a, &s.full), self.full.arm(&k.b, &s.full));
-            let (xa, xb) = (&s.full.links[k.a.link], &s.full.links[k.b.link]);
-            let gap = xb.centre + rb - xa.centre - ra + k.offset;
-            // on the ground the anchor is part of the offset, but the point stays where it was
-            let pa = if k.a.link == 0 { first } else { self.full.place(k.a.link, &s.full) + ra };
-            let pb = pa + gap;
-            let length = gap.norm();
-            if length == 0.0 {
-                continue;
-            }
-            let rate = xb.u + xb.w.cross(rb) - xa.u - xa.w.cross(ra);
-            let tension = k.stiffness * (length - k.length) + k.damping * gap.dot(rate) / length;
-            let pull = gap.times(tension / length);
-            self.put(s, &mut on, na, &Wrench { moment: zero, force: pull }, pa);
-            self.put(s, &mut on, nb, &Wrench { moment: zero, force: -pull }, pb);
-        }
-        for l in &self.loads {
-            match l {
-                Load::Force { node, link, at, .. } => {
-                    let x = &s.full.links[*link];
-                    let force = load::force_at(l, &x.rot.0, &self.placed.basis, &*self.functions, t, q, v)?;
-                    self.put(
-                        s,
-                        &mut on,
-                        *node,
-                        &Wrench { moment: zero, force },
-                        self.full.place(*link, &s.full) + x.rot.apply(*at),
-                    );
+    /// Everything but joints that acts, after [`look`](Self::look). A user's function is called once for each force.
+    pub(super) fn applied(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<Applied<S>, SystemError> {
+        let bodies = &self.numbers.bodies;
+        let on =
+            bodies.iter().map(|b| Wrench { force: self.full.gravity.times(b.mass), ..Wrench::default() }).collect();
+        let mut all = Applied { on, efforts: vec![S::zero(); self.placed.nv] };
+        let mut room = std::mem::take(&mut s.room);
+        for e in &self.full.elements {
+            let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
+            match &effect.acts {
+                Acts::Along(i, effort) => all.efforts[*i] += *effort,
+                Acts::On(p) => self.put_push(s, &mut all.on, p),
+                Acts::Between(a, b) => {
+                    self.put_push(s, &mut all.on, a);
+                    self.put_push(s, &mut all.on, b);
                 }
-                Load::CutEffort { name, parent, child, push, at, value } => {
-                    let e = value::scalar_at(value, &*self.functions, t, q, v, name)?;
-                    let x = &s.full.links[child.1];
-                    let point = self.full.place(child.1, &s.full) + x.rot.apply(*at);
-                    let rp = s.full.links[parent.1].rot;
-                    let w = match push {
-                        Push::Moment(on_parent, on_child) => {
-                            Wrench { moment: (rp.apply(*on_parent) + x.rot.apply(*on_child)).times(e), force: zero }
-                        }
-                        Push::Force(a) => Wrench { moment: zero, force: rp.apply(*a).times(e) },
-                    };
-                    self.put(s, &mut on, child.0, &w, point);
-                    self.put(s, &mut on, parent.0, &w.times(-1.0), point);
-                }
-                Load::Torsion { .. } | Load::Effort { .. } => {} // these act along tree joints
             }
         }
-        Ok(on)
+        s.room = room;
+        Ok(all)
     }
 
-    /// Efforts of torsion springs and torques along tree velocities.
-    pub(super) fn efforts(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let mut e = vec![0.0; self.placed.nv];
-        for l in &self.loads {
-            match l {
-                Load::Torsion { q: i, v: j, stiffness, damping, angle } => {
-                    e[*j] -= stiffness * (q[*i] - angle) + damping * v[*j];
-                }
-                Load::Effort { name, v: j, value, .. } => {
-                    e[*j] += value::scalar_at(value, &*self.functions, t, q, v, name)?;
-                }
-                _ => {}
-            }
-        }
-        Ok(e)
+    fn put_push(&self, s: &Scratch<S>, on: &mut [Wrench<S>], p: &Push<Spatial<S>>) {
+        let point = self.full.place(p.link, &s.full) + p.arm;
+        self.put(s, on, p.node, &Wrench { moment: p.moment, force: p.force }, point);
     }
 }

@@ -5,7 +5,7 @@
 //! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
 //! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
 
-use super::{replace, Reactions, Wrench};
+use super::{replace, Known, Reactions, Wrench};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -28,8 +28,9 @@ impl Model {
         vdot: &[f64],
         lambda: &[f64],
         s: &mut ModelScratch,
-    ) -> Result<Vec<Wrench>, SystemError> {
-        let (Reactions { mut joints, drives, .. }, needed) = self.known(t, q, v, vdot, lambda, s)?;
+    ) -> Result<Vec<Wrench<f64>>, SystemError> {
+        let Known { reactions: Reactions { mut joints, drives, .. }, needed, .. } =
+            self.known(t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.topology.tree.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);
@@ -43,19 +44,15 @@ impl Model {
                     false => w.force += z.axis.times(sigma),
                 }
             }
-            let sign = if e.reversed { -1.0 } else { 1.0 };
             let along = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
                 free.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, drives[j][i])).unzip()
             };
             let ((turns, torques), (slides, pushes)) = (along(true), along(false));
-            w = w.times(sign);
+            w = if e.reversed { w.opposite() } else { w };
             joints[j] =
                 Wrench { moment: replace(w.moment, &turns, &torques), force: replace(w.force, &slides, &pushes) };
         }
-        let out = self.placed.basis;
-        for w in &mut joints {
-            *w = Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) };
-        }
+        joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
         Ok(joints)
     }
 
@@ -77,7 +74,7 @@ impl Model {
         z: Prohibited,
         point: Vec3<f64>,
         outboard: &[usize],
-        needed: &[Wrench],
+        needed: &[Wrench<f64>],
         s: &ModelScratch,
     ) -> f64 {
         outboard.iter().fold(0.0, |sum, &node| {

@@ -3,83 +3,116 @@
 mod applied;
 mod augmented;
 
+use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
-use crate::model::{three, Engine, Model, ModelScratch};
+use applied::Applied;
 use partita_math::dense;
-use partita_math::spatial::Vec3;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Planar, Space, Vec3};
 use partita_system::SystemError;
+
+fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
+    Vec3::from_f64(x.0)
+}
+
+fn constant<S: Scalar>(m: &Mat3<f64>) -> Mat3<S> {
+    Mat3::from_f64(m.0)
+}
 
 /// Moment about a point, and force.
 #[derive(Clone, Copy, Debug)]
-pub struct Wrench {
+pub struct Wrench<S = f64> {
     /// Moment.
-    pub moment: Vec3<f64>,
+    pub moment: Vec3<S>,
     /// Force.
-    pub force: Vec3<f64>,
+    pub force: Vec3<S>,
 }
 
-impl Default for Wrench {
+impl<S: Scalar> Default for Wrench<S> {
     fn default() -> Self {
         Self { moment: Vec3::zero(), force: Vec3::zero() }
     }
 }
 
-impl Wrench {
+impl<S: Scalar> Wrench<S> {
     /// The same wrench about a point that lies `arm` before the old one (old = new + arm).
-    fn about(&self, arm: Vec3<f64>) -> Self {
+    fn about(&self, arm: Vec3<S>) -> Self {
         Self { moment: self.moment + arm.cross(self.force), force: self.force }
     }
     fn add(&mut self, o: &Self) {
         self.moment += o.moment;
         self.force += o.force;
     }
-    fn times(&self, k: f64) -> Self {
-        Self { moment: self.moment.times(k), force: self.force.times(k) }
+    fn opposite(&self) -> Self {
+        Self { moment: -self.moment, force: -self.force }
+    }
+    /// In the axes of the world.
+    fn out_of(&self, basis: &Mat3<S>) -> Self {
+        Self { moment: basis.apply_transposed(self.moment), force: basis.apply_transposed(self.force) }
     }
 }
 
 /// Reactions at one instant.
 #[derive(Clone, Debug, Default)]
-pub struct Reactions {
+pub struct Reactions<S = f64> {
     /// Action of each joint's constraints on its child, reduced to the joint's point, world axes.
-    pub joints: Vec<Wrench>,
+    pub joints: Vec<Wrench<S>>,
     /// Effort of drives along each joint's velocities.
-    pub drives: Vec<Vec<f64>>,
+    pub drives: Vec<Vec<S>>,
     /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size).
-    pub residual: f64,
+    pub residual: S,
 }
 
-/// Along `axes`: replace the components of x by `wanted`.
-fn replace(x: Vec3<f64>, axes: &[Vec3<f64>], wanted: &[f64]) -> Vec3<f64> {
+/// What is known before the sweep.
+struct Known<S> {
+    reactions: Reactions<S>,
+    /// What each body still needs.
+    needed: Vec<Wrench<S>>,
+    /// Applied along each velocity of the tree.
+    efforts: Vec<S>,
+}
+
+/// Pivots below this part of a diagonal entry: axes in line.
+const IN_LINE: f64 = 1e-14;
+
+/// Along `axes` (three at the most): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x alone:
+/// nothing tells them apart.
+fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
     let n = axes.len();
     if n == 0 {
         return x;
     }
-    let mut gram = vec![0.0; n * n];
-    let mut off = vec![0.0; n];
+    let mut gram = [S::zero(); 9];
+    let mut off = [S::zero(); 3];
     for i in 0..n {
         for j in 0..n {
             gram[i * n + j] = axes[i].dot(axes[j]);
         }
         off[i] = wanted[i] - axes[i].dot(x);
     }
-    if dense::cholesky(&mut gram, n).is_err() {
-        return x; // axes in line (gimbal lock): nothing to tell them apart
+    let mut apart = S::one();
+    let diagonal: [S; 3] = std::array::from_fn(|i| if i < n { gram[i * n + i] } else { S::one() });
+    dense::cholesky_straight(&mut gram[..n * n], n);
+    for i in 0..n {
+        let (root, least) = (gram[i * n + i], diagonal[i].scale(IN_LINE));
+        // NaN is not above 0
+        apart = apart.where_positive(root * root - least, apart);
     }
-    dense::cholesky_solve(&gram, n, &mut off);
-    axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k))
+    dense::cholesky_solve(&gram[..n * n], n, &mut off);
+    let replaced = axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k));
+    Vec3::where_positive(apart, replaced, x)
 }
 
-impl Model {
+impl<S: Scalar> Evaluator<S> {
     /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
-    fn free_axes(&self, j: usize, s: &ModelScratch) -> Vec<(bool, Vec3<f64>)> {
+    fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
         let p = &self.placed.joints[j];
         let mut axes = Vec::new();
         match &p.links {
             Some(links) => {
                 for (m, &link) in p.shape.motions.iter().zip(links) {
                     let x = &s.full.links[link];
-                    let sign = if p.reversed { -1.0 } else { 1.0 };
+                    let sign = S::from_f64(if p.reversed { -1.0 } else { 1.0 });
                     match m {
                         Motion::Turn(_) => axes.push((true, x.axis.times(sign))),
                         Motion::Slide(_) => axes.push((false, x.direction.times(sign))),
@@ -88,8 +121,8 @@ impl Model {
                 }
             }
             None => {
-                let parent = crate::observe::node_state(self, s, p.parent).rot.mul(&p.on_parent);
-                let child = crate::observe::node_state(self, s, p.child).rot.mul(&p.on_child);
+                let parent = self.node_state(s, p.parent).rot.mul(&constant(&p.on_parent));
+                let child = self.node_state(s, p.child).rot.mul(&constant(&p.on_child));
                 let turns = p.shape.motions.iter().filter(|m| matches!(m, Motion::Turn(_))).count();
                 let mut seen = 0;
                 for m in &p.shape.motions {
@@ -97,9 +130,12 @@ impl Model {
                         Motion::Turn(a) => {
                             seen += 1;
                             // the last of two turns is about an axis of the child
-                            axes.push((true, if seen == turns { child.apply(*a) } else { parent.apply(*a) }));
+                            axes.push((
+                                true,
+                                if seen == turns { child.apply(lift(*a)) } else { parent.apply(lift(*a)) },
+                            ));
                         }
-                        Motion::Slide(a) => axes.push((false, parent.apply(*a))),
+                        Motion::Slide(a) => axes.push((false, parent.apply(lift(*a)))),
                         Motion::Ball => (0..3).for_each(|i| axes.push((true, child.column(i)))),
                     }
                 }
@@ -109,15 +145,14 @@ impl Model {
     }
 
     /// Wrenches of the closings for the multipliers λ: joint, wrench on its child about the joint's point there.
-    fn closing_reactions(&self, s: &mut ModelScratch, lambda: &[f64]) -> Vec<(usize, Wrench)> {
+    fn closing_reactions(&self, s: &mut Scratch<S>, lambda: &[S]) -> Vec<(usize, Wrench<S>)> {
         match (&self.engine, &s.flat) {
             (Engine::Flat(tree), Some(x)) => tree
                 .closings
                 .iter()
                 .map(|k| {
                     let (m, f) = tree.closing_wrench(k, x, lambda);
-                    let force = three::<partita_math::spatial::Planar<f64>>(f);
-                    (k.joint, Wrench { moment: Vec3([0.0, 0.0, m]), force })
+                    (k.joint, Wrench { moment: Planar::ang_to(m), force: Planar::vec_to(f) })
                 })
                 .collect(),
             _ => self
@@ -132,19 +167,19 @@ impl Model {
         }
     }
 
-    fn com_now(&self, s: &ModelScratch, body: usize) -> Vec3<f64> {
-        let b = &self.placed.bodies[body];
-        self.full.place(b.link, &s.full) + self.arm_now(s, b.link, b.com)
+    fn com_now(&self, s: &Scratch<S>, body: usize) -> Vec3<S> {
+        let link = self.placed.bodies[body].link;
+        self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.bodies[body].com)
     }
 
-    fn joint_point_now(&self, s: &ModelScratch, j: usize) -> Vec3<f64> {
+    fn joint_point_now(&self, s: &Scratch<S>, j: usize) -> Vec3<S> {
         let p = &self.placed.joints[j];
         let link = self.placed.link_of(p.child);
-        self.full.place(link, &s.full) + self.arm_now(s, link, p.child_point)
+        self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)
     }
 
     /// Wrench through every tree joint on its outer body, about that body's centre of mass, given what each body needs.
-    fn inward(&self, s: &ModelScratch, mut needed: Vec<Wrench>) -> Vec<Wrench> {
+    fn inward(&self, s: &Scratch<S>, mut needed: Vec<Wrench<S>>) -> Vec<Wrench<S>> {
         for e in self.placed.topology.tree.iter().rev() {
             if e.from > 0 {
                 let w = needed[e.to - 1].about(self.com_now(s, e.to - 1) - self.com_now(s, e.from - 1));
@@ -154,75 +189,83 @@ impl Model {
         needed
     }
 
-    /// What each body needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass.
-    fn needed(&self, t: f64, q: &[f64], v: &[f64], vdot: &[f64], s: &ModelScratch) -> Result<Vec<Wrench>, SystemError> {
+    /// What each body needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and the
+    /// applied efforts along the tree's velocities.
+    fn needed(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<(Vec<Wrench<S>>, Vec<S>), SystemError> {
+        let Applied { on: mut needed, efforts } = self.applied(t, q, v, s)?;
         let acceleration = self.link_accelerations(vdot, s);
-        let mut needed = self.applied(t, q, v, s)?;
-        for (w, b) in needed.iter_mut().zip(&self.placed.bodies) {
-            let x = &s.full.links[b.link];
-            let (alpha, acc) = acceleration[b.link];
-            let arm = x.rot.apply(b.com - self.reference[b.link]);
+        for ((w, b), p) in needed.iter_mut().zip(&self.numbers.bodies).zip(&self.placed.bodies) {
+            let x = &s.full.links[p.link];
+            let (alpha, acc) = acceleration[p.link];
+            let arm = x.rot.apply(b.com - self.numbers.reference[p.link]);
             let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
             let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
             let spin = j.apply(x.w);
             let moment = j.apply(alpha) + x.w.cross(spin);
             *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
         }
-        Ok(needed)
+        Ok((needed, efforts))
     }
 
     /// What the multipliers give by themselves: the reactions of cut joints and the efforts of drives; and what each body
     /// still needs with them.
     fn known(
         &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        vdot: &[f64],
-        lambda: &[f64],
-        s: &mut ModelScratch,
-    ) -> Result<(Reactions, Vec<Wrench>), SystemError> {
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Known<S>, SystemError> {
         self.look(q, v, s);
-        let mut needed = self.needed(t, q, v, vdot, s)?;
+        let (mut needed, efforts) = self.needed(t, q, v, vdot, s)?;
         let mut result = Reactions {
             joints: vec![Wrench::default(); self.placed.joints.len()],
-            drives: self.placed.joints.iter().map(|p| vec![0.0; p.shape.freedoms()]).collect(),
-            residual: 0.0,
+            drives: self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect(),
+            residual: S::zero(),
         };
         for (j, w) in self.closing_reactions(s, lambda) {
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
-            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
+            self.put(s, &mut needed, p.child, &w.opposite(), point);
             self.put(s, &mut needed, p.parent, &w, point);
             result.joints[j] = w;
         }
-        for d in &self.drives {
+        for d in self.drives.iter() {
             result.drives[d.joint][d.coordinate] = lambda[d.row];
         }
-        Ok((result, needed))
+        Ok(Known { reactions: result, needed, efforts })
     }
 
     /// Reactions of all joints for a motion with the multipliers `lambda`.
     pub fn reactions(
         &self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        vdot: &[f64],
-        lambda: &[f64],
-        s: &mut ModelScratch,
-    ) -> Result<Reactions, SystemError> {
-        let (mut result, needed) = self.known(t, q, v, vdot, lambda, s)?;
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Reactions<S>, SystemError> {
+        let Known { reactions: mut result, needed, efforts } = self.known(t, q, v, vdot, lambda, s)?;
         let transmitted = self.inward(s, needed.clone());
-        let efforts = self.efforts(t, q, v)?;
         let mut left = needed;
-        let mut largest = self.full.gravity.norm() * self.placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass));
+        let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
+        let mut largest = self.full.gravity.norm() * heaviest;
         for e in &self.placed.topology.tree {
             let outer = e.to - 1;
             let Some(j) = e.joint else { continue };
             let point = self.joint_point_now(s, j);
             let w = transmitted[outer].about(self.com_now(s, outer) - point);
-            let w = if e.reversed { w.times(-1.0) } else { w }; // on the child
+            let w = if e.reversed { w.opposite() } else { w }; // on the child
             let p = &self.placed.joints[j];
             let axes = self.free_axes(j, s);
             let velocities: Vec<usize> = p
@@ -235,8 +278,8 @@ impl Model {
                     v..v + m.velocities()
                 })
                 .collect();
-            let with = |wanted: &dyn Fn(usize) -> f64| {
-                let of = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
+            let with = |wanted: &dyn Fn(usize) -> S| {
+                let of = |turns: bool| -> (Vec<Vec3<S>>, Vec<S>) {
                     axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
                 };
                 let ((ta, tw), (sa, sw)) = (of(true), of(false));
@@ -248,26 +291,24 @@ impl Model {
             let acting = with(&|i| drives[i] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             let (parent, child) = (p.parent, p.child);
-            self.put(s, &mut left, child, &acting.times(-1.0), point);
+            self.put(s, &mut left, child, &acting.opposite(), point);
             self.put(s, &mut left, parent, &acting, point);
             largest = largest.max(acting.force.norm());
         }
         for w in &result.joints {
-            largest = largest.max(w.force.norm()).max(w.moment.norm() / self.placed.size);
+            largest = largest.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
         }
         for w in &left {
-            result.residual = result.residual.max(w.force.norm()).max(w.moment.norm() / self.placed.size);
+            result.residual = result.residual.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
         }
-        result.residual = if largest > 0.0 { result.residual / largest } else { result.residual };
-        let out = self.placed.basis;
-        for w in &mut result.joints {
-            *w = Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) };
-        }
+        result.residual = largest.where_positive(result.residual / largest, result.residual);
+        let basis = constant(&self.placed.basis);
+        result.joints.iter_mut().for_each(|w| *w = w.out_of(&basis));
         Ok(result)
     }
 
     /// Angular acceleration and acceleration of the reference point of every link.
-    fn link_accelerations(&self, vdot: &[f64], s: &ModelScratch) -> Vec<(Vec3<f64>, Vec3<f64>)> {
+    fn link_accelerations(&self, vdot: &[S], s: &Scratch<S>) -> Vec<(Vec3<S>, Vec3<S>)> {
         let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
         for i in 1..moved.len() {
             let (w, u) = moved[self.full.links[i].parent];
@@ -277,15 +318,15 @@ impl Model {
     }
 
     /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
-    pub fn wrenches_of(&self, q: &[f64], lambda: &[f64], s: &mut ModelScratch) -> Vec<Wrench> {
-        let still = vec![0.0; self.placed.nv];
+    pub fn wrenches_of(&self, q: &[S], lambda: &[S], s: &mut Scratch<S>) -> Vec<Wrench<S>> {
+        let still = vec![S::zero(); self.placed.nv];
         self.look(q, &still, s);
         let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
         let mut joints = vec![Wrench::default(); self.placed.joints.len()];
         for (j, w) in self.closing_reactions(s, lambda) {
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
-            self.put(s, &mut needed, p.child, &w.times(-1.0), point);
+            self.put(s, &mut needed, p.child, &w.opposite(), point);
             self.put(s, &mut needed, p.parent, &w, point);
             joints[j] = w;
         }
@@ -293,13 +334,10 @@ impl Model {
         for e in &self.placed.topology.tree {
             if let Some(j) = e.joint {
                 let w = transmitted[e.to - 1].about(self.com_now(s, e.to - 1) - self.joint_point_now(s, j));
-                joints[j] = if e.reversed { w.times(-1.0) } else { w };
+                joints[j] = if e.reversed { w.opposite() } else { w };
             }
         }
-        let out = self.placed.basis;
-        joints
-            .iter()
-            .map(|w| Wrench { moment: out.apply_transposed(w.moment), force: out.apply_transposed(w.force) })
-            .collect()
+        let basis = constant(&self.placed.basis);
+        joints.iter().map(|w| w.out_of(&basis)).collect()
     }
 }

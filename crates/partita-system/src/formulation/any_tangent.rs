@@ -1,7 +1,6 @@
 //! What is the same for every tangent that an evaluation left in a [`Reduction`], wherever it came from.
 
 use super::reduction::Reduction;
-use super::Sample;
 use crate::partition::Partition;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
@@ -58,32 +57,7 @@ pub fn best_partition<S: ConstrainedSystem>(
     t: f64,
     q: &[f64],
 ) -> Result<Partition, SystemError> {
-    let mut probe = Reduction::new(system, rank);
+    let mut probe = Reduction::dense(system, rank);
     start::choose_partition(&mut probe, t, q, None, None)?;
     Ok(probe.partition)
-}
-
-/// The part of a sample that is the same for every tangent left in r by an evaluation at `(t, q)`: all but multipliers
-/// and quality. The independent velocities named are the best ones of the moment.
-pub fn state_sample<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: Vec<f64>,
-    work: f64,
-    out: &mut Sample,
-) -> Result<(), SystemError> {
-    let size = r.size();
-    out.t = t;
-    out.work = work;
-    out.closure = r.closure();
-    out.velocity_closure = r.velocity_closure();
-    out.v.clear();
-    out.v.extend_from_slice(&r.v);
-    out.vdot.resize(size.nv, 0.0);
-    r.full_acceleration(&mut out.vdot);
-    out.measure.resize(size.nv, 0.0);
-    r.measure(t, &q, &mut out.measure)?;
-    out.independent = best_partition(r.system, r.rank(), t, &q)?.independent;
-    out.q = q;
-    Ok(())
 }

@@ -13,12 +13,11 @@ mod levels;
 use super::blocks::Blocks;
 use super::continuity::Continuity;
 use super::dead_point::dead_point;
+use super::instant::Describer;
 use super::options::FormulationOptions;
-use super::reduction::{largest, velocity_residuals};
 use super::state_coordinates::StateCoordinates;
-use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::kinematics::closing::Closing;
-use crate::partition::criterion;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -40,6 +39,7 @@ const MOST_DOUBT: f64 = 0.5;
 pub struct ExplicitClosing<'s, S: ConstrainedSystem> {
     system: &'s S,
     scratch: S::Scratch,
+    describer: Describer<'s, S>,
     rank: usize,
     k: usize,
     fixed: Option<Vec<usize>>,
@@ -132,6 +132,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
         Ok(Self {
             system,
             scratch: system.scratch(),
+            describer: Describer::new(system, rank),
             rank,
             k,
             fixed,
@@ -379,28 +380,25 @@ impl<S: ConstrainedSystem> Formulation for ExplicitClosing<'_, S> {
         Err(undecided(self.system, self.rank, t, &self.q, &*loops.closing))
     }
 
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
-        let (places, k) = (self.states.places(), self.k);
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let mut y = y.to_vec();
         self.correct(t, &mut y)?;
-        self.evaluate(t, &y)?;
-        self.multipliers(t)?;
-        out.t = t;
-        out.closure = largest(self.phi.iter().copied());
-        out.velocity_closure = largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a));
-        out.q = self.q.clone();
-        out.v = self.v.clone();
-        out.vdot = self.vdot.clone();
-        out.multipliers = self.lambda.clone();
-        out.independent = self.inputs().to_vec();
-        out.work = if self.observes_work { y[places + k] } else { 0.0 };
-        let mut s2 = vec![0.0; self.v.len()];
-        self.system.inverse_mass_diagonal(t, &self.q, &mut self.scratch, &mut s2)?;
-        out.measure.resize(s2.len(), 0.0);
-        criterion::measure_tangent(&self.dt, k, &self.md_factor, &s2, &mut vec![0.0; k], &mut out.measure);
-        let quality = self.quality(t)?;
-        (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
+        self.kinematics(t, &y)?;
+        let work = if self.observes_work { y[self.states.places() + self.k] } else { 0.0 };
+        out.set(t, &self.q, &self.v, work);
         Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let inputs = within.map_or_else(|| self.inputs(), |event| &event.independent).to_vec();
+        self.describer.describe(t, q, v, Some(&inputs), out).map(|_| ())
     }
 
     fn events(&self) -> &[PartitionEvent] {

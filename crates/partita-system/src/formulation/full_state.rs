@@ -6,9 +6,10 @@
 //! checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
 
 use super::acceleration::{AccelerationRule, Failure, Instant};
+use super::instant::Describer;
 use super::options::FormulationOptions;
 use super::reduction::Reduction;
-use super::{moment, turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::kinematics::projection::{dense_rows, MassProjection};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -23,6 +24,7 @@ const DEPENDENT: f64 = 1e-14;
 /// partition that (34) moves; it has no independent coordinates of its own.
 pub struct FullState<'s, S: ConstrainedSystem, R> {
     r: Reduction<'s, S>,
+    describer: Describer<'s, S>,
     rule: R,
     correction: Correction,
     exchange: f64,
@@ -45,6 +47,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
         let size = system.size();
         Self {
             r: Reduction::new(system, rank),
+            describer: Describer::new(system, rank),
             correction: if rule.corrected() { options.correction } else { Correction::None },
             rule,
             exchange: options.exchange,
@@ -272,11 +275,10 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.derivative(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let size = self.r.size();
-        let mut y = y.to_vec();
-        let (q, rest) = y.split_at_mut(size.nq);
-        let v = &mut rest[..size.nv];
+        let (q, rest) = y.split_at(size.nq);
+        let (q, v) = (&mut q.to_vec()[..], &mut rest[..size.nv].to_vec()[..]);
         self.r.system.normalise(q);
         if self.corrects() {
             // from the interpolation error to round-off: quadratic for q, twice the same linear solve for v
@@ -288,17 +290,33 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
             self.project(t, q, v)?;
             self.project(t, q, v)?;
         }
-        self.solve(t, q, v)?;
-        out.t = t;
-        out.q = q.to_vec();
-        out.v = v.to_vec();
-        out.vdot = self.vdot.clone();
-        out.multipliers = self.lambda.clone();
-        out.closure = self.r.closure();
-        out.velocity_closure = self.r.velocity_closure();
-        out.work = if self.observes_work { rest[size.nv] } else { 0.0 };
-        let mut probe = Reduction::new(self.r.system, self.r.rank());
-        moment::measure(&mut probe, t, &out.q.clone(), &out.v.clone(), out)
+        out.set(t, q, v, if self.observes_work { y[size.nq + size.nv] } else { 0.0 });
+        Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let _ = within; // nothing is chosen: named is the best choice of coordinates of the moment
+        self.describer.describe(t, q, v, None, out)?;
+        if self.rows.is_empty() && self.r.rank() > 0 {
+            start::choose_partition(&mut self.r, t, q, None, None)?;
+            self.take_rows();
+        }
+        match self.solve(t, q, v) {
+            Ok(()) => {
+                out.vdot.copy_from_slice(&self.vdot);
+                out.multipliers.copy_from_slice(&self.lambda);
+                Ok(())
+            }
+            Err(SystemError::Singular { .. }) if out.note.is_some() => Ok(()),
+            Err(e) => Err(e),
+        }
     }
     fn events(&self) -> &[PartitionEvent] {
         &self.events

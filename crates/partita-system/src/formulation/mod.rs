@@ -10,7 +10,7 @@ mod dead_point;
 pub mod explicit_closing;
 pub mod full_state;
 pub mod gram_schmidt;
-pub mod moment;
+pub mod instant;
 pub mod multipliers;
 pub mod options;
 pub mod projective;
@@ -31,6 +31,8 @@ pub mod zero_eigenvalue;
 
 use crate::partition::criterion::Quality;
 use crate::system::SystemError;
+use partita_math::dense::Matrix;
+use std::sync::Arc;
 
 /// How the remainder of S3 is removed after an accepted step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -61,6 +63,8 @@ pub struct PartitionEvent {
     pub reason: String,
     /// Quality right after.
     pub quality: Quality,
+    /// S (k x n), where a basis was frozen.
+    pub basis: Option<Arc<Matrix>>,
 }
 
 impl PartitionEvent {
@@ -82,7 +86,19 @@ impl PartitionEvent {
             dependent: dependent.to_vec(),
             reason,
             quality,
+            basis: None,
         }
+    }
+}
+
+impl Output {
+    /// Take over an instant; `turns` and `choice` stay.
+    pub(crate) fn set(&mut self, t: f64, q: &[f64], v: &[f64], work: f64) {
+        (self.t, self.work) = (t, work);
+        self.q.clear();
+        self.q.extend_from_slice(q);
+        self.v.clear();
+        self.v.extend_from_slice(v);
     }
 }
 
@@ -95,6 +111,23 @@ pub enum Review {
     Change,
     /// The partition went bad inside the step: repeat it.
     Reject,
+}
+
+/// What a run keeps of an instant; everything else follows from it, see [`Sample::of`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Output {
+    /// Time.
+    pub t: f64,
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
+    pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
+    /// Velocities (nv).
+    pub v: Vec<f64>,
+    /// Work of non-conservative forces and of driven constraints since the start.
+    pub work: f64,
+    /// Number, among the events of the run, of the choice in use; filled in by who marches.
+    pub choice: usize,
 }
 
 /// Everything known about the motion at one instant.
@@ -126,6 +159,8 @@ pub struct Sample {
     pub independent: Vec<usize>,
     /// Work of non-conservative forces and of driven constraints since the start.
     pub work: f64,
+    /// Why something is not determined here (and NaN), in a sentence.
+    pub note: Option<String>,
 }
 
 /// Counts of work done below the integrator.
@@ -157,7 +192,8 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
 ///
 /// Duties: `derivative` is called at any point near the motion; the others only at ends of steps (`correct`, then one
-/// `derivative` there, then `review`) and at outputs (`sample`).
+/// `derivative` there, then `review`) and at outputs (`state_at`), whose every other number is computed when it is asked for
+/// (`describe`).
 pub trait Formulation {
     /// Name used in results and messages.
     fn name(&self) -> &'static str;
@@ -204,8 +240,18 @@ pub trait Formulation {
     fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
     /// After `Review::Reject`: look for a better start at the beginning of the step.
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError>;
-    /// All there is to know at (t, y).
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError>;
+    /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError>;
+    /// Everything else at a closed (t, q, v), with the choice of `within`, an event of this run or of one with the same options
+    /// (`None`: with the choice in use); turns and work are left to the caller. May be asked before `start` and after the run.
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError>;
     /// Changes so far, the first choice included.
     fn events(&self) -> &[PartitionEvent];
     /// Work done.
@@ -265,8 +311,18 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         (**self).recover(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
-        (**self).sample(t, y, out)
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+        (**self).state_at(t, y, out)
+    }
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        (**self).describe(t, q, v, within, out)
     }
     fn events(&self) -> &[PartitionEvent] {
         (**self).events()

@@ -7,9 +7,12 @@
 //! (Blajer, Schiehlen, Schirm 1994, with the collective choice P5 and the exchange rule P6.)
 
 use super::chooser::{Change, Chooser};
+use super::instant::Describer;
 use super::reduction::Reduction;
-use super::{dead_point, turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{dead_point, turns, Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
+use crate::kinematics::correction::close_with;
 use crate::kinematics::projection::correct_orthogonally;
+use crate::partition::exchange::Exchange;
 use crate::partition::Selection;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -54,6 +57,7 @@ impl Default for ProjectiveOptions {
 /// The compact k + nq form with the projective criterion.
 pub struct Projective<'s, S: ConstrainedSystem> {
     r: Reduction<'s, S>,
+    describer: Describer<'s, S>,
     options: ProjectiveOptions,
     observes_work: bool,
     events: Vec<PartitionEvent>,
@@ -76,7 +80,12 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: ProjectiveOptions) -> Self {
         let size = system.size();
         Self {
-            r: Reduction::new(system, rank),
+            // the other rules look at D and M_d in full
+            r: match options.selection {
+                Selection::Collective => Reduction::new(system, rank),
+                _ => Reduction::dense(system, rank),
+            },
+            describer: Describer::new(system, rank),
             observes_work: system.has_power() || system.rheonomic(),
             options,
             events: Vec::new(),
@@ -134,17 +143,22 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
         }
     }
 
-    fn best_exchange(&self) -> Option<crate::partition::exchange::Exchange> {
-        let p = &self.r.partition;
-        crate::partition::exchange::best(&self.r.a_matrix, &self.weighted, &p.dependent, &p.independent)
+    /// The best exchanges, one a cluster, that gain more than this.
+    fn best_exchanges(&mut self, threshold: f64) -> Vec<Exchange> {
+        self.r.best_exchanges(&self.weighted, threshold)
     }
 
-    /// Swap one pair at the point last evaluated; the position level must be that of `t`.
-    fn exchange(&mut self, t: f64, x: crate::partition::exchange::Exchange, reason: String) -> Result<(), SystemError> {
+    /// Swap one pair in each of some clusters at the point last evaluated; the position level must be that of `t`.
+    fn exchange(&mut self, t: f64, pairs: &[Exchange], why: impl Fn(&Exchange) -> String) -> Result<(), SystemError> {
         let before = self.r.partition.independent.clone();
-        let (enters, leaves) = (self.r.partition.dependent[x.enters], before[x.leaves]);
+        let name = |i: usize| self.r.system.velocity_name(i);
         let mut next = before.clone();
-        next[x.leaves] = enters;
+        let mut reasons = Vec::new();
+        for x in pairs {
+            let (enters, leaves) = (self.r.partition.dependent[x.enters], before[x.leaves]);
+            next[x.leaves] = enters;
+            reasons.push(format!("{} takes the place of {}: {}", name(enters), name(leaves), why(x)));
+        }
         next.sort_unstable();
         if let Err(e) = self.r.set_partition(t, &next) {
             // the exchange rule and the elimination disagree by round-off near a singular position: stay as we were
@@ -152,11 +166,9 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
             let _ = e;
             return Ok(());
         }
-        self.counters.exchanges += 1;
-        let names = (self.r.system.velocity_name(enters), self.r.system.velocity_name(leaves));
+        self.counters.exchanges += pairs.len() as u64;
         self.r.tangent(t)?;
-        let reason = format!("{} takes the place of {}: {reason}", names.0, names.1);
-        self.log(t, &before, reason)
+        self.log(t, &before, reasons.join("; "))
     }
 
     /// Take the choice of the rule at the point last evaluated.
@@ -333,12 +345,12 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
             self.pending = !matches!(chooser.propose(&self.r, t), Ok(None));
             return if self.pending { Review::Change } else { Review::Keep };
         }
-        let Some(best) = self.best_exchange() else { return Review::Keep };
-        if best.gain <= self.options.exchange {
+        let best = self.best_exchanges(self.options.exchange);
+        if best.is_empty() {
             self.rejects_in_a_row = 0;
             return Review::Keep;
         }
-        if best.gain > HARD_LIMIT && self.options.exchange.is_finite() && self.rejects_in_a_row < 3 {
+        if best.iter().any(|x| x.gain > HARD_LIMIT) && self.options.exchange.is_finite() && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Review::Reject;
         }
@@ -398,11 +410,11 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
                 self.r.evaluate(t, &y[..nq], &speeds)?;
                 continue;
             }
-            let Some(x) = self.best_exchange() else { break };
-            if x.gain <= self.options.exchange {
+            let pairs = self.best_exchanges(self.options.exchange);
+            if pairs.is_empty() {
                 break;
             }
-            self.exchange(t, x, format!("the volume of the choice grows by {:.3}", x.gain))?;
+            self.exchange(t, &pairs, |x| format!("the volume of the choice grows by {:.3}", x.gain))?;
         }
         for (j, &i) in self.r.partition.independent.iter().enumerate() {
             y[nq + j] = v[i];
@@ -420,9 +432,10 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         let v = self.r.v.clone();
         self.r.refresh_scales(t, &y[..nq])?;
         self.refresh_weighted();
-        if let Some(x) = self.best_exchange() {
-            if x.gain > 1.0 + 1e-6 {
-                self.exchange(t, x, "the old choice went bad inside the step, which is repeated".into())?;
+        let pairs = self.best_exchanges(1.0 + 1e-6);
+        {
+            if !pairs.is_empty() {
+                self.exchange(t, &pairs, |_| "the old choice went bad inside the step, which is repeated".into())?;
                 for (j, &i) in self.r.partition.independent.iter().enumerate() {
                     y[nq + j] = v[i];
                 }
@@ -431,57 +444,41 @@ impl<S: ConstrainedSystem> Formulation for Projective<'_, S> {
         self.derivative(t, y, dy)
     }
 
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let (nq, k) = (self.nq(), self.r.k());
-        let size = self.r.size();
-        out.q.clear();
-        out.q.extend_from_slice(&y[..nq]);
-        self.r.system.normalise(&mut out.q);
         let mut q = std::mem::take(&mut out.q);
-        if self.options.correction != Correction::None && size.holonomic > 0 {
+        q.clear();
+        q.extend_from_slice(&y[..nq]);
+        self.r.system.normalise(&mut q);
+        if self.options.correction != Correction::None && self.r.size().holonomic > 0 {
             let rule = self.options.correction;
-            self.r.position(t, &q)?;
-            let mut left = self.r.closure();
-            let mut last = q.clone();
-            // Newton from the interpolation error to round-off: two iterations, one more to see that nothing is gained
-            for _ in 0..8 {
-                if self.r.is_closed() || !matches!(self.correct_once(t, &mut q, rule), Ok(true)) {
-                    break;
-                }
-                self.r.position(t, &q)?;
-                let now = self.r.closure();
-                if now >= left {
-                    q.copy_from_slice(&last);
-                    break;
-                }
-                let done = now > 0.25 * left;
-                left = now;
-                last.copy_from_slice(&q);
-                if done {
-                    break;
-                }
-            }
+            let open = |x: &mut Self, q: &[f64]| {
+                x.r.position(t, q)?;
+                Ok((!x.r.is_closed()).then(|| x.r.closure()))
+            };
+            // what cannot be removed here, next to a singular position, stays
+            close_with(self, &mut q, open, |x, q| Ok(matches!(x.correct_once(t, q, rule), Ok(true))))?;
         }
-        self.r.evaluate(t, &q, &y[nq..nq + k])?;
-        out.t = t;
-        out.closure = self.r.closure();
-        out.velocity_closure = self.r.velocity_closure();
-        out.v.clear();
-        out.v.extend_from_slice(&self.r.v);
-        out.vdot.resize(size.nv, 0.0);
-        self.r.full_acceleration(&mut out.vdot);
-        out.multipliers.resize(size.rows, 0.0);
-        self.r.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
-        out.measure.resize(size.nv, 0.0);
-        self.r.measure(t, &q, &mut out.measure)?;
-        let quality = self.r.quality(t, &q)?;
-        out.sigma = quality.sigma;
-        out.sqrt_mu = quality.sqrt_mu;
-        out.independent.clear();
-        out.independent.extend_from_slice(&self.r.partition.independent);
-        out.work = if self.observes_work { y[nq + k] } else { 0.0 };
-        out.q = q;
+        self.r.position(t, &q)?;
+        self.r.tangent(t)?;
+        self.r.spread(&y[nq..nq + k]);
+        out.set(t, &q, &self.r.v, if self.observes_work { y[nq + k] } else { 0.0 });
         Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let independent = match within {
+            Some(event) => &event.independent,
+            None => &self.r.partition.independent,
+        };
+        self.describer.describe(t, q, v, Some(independent), out).map(|_| ())
     }
 
     fn events(&self) -> &[PartitionEvent] {

@@ -4,8 +4,9 @@ mod watch;
 
 pub use watch::{largest, quality_of, velocity_residuals};
 
+use crate::clusters::Clusters;
 use crate::partition::Partition;
-use crate::system::{ConstrainedSystem, Size, SystemError, Tangent};
+use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
 use partita_math::dense;
 use partita_math::elimination::{Plan, PlanOptions};
 use partita_math::rank::independent_rows;
@@ -13,6 +14,9 @@ use partita_math::rank::independent_rows;
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
 pub const SINGULAR_PIVOT: f64 = 1e-7;
+
+/// No column.
+const NONE: u32 = u32::MAX;
 
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.
 const EMPTY_ROW: f64 = 1e-26;
@@ -37,6 +41,27 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// The current choice.
     pub partition: Partition,
     plan: Option<Plan>,
+    /// Blocks of C.
+    pub clusters: Clusters,
+    /// Where many freedoms make one M_d dear: how the clusters are gone through.
+    recursion: Option<Recursion>,
+    /// Whether a recursion may be taken at all.
+    dense_only: bool,
+    /// The rows it was planned for, ascending.
+    planned_rows: Option<Vec<usize>>,
+    /// Columns of `dt` and `a_matrix`: all freedoms, or the most of one cluster.
+    columns: usize,
+    /// Column of each independent velocity; `NONE` where its cluster needs no D.
+    column_of: Vec<u32>,
+    /// Entries of the kept rows in independent columns: step of the elimination, entry, place in v_I.
+    spread_entries: Vec<(u32, u32, u32)>,
+    vdot: Vec<f64>,
+    /// Reach of the independent velocity of each column, by cluster.
+    column_reach: Vec<f64>,
+    margins: Vec<watch::Margin>,
+    room: watch::Room,
+    /// Room for a left singular vector of C_D.
+    left: Vec<f64>,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
     s: Vec<f64>,
@@ -55,11 +80,11 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub b: Vec<f64>,
     factors: Vec<f64>,
     rhs: Vec<f64>,
-    /// A (r x k), rows in the order of `partition.dependent`.                             (P1)
+    /// A (r x [`columns`](Self::columns)), rows in the order of `partition.dependent`.    (P1)
     pub a_matrix: Vec<f64>,
     rheonomic: bool,
     independent_entries: Vec<(u32, u32, u32)>,
-    /// `Dᵀ` (nv x k).                                                                     (P2)
+    /// `Dᵀ` (nv x [`columns`](Self::columns)).                                            (P2)
     pub dt: Vec<f64>,
     /// `[0; η]`.
     pub gamma: Vec<f64>,
@@ -85,11 +110,32 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
-    /// Room for a system whose constraints have rank `rank`; no partition yet.
+    /// Room for a system whose constraints have rank `rank`; no partition yet. With many freedoms the accelerations come
+    /// from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are packed by cluster.
     pub fn new(system: &'s S, rank: usize) -> Self {
+        let mut new = Self::dense(system, rank);
+        new.clusters = system.clusters();
+        new.dense_only = false;
+        new
+    }
+
+    /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many freedoms there are.
+    pub fn dense(system: &'s S, rank: usize) -> Self {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Self {
+            clusters: Clusters::one(n, size.rows),
+            recursion: None,
+            dense_only: true,
+            planned_rows: None,
+            columns: 0,
+            column_of: Vec::new(),
+            spread_entries: Vec::new(),
+            vdot: Vec::new(),
+            column_reach: Vec::new(),
+            margins: Vec::new(),
+            room: watch::Room::default(),
+            left: vec![0.0; rank],
             system,
             scratch: system.scratch(),
             size,
@@ -108,17 +154,17 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             a: vec![0.0; size.rows],
             b: vec![0.0; size.rows],
             factors: Vec::new(),
-            rhs: vec![0.0; rank * (k + 1)],
-            a_matrix: vec![0.0; rank * k],
+            rhs: Vec::new(),
+            a_matrix: Vec::new(),
             rheonomic: system.rheonomic(),
             independent_entries: Vec::new(),
-            dt: vec![0.0; n * k],
+            dt: Vec::new(),
             gamma: vec![0.0; n],
             delta: vec![0.0; n],
             v: vec![0.0; n],
-            md: vec![0.0; k * k],
-            md_factor: vec![0.0; k * k],
-            hd: vec![0.0; k],
+            md: Vec::new(),
+            md_factor: Vec::new(),
+            hd: Vec::new(),
             vdot_independent: vec![0.0; k],
             residual: vec![0.0; n],
             work: vec![0.0; n.max(k).max(rank)],
@@ -131,6 +177,14 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Number of independent velocities.
     pub fn k(&self) -> usize {
         self.k
+    }
+    /// Columns of `dt` and `a_matrix`: k, or with a recursion over clusters the most freedoms of one of them.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+    /// Do the accelerations come from a recursion over clusters?
+    pub fn by_clusters(&self) -> bool {
+        self.recursion.is_some()
     }
     /// Rank of the constraints.
     pub fn rank(&self) -> usize {
@@ -226,27 +280,101 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.partition.independent = independent.to_vec();
         self.partition.dependent = plan.pivot_cols().to_vec();
         self.partition.rows = plan.pivot_rows().to_vec();
-        let mut place = vec![u32::MAX; self.size.nv];
+        self.plan_recursion();
+        self.place_columns(independent);
+        let mut place = vec![NONE; self.size.nv];
         for (j, &i) in independent.iter().enumerate() {
             place[i] = j as u32;
         }
         self.independent_entries.clear();
+        self.spread_entries.clear();
         for (step, &row) in self.partition.rows.iter().enumerate() {
             for e in pattern.row(row) {
                 let j = place[pattern.col_idx[e]];
-                if j != u32::MAX {
-                    self.independent_entries.push((step as u32, e as u32, j));
+                if j == NONE {
+                    continue;
+                }
+                self.spread_entries.push((step as u32, e as u32, j));
+                let column = self.column_of[j as usize];
+                if column != NONE {
+                    self.independent_entries.push((step as u32, e as u32, column));
                 }
             }
         }
+        if self.recursion.is_some() {
+            self.lay_out();
+        }
+        self.column_reach.clear();
+        self.column_reach.resize(self.clusters.count.max(1) * self.columns, 0.0);
+        for (&i, &c) in independent.iter().zip(&self.column_of) {
+            if c != NONE {
+                let cluster = self.clusters.of_velocity[i] as usize;
+                self.column_reach[cluster * self.columns + c as usize] = self.reach[i];
+            }
+        }
         self.dt.fill(0.0);
-        for (j, &i) in independent.iter().enumerate() {
-            self.dt[i * self.k + j] = 1.0;
+        for (&i, &c) in independent.iter().zip(&self.column_of) {
+            if c != NONE {
+                self.dt[i * self.columns + c as usize] = 1.0;
+            }
         }
         self.gamma.fill(0.0);
         self.delta.fill(0.0);
         self.factors.resize(plan.factor_len(), 0.0);
         self.plan = Some(plan);
+    }
+
+    /// How the system goes through its clusters with the rows kept; asked again only when others are.
+    fn plan_recursion(&mut self) {
+        if self.dense_only {
+            return;
+        }
+        let mut rows = self.partition.rows.clone();
+        rows.sort_unstable();
+        if self.planned_rows.as_ref() == Some(&rows) {
+            return;
+        }
+        self.recursion = self.system.plan_recursion(&rows, &mut self.scratch);
+        self.planned_rows = Some(rows);
+        if self.recursion.is_none() {
+            // whether it pays depends on how many rows are kept, not on which
+            self.dense_only = true;
+            self.clusters = Clusters::one(self.size.nv, self.size.rows);
+        }
+    }
+
+    /// Which column each independent velocity has, and room for what depends on their number.
+    fn place_columns(&mut self, independent: &[usize]) {
+        let k = self.k;
+        match &self.recursion {
+            None => {
+                self.columns = k;
+                self.column_of = (0..k as u32).collect();
+                self.md.resize(k * k, 0.0);
+                self.md_factor.resize(k * k, 0.0);
+                self.hd.resize(k, 0.0);
+            }
+            Some(recursion) => {
+                self.columns = recursion.columns;
+                let mut next = vec![0u32; self.clusters.count];
+                self.column_of = independent
+                    .iter()
+                    .map(|&i| {
+                        let c = self.clusters.of_velocity[i] as usize;
+                        next[c] += 1;
+                        if recursion.by_partial_velocities[c] {
+                            next[c] - 1
+                        } else {
+                            NONE
+                        }
+                    })
+                    .collect();
+                self.vdot.resize(self.size.nv, 0.0);
+            }
+        }
+        self.rhs.resize(self.rank * (self.columns + 1), 0.0);
+        self.a_matrix.resize(self.rank * self.columns, 0.0);
+        self.dt.resize(self.size.nv * self.columns, 0.0);
     }
 
     /// Factor C_D at the last position; a pivot that shrank asks for a new plan on the same partition.
@@ -294,7 +422,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// A, D and η at the last position: `v_D = A v_I + η`.                                 (P1, P2)
     pub fn tangent(&mut self, t: f64) -> Result<(), SystemError> {
         self.factor(t)?;
-        let (r, k) = (self.rank, self.k);
+        let (r, k) = (self.rank, self.columns);
         if r == 0 {
             return Ok(());
         }
@@ -326,6 +454,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// `v = Dᵀ v_I + [0; η]`, left in `self.v`.                                            (P2)
     pub fn spread(&mut self, v_independent: &[f64]) {
         let k = self.k;
+        if self.recursion.is_some() {
+            return self.spread_by_solving(v_independent);
+        }
         if k == 1 {
             let x = v_independent[0];
             for ((v, d), g) in self.v.iter_mut().zip(&self.dt).zip(&self.gamma) {
@@ -335,6 +466,26 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
         for (i, (v, g)) in self.v.iter_mut().zip(&self.gamma).enumerate() {
             *v = g + dense::dot(&self.dt[i * k..(i + 1) * k], v_independent);
+        }
+    }
+
+    /// `v_D = −C_D⁻¹ (C_I v_I + a)`: one solve, where D has too many columns to be formed.
+    fn spread_by_solving(&mut self, v_independent: &[f64]) {
+        let x = &mut self.work[..self.rank];
+        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
+            *x = -self.a[row];
+        }
+        for &(step, e, j) in &self.spread_entries {
+            x[step as usize] -= self.c[e as usize] * v_independent[j as usize];
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, x, 1);
+        }
+        for (x, &i) in x.iter().zip(&self.partition.dependent) {
+            self.v[i] = *x;
+        }
+        for (x, &i) in v_independent.iter().zip(&self.partition.independent) {
+            self.v[i] = *x;
         }
     }
 
@@ -356,6 +507,15 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// `M_d v_I' = h_d` with the state of the lower levels.                                (P3)
     pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        if self.recursion.is_some() {
+            let tangent =
+                ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
+            self.system.accelerate(t, q, &self.v, &tangent, &mut self.scratch, &mut self.vdot)?;
+            for (x, &i) in self.vdot_independent.iter_mut().zip(&self.partition.independent) {
+                *x = self.vdot[i];
+            }
+            return Ok(());
+        }
         let tangent = Tangent { k: self.k, dt: &self.dt, delta: &self.delta };
         self.system.project(t, q, &self.v, &tangent, &mut self.scratch, &mut self.md, &mut self.hd)?;
         self.md_factor.copy_from_slice(&self.md);
@@ -386,6 +546,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// `v' = Dᵀ v_I' + [0; ξ]` of the last evaluation.                                     (P2)
     pub fn full_acceleration(&self, out: &mut [f64]) {
         let k = self.k;
+        if self.recursion.is_some() {
+            out.copy_from_slice(&self.vdot);
+            return;
+        }
         for (i, (x, d)) in out.iter_mut().zip(&self.delta).enumerate() {
             *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.vdot_independent);
         }

@@ -11,7 +11,8 @@
 mod closing;
 mod life;
 
-use super::any_tangent::{power, reduced_acceleration, state_sample};
+use super::any_tangent::{power, reduced_acceleration};
+use super::instant::{quality_of_selector, Describer};
 use super::reduction::{Reduction, SINGULAR_PIVOT};
 use super::{PartitionEvent, Sample};
 use crate::kinematics::projection::dense_rows;
@@ -38,6 +39,7 @@ pub trait Basis: Send {
 pub struct Selector<'s, S: ConstrainedSystem> {
     /// Levels of the system, and room for the results.
     pub r: Reduction<'s, S>,
+    describer: Describer<'s, S>,
     basis: Box<dyn Basis>,
     /// S.
     selector: Matrix,
@@ -68,10 +70,11 @@ pub struct Selector<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Selector<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>) -> Self {
-        let r = Reduction::new(system, rank);
+        let r = Reduction::dense(system, rank);
         let (n, k) = (r.size().nv, r.k());
         Self {
             r,
+            describer: Describer::new(system, rank),
             basis,
             selector: Matrix::new(k, n),
             orthonormal: vec![0.0; k * n],
@@ -313,12 +316,18 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         reduced_acceleration(&mut self.r, t, q, &mut self.hd)
     }
 
-    /// All levels at `(t, q, u)`.
-    pub fn evaluate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+    /// The tangent at `(t, q)`, and v for u.
+    pub fn kinematics(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
         self.r.position(t, q)?;
         self.factor(t)?;
         self.tangent();
         self.spread(u);
+        Ok(())
+    }
+
+    /// All levels at `(t, q, u)`.
+    pub fn evaluate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+        self.kinematics(t, q, u)?;
         self.velocity(t, q)?;
         self.acceleration(t, q)
     }
@@ -354,22 +363,6 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         power(&mut self.r, t, q, &mut self.vdot, &mut self.residual)
     }
 
-    /// Multipliers of all rows at the last evaluation; zero on dropped rows.
-    ///
-    /// `[S; C]ᵀ [σ; λ] = M v' − h`, where σ = 0 because `D_S (M v' − h) = 0`: λ = Gᵀ (M v' − h).
-    pub fn multipliers(&mut self, t: f64, q: &[f64], vdot: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        let k = self.r.k();
-        self.r.system.inverse_dynamics(t, q, &self.r.v, vdot, &mut self.r.scratch, &mut self.residual)?;
-        let x = &mut self.residual;
-        x.iter_mut().zip(&self.columns).for_each(|(x, s)| *x *= s);
-        dense::lu_solve_transposed(&self.lu, x.len(), &self.pivots, x);
-        out.fill(0.0);
-        for ((x, s), &row) in x[k..].iter().zip(&self.rows[k..]).zip(&self.r.partition.rows) {
-            out[row] = x * s;
-        }
-        Ok(())
-    }
-
     /// σ and √μ_S at `(t, q)` with the last tangent, which must be of there. Cost: n³/6 + n²k.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
         self.r.system.dynamics(t, q, &self.r.v, &mut self.r.scratch, &mut self.mass, &mut self.h)?;
@@ -399,15 +392,20 @@ impl<'s, S: ConstrainedSystem> Selector<'s, S> {
         criterion::quality(md.data(), &lengths, block)
     }
 
-    /// Everything known at the point last evaluated, with the quality of S.
-    pub fn fill(&mut self, t: f64, q: Vec<f64>, work: f64, out: &mut Sample) -> Result<(), SystemError> {
-        out.vdot.resize(self.r.size().nv, 0.0);
-        self.r.full_acceleration(&mut out.vdot);
-        out.multipliers.resize(self.r.size().rows, 0.0);
-        self.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
-        let quality = self.quality(t, &q)?;
+    /// All of `out` but turns and work, with the quality of the S that `within` tells of, or of the one in use.
+    pub fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let Some(r) = self.describer.describe(t, q, v, None, out)? else { return Ok(()) };
+        let frozen = within.and_then(|event| event.basis.as_deref()).unwrap_or(&self.selector);
+        let quality = quality_of_selector(r, t, q, frozen)?;
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
-        state_sample(&mut self.r, t, q, work, out)
+        Ok(())
     }
 
     /// Rows kept, ascending.

@@ -11,7 +11,7 @@
 //! `S Δ = 0` as the partition's correction (34) keeps q_I, and for rows of the identity in S is (34) itself.
 
 use super::selector::{Basis, Selector};
-use super::{turns, Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// States (q, u): coordinates by S2, tangent velocities by (36).
@@ -121,16 +121,27 @@ impl<S: ConstrainedSystem> Formulation for TangentVelocities<'_, S> {
         self.renew(t, y, dy, "it went bad inside the step, which is repeated")?;
         self.derivative(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let (nq, k) = self.sizes();
         let mut q = std::mem::take(&mut out.q);
         q.clear();
         q.extend_from_slice(&y[..nq]);
         self.x.r.system.normalise(&mut q);
         self.x.close(t, &mut q, self.correction)?;
-        self.x.evaluate(t, &q, &y[nq..nq + k])?;
-        let work = if self.observes_work { y[nq + k] } else { 0.0 };
-        self.x.fill(t, q, work, out)
+        self.x.kinematics(t, &q, &y[nq..nq + k])?;
+        out.set(t, &q, &self.x.r.v, if self.observes_work { y[nq + k] } else { 0.0 });
+        Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        self.x.describe(t, q, v, within, out)
     }
     fn events(&self) -> &[PartitionEvent] {
         self.x.events()

@@ -18,7 +18,7 @@
 
 use super::gram_schmidt::GramSchmidt;
 use super::selector::Selector;
-use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
 
@@ -291,12 +291,25 @@ impl<S: ConstrainedSystem> Formulation for TangentSpace<'_, S> {
         self.rebase(t, y, dy, "it went bad inside the step, which is repeated")?;
         self.derivative(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
-        self.evaluate(t, y)?;
-        let mut q = self.q.clone();
-        self.x.r.system.normalise(&mut q);
-        let work = if self.observes_work { y[2 * self.k()] } else { 0.0 };
-        self.x.fill(t, q, work, out)
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+        let k = self.k();
+        self.find(t, &y[..k])?;
+        self.x.tangent();
+        self.x.spread(&y[k..2 * k]);
+        out.set(t, &self.q, &self.x.r.v, if self.observes_work { y[2 * k] } else { 0.0 });
+        self.x.r.system.normalise(&mut out.q);
+        Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        self.x.describe(t, q, v, within, out)
     }
     fn events(&self) -> &[PartitionEvent] {
         self.x.events()

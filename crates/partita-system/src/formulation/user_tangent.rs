@@ -8,12 +8,13 @@
 //! Drift of positions is removed by the least move in the mass metric (33) whichever correction is asked for: there are no
 //! coordinates that could stay untouched. Angles keep their whole turns: the user's functions may count them.
 
-use super::any_tangent::{best_partition, power, reduced_acceleration, state_sample};
+use super::any_tangent::{best_partition, power, reduced_acceleration};
+use super::instant::{quality_of_tangent, Describer};
 use super::options::TangentMap;
-use super::{Correction, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::formulation::reduction::Reduction;
 use crate::kinematics::correction;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
+use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion::{self, Quality};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -36,6 +37,7 @@ const DISAGREEMENT: f64 = 1e-8;
 /// States (q, u) with the user's D.
 pub struct UserTangent<'s, S: ConstrainedSystem> {
     r: Reduction<'s, S>,
+    describer: Describer<'s, S>,
     map: Arc<dyn TangentMap>,
     correction: Correction,
     observes_work: bool,
@@ -57,10 +59,11 @@ pub struct UserTangent<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     /// For a system of the given rank.
     pub fn new(system: &'s S, rank: usize, map: Arc<dyn TangentMap>, correction: Correction) -> Self {
-        let r = Reduction::new(system, rank);
+        let r = Reduction::dense(system, rank);
         let (nq, n, k) = (r.size().nq, r.size().nv, r.k());
         Self {
             r,
+            describer: Describer::new(system, rank),
             map,
             correction,
             observes_work: system.has_power() || system.rheonomic(),
@@ -272,21 +275,6 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
         let lengths: Vec<f64> = (0..k).map(|j| inverse[j * k + j]).collect();
         criterion::quality(&self.r.md, &lengths, &inverse)
     }
-
-    /// Multipliers of the kept rows from `M v' − h`.                                       (42)
-    fn multipliers(&mut self, t: f64, q: &[f64], vdot: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
-        let n = vdot.len();
-        self.r.system.inverse_dynamics(t, q, &self.r.v, vdot, &mut self.r.scratch, &mut self.residual)?;
-        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
-        self.r.system.dynamics(t, q, &self.r.v, &mut self.r.scratch, &mut mass, &mut h)?;
-        let rows = &self.r.partition.rows;
-        let p = MassProjection::new(self.r.system, t, &mass, &dense_rows(self.r.system, &self.r.c, rows))?;
-        let mut x = p.w.transpose().matvec(&self.residual);
-        dense::cholesky_solve(&p.mc, x.len(), &mut x);
-        out.fill(0.0);
-        rows.iter().zip(&x).for_each(|(&row, x)| out[row] = *x);
-        Ok(())
-    }
 }
 
 impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
@@ -323,6 +311,7 @@ impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
                 "the user's tangent velocities are integrated; named is the best choice of coordinates at this time"
                     .into(),
             quality,
+            basis: None,
         });
         Ok(())
     }
@@ -361,9 +350,11 @@ impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
     fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.derivative(t, y, dy)
     }
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         let (nq, k) = self.sizes();
-        let mut q = y[..nq].to_vec();
+        let mut q = std::mem::take(&mut out.q);
+        q.clear();
+        q.extend_from_slice(&y[..nq]);
         self.r.system.normalise(&mut q);
         if self.correction != Correction::None && self.r.size().holonomic > 0 {
             let open = |r: &mut Reduction<'s, S>, q: &[f64]| {
@@ -373,15 +364,26 @@ impl<'s, S: ConstrainedSystem> Formulation for UserTangent<'s, S> {
             let step = |r: &mut Reduction<'s, S>, q: &mut [f64]| correct_orthogonally(r, t, q).map(|()| true);
             correction::close_with(&mut self.r, &mut q, open, step)?;
         }
-        self.evaluate(t, &q, &y[nq..nq + k])?;
-        let quality = self.quality();
+        self.tangent(t, &q)?;
+        self.r.spread(&y[nq..nq + k]);
+        out.set(t, &q, &self.r.v, if self.observes_work { y[nq + k] } else { 0.0 });
+        Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        let _ = within; // there is one choice, the user's
+        let Some(r) = self.describer.describe(t, q, v, None, out)? else { return Ok(()) };
+        self.map.tangent(t, q, &mut self.dt)?;
+        let quality = quality_of_tangent(r, &self.dt);
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
-        out.vdot.resize(self.r.size().nv, 0.0);
-        self.r.full_acceleration(&mut out.vdot);
-        out.multipliers.resize(self.r.size().rows, 0.0);
-        self.multipliers(t, &q, &out.vdot, &mut out.multipliers)?;
-        let work = if self.observes_work { y[nq + k] } else { 0.0 };
-        state_sample(&mut self.r, t, q, work, out)
+        Ok(())
     }
     fn events(&self) -> &[PartitionEvent] {
         &self.events

@@ -12,7 +12,7 @@ use super::dead_point::dead_point;
 use super::projective::{Projective, ProjectiveOptions};
 use super::reduction::Reduction;
 use super::state_coordinates::StateCoordinates;
-use super::{turns, Formulation, FormulationCounters, PartitionEvent, Review, Sample};
+use super::{turns, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late,
@@ -293,9 +293,25 @@ impl<S: ConstrainedSystem> Formulation for WehageHaug<'_, S> {
         Ok(())
     }
 
-    fn sample(&mut self, t: f64, y: &[f64], out: &mut Sample) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.read(t, y)?;
-        self.inner.sample(t, &self.full, out)
+        let (nq, r) = (self.nq(), self.inner.reduction());
+        let k = r.k();
+        r.tangent(t)?;
+        r.spread(&self.full[nq..nq + k]);
+        out.set(t, &self.full[..nq], &r.v, self.full.get(nq + k).copied().unwrap_or(0.0));
+        Ok(())
+    }
+
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        self.inner.describe(t, q, v, within, out)
     }
 
     fn events(&self) -> &[PartitionEvent] {

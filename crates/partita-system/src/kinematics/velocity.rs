@@ -45,6 +45,11 @@ pub fn with_rates<S: ConstrainedSystem>(
         let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > MET * fastest * reach(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
     }
+    if r.by_clusters() {
+        let (v, got) = r.least_energy(rates)?;
+        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
+        return if off { Err(failed(&got)) } else { Ok(v) };
+    }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
     let n = gamma.len();
     let (mut md, mut with, mut without) = (vec![0.0; k * k], vec![0.0; k], vec![0.0; k]);

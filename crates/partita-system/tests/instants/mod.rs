@@ -6,6 +6,7 @@ use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::TangentMap;
 use partita_system::formulation::reduction::Reduction;
+use partita_system::formulation::{Formulation, Output, Sample};
 use partita_system::SystemError;
 
 /// M, C, h, a, b that stay as they are; Φ = C q.
@@ -207,4 +208,11 @@ impl TangentMap for Given {
         delta.copy_from_slice(&self.delta);
         Ok(true)
     }
+}
+
+/// All that a formulation tells about the state y.
+pub fn sample<F: Formulation + ?Sized>(f: &mut F, t: f64, y: &[f64]) -> Sample {
+    let mut output = Output::default();
+    f.state_at(t, y, &mut output).unwrap();
+    Sample::of(f, &output, &[]).unwrap()
 }

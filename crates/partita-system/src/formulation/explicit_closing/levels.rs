@@ -49,6 +49,27 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
 
     /// Close, then P1-P3, at the inputs and input velocities in y.
     pub(super) fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+        self.kinematics(t, y)?;
+        let Some(loops) = &mut self.loops else { return Ok(()) };
+        let (k, c) = (self.k, &self.c);
+        self.system.velocity(t, &self.q, &self.v, &mut self.scratch, &mut self.b)?;
+        loops.blocks.forward(c, &mut self.delta, |i| i, |row| self.b[row]);
+        let tangent = Tangent { k, dt: &self.dt, delta: &self.delta };
+        self.system.project(t, &self.q, &self.v, &tangent, &mut self.scratch, &mut self.md, &mut self.hd)?;
+        self.md_factor.copy_from_slice(&self.md);
+        dense::cholesky(&mut self.md_factor, k).map_err(|e| SystemError::Mass {
+            name: self.system.velocity_name(loops.closing.inputs()[e.index]),
+            pivot: e.pivot,
+        })?;
+        dense::cholesky_solve(&self.md_factor, k, &mut self.hd); // v_I'
+        for (i, (x, d)) in self.vdot.iter_mut().zip(&self.delta).enumerate() {
+            *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.hd);
+        }
+        Ok(())
+    }
+
+    /// Close, then P1 and P2: v in `self.v`.
+    pub(super) fn kinematics(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
         self.close(t, y)?;
         let Some(loops) = &mut self.loops else { return Ok(()) };
         let (k, places) = (self.k, self.states.places());
@@ -81,19 +102,6 @@ impl<S: ConstrainedSystem> ExplicitClosing<'_, S> {
         let speeds = &y[places..places + k];
         for (i, (v, g)) in self.v.iter_mut().zip(&self.gamma).enumerate() {
             *v = g + dense::dot(&self.dt[i * k..(i + 1) * k], speeds);
-        }
-        self.system.velocity(t, &self.q, &self.v, &mut self.scratch, &mut self.b)?;
-        loops.blocks.forward(c, &mut self.delta, |i| i, |row| self.b[row]);
-        let tangent = Tangent { k, dt: &self.dt, delta: &self.delta };
-        self.system.project(t, &self.q, &self.v, &tangent, &mut self.scratch, &mut self.md, &mut self.hd)?;
-        self.md_factor.copy_from_slice(&self.md);
-        dense::cholesky(&mut self.md_factor, k).map_err(|e| SystemError::Mass {
-            name: self.system.velocity_name(loops.closing.inputs()[e.index]),
-            pivot: e.pivot,
-        })?;
-        dense::cholesky_solve(&self.md_factor, k, &mut self.hd); // v_I'
-        for (i, (x, d)) in self.vdot.iter_mut().zip(&self.delta).enumerate() {
-            *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.hd);
         }
         Ok(())
     }

@@ -3,9 +3,10 @@
 use super::Reduction;
 use crate::partition::criterion::{self, Quality};
 use crate::partition::exchange;
-use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::dense;
+use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
+use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Pattern, Plan};
+use partita_math::factor;
 
 /// Redundant rows are chosen anew when what they keep of rank falls below this part of what it was: seldom, and long
 /// before rounding suffers.
@@ -24,38 +25,78 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// in reaches. Where only the choice of coordinates is singular the one falls as the other grows; where the mechanism
     /// itself is, A stays as it is. Pivots alone would not do: one of them may vanish for the order of elimination only.
     /// Three solves with the factors at hand.
+    ///
+    /// Clusters have each their own; the least is told, so that a thousand healthy ones hide nothing.
     pub fn distance(&mut self) -> (f64, u64) {
         let x = &mut self.work[..self.rank];
         for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
             // irregular, so that no self-stress of a mechanism is orthogonal to it
             *x = 1.0 + 0.5 * (row as f64 * 1.7).sin();
         }
-        let mut given = 1.0;
-        let mut answer = 1.0;
+        let m = &mut self.margins;
+        m.clear();
+        m.resize(self.clusters.count.max(1), Margin::default());
+        let of = |i: usize| self.clusters.of_velocity[i] as usize;
         if let Some(plan) = &self.plan {
             for transposed in [false, true, false] {
-                given = dense::dot(x, x);
+                m.iter_mut().for_each(|m| (m.before, m.given) = (m.given, 0.0));
+                // steps pair rows with dependent velocities of the same cluster
+                for (x, &d) in x.iter().zip(&self.partition.dependent) {
+                    m[of(d)].given += x * x;
+                }
                 let rows = self.partition.rows.iter().map(|&i| self.row_reach[i].unwrap_or(1.0));
                 let columns = self.partition.dependent.iter().map(|&i| self.reach[i]);
                 if transposed {
+                    // the left singular vector comes out of this one
                     x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
                     plan.solve_transposed(&self.factors, x, 1);
+                    self.left.copy_from_slice(x);
                     x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
                 } else {
                     x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
                     plan.solve(&self.factors, x, 1);
                     x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
                 }
-                answer = dense::dot(x, x);
+            }
+            for (x, &d) in x.iter().zip(&self.partition.dependent) {
+                m[of(d)].answer += x * x;
             }
         }
-        let mut mixed = 1.0;
+        if self.recursion.is_some() {
+            self.margins_without_a();
+        }
+        let m = &mut self.margins;
+        let of = |i: usize| self.clusters.of_velocity[i] as usize;
+        let k = self.columns;
         for (p, &d) in self.partition.dependent.iter().enumerate() {
-            for (a, &i) in self.a_matrix[p * self.k..(p + 1) * self.k].iter().zip(&self.partition.independent) {
-                mixed += (a * self.reach[i] / self.reach[d]).powi(2);
+            let row = &self.a_matrix[p * k..(p + 1) * k];
+            let reaches = &self.column_reach[of(d) * k..(of(d) + 1) * k];
+            m[of(d)].mixed += row.iter().zip(reaches).map(|(a, r)| (a * r / self.reach[d]).powi(2)).sum::<f64>();
+        }
+        let least = m.iter().filter(|m| m.answer > 0.0).map(|m| match m.complete {
+            Some(x) => x,
+            None => m.given * (1.0 + m.mixed) / m.answer,
+        });
+        (least.fold(f64::INFINITY, f64::min).sqrt(), self.plans)
+    }
+
+    /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the rank of C
+    /// and not with that of C_D alone.
+    fn margins_without_a(&mut self) {
+        let room = &mut self.room;
+        room.along.fill(0.0);
+        room.sums.fill(None);
+        for &(step, e, j) in &self.spread_entries {
+            room.along[j as usize] += self.c[e as usize] * self.left[step as usize];
+        }
+        for ((&i, &c), x) in self.partition.independent.iter().zip(&self.column_of).zip(&room.along) {
+            if c == super::NONE {
+                *room.sums[self.clusters.of_velocity[i] as usize].get_or_insert(0.0) += (x * self.reach[i]).powi(2);
             }
         }
-        ((given * mixed / answer).sqrt(), self.plans)
+        for (m, sum) in self.margins.iter_mut().zip(&room.sums) {
+            m.complete = sum.map(|sum| (m.before + sum) / m.given);
+        }
     }
 
     fn smallest_pivot(&self) -> (f64, u64) {
@@ -122,24 +163,286 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Some(sum / (reach * reach))
     }
 
-    /// The best exchange at the last tangent.                                              (P6)
-    pub fn best_exchange(&self) -> Option<exchange::Exchange> {
-        exchange::best(&self.a_matrix, &self.s, &self.partition.dependent, &self.partition.independent)
+    /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself. Clusters
+    /// that form no D keep what they have; exchanges see to them.
+    pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
+        let Some(recursion) = &self.recursion else { return Ok(self.partition.independent.clone()) };
+        let n = self.size.nv;
+        let (none, mut out) = (vec![0.0; n], vec![0.0; n]);
+        let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &self.b };
+        self.system.respond(&tangent, &none, &mut self.scratch, &mut out)?;
+        let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.clusters.count];
+        for &i in &self.partition.independent {
+            own[self.clusters.of_velocity[i] as usize].push(i);
+        }
+        let mut chosen = Vec::with_capacity(self.k);
+        let mut few = 0;
+        for (c, velocities) in self.clusters.velocities().iter().enumerate() {
+            if !recursion.by_partial_velocities[c] {
+                chosen.extend_from_slice(&own[c]);
+                continue;
+            }
+            let k = own[c].len();
+            let mut mass = self.system.cluster_mass(few, &self.scratch).to_vec();
+            few += 1;
+            if k == 0 {
+                continue;
+            }
+            if let Err(e) = dense::cholesky(&mut mass, k) {
+                let name = self.system.velocity_name(own[c][e.index]);
+                return Err(SystemError::Mass { name, pivot: e.pivot });
+            }
+            let dt: Vec<f64> =
+                velocities.iter().flat_map(|&i| &self.dt[i * self.columns..i * self.columns + k]).copied().collect();
+            let s2: Vec<f64> = velocities.iter().map(|&i| self.s2[i]).collect();
+            let weights: Option<Vec<f64>> = weights.map(|w| velocities.iter().map(|&i| w[i]).collect());
+            let found = criterion::choose(&dt, k, &mass, &s2, weights.as_deref());
+            chosen.extend(found.iter().map(|&i| velocities[i]));
+        }
+        chosen.sort_unstable();
+        Ok(chosen)
     }
 
-    /// σ and √μ at the last evaluation.
+    /// Velocities with these rates that satisfy S4 with the least kinetic energy, and the rates they reach; by responses
+    /// to efforts along the rated velocities. Needs the tangent of the partition.
+    pub fn least_energy(&mut self, rates: &[(usize, f64)]) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
+        let n = self.size.nv;
+        let mut effort = vec![0.0; n];
+        let mut v = vec![0.0; n];
+        let tangent =
+            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.gamma, c: &self.c, b: &self.a };
+        self.system.respond(&tangent, &effort, &mut self.scratch, &mut v)?;
+        let (none, no_rows) = (vec![0.0; n], vec![0.0; self.size.rows]);
+        let mut answers = Matrix::new(rates.len(), n);
+        for (j, &(i, _)) in rates.iter().enumerate() {
+            effort.fill(0.0);
+            effort[i] = 1.0;
+            let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
+            self.system.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
+        }
+        // in natural scales, so that units cannot decide what counts as nothing
+        let mut normal = Matrix::new(rates.len(), rates.len());
+        let mut want = vec![0.0; rates.len()];
+        for (a, &(i, rate)) in rates.iter().enumerate() {
+            want[a] = (rate - v[i]) / self.s[i];
+            for (b, &(j, _)) in rates.iter().enumerate() {
+                normal[(a, b)] = answers[(b, i)] / (self.s[i] * self.s[j]);
+            }
+        }
+        let (efforts, _) = factor::least_squares_min_norm(&normal, &want, 1e-10)
+            .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t: 0.0 })?;
+        for (b, &(j, _)) in rates.iter().enumerate() {
+            for (v, x) in v.iter_mut().zip(answers.row(b)) {
+                *v += x * efforts[b] / self.s[j];
+            }
+        }
+        let reached = rates.iter().map(|&(i, _)| v[i]).collect();
+        Ok((v, reached))
+    }
+
+    /// The best exchange of all at the last tangent.                                       (P6)
+    pub fn best_exchange(&mut self) -> Option<exchange::Exchange> {
+        let scales = std::mem::take(&mut self.s);
+        let all = self.best_exchanges(&scales, 0.0);
+        self.s = scales;
+        all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
+    }
+
+    /// The best exchange of each cluster at the last tangent, for these scales, those that gain more than `threshold`. (P6)
+    ///
+    /// Cost: the entries of A; clusters that form no A have its columns solved for here.
+    pub fn best_exchanges(&mut self, scales: &[f64], threshold: f64) -> Vec<exchange::Exchange> {
+        let p = &self.partition;
+        if self.recursion.is_none() {
+            let best = exchange::best(&self.a_matrix, scales, &p.dependent, &p.independent);
+            return best.into_iter().filter(|x| x.gain > threshold).collect();
+        }
+        let room = &mut self.room;
+        room.best.fill(None);
+        let best = &mut room.best;
+        let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
+            let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
+            if gain > threshold && best[c].is_none_or(|b| gain > b.gain * (1.0 + 1e-9)) {
+                best[c] = Some(exchange::Exchange { enters, leaves, gain });
+            }
+        };
+        let k = self.columns;
+        let of = |i: usize| self.clusters.of_velocity[i] as usize;
+        for (e, &d) in p.dependent.iter().enumerate() {
+            for c in 0..k {
+                let j = room.place[of(d) * k + c];
+                if j != usize::MAX {
+                    see(of(d), e, j, self.a_matrix[e * k + c]);
+                }
+            }
+        }
+        let Some(plan) = &self.plan else { return Vec::new() };
+        // the other clusters, some columns at a time: the n-th freedom of each shares a column
+        let x = &mut room.columns;
+        for chunk in room.waves.chunks(WIDTH) {
+            x.fill(0.0);
+            room.column.fill(usize::MAX);
+            room.here.fill(usize::MAX);
+            for (w, wave) in chunk.iter().enumerate() {
+                for &j in wave {
+                    room.column[j] = w;
+                    room.here[of(p.independent[j]) * WIDTH + w] = j;
+                }
+            }
+            for &(step, e, j) in &self.spread_entries {
+                if room.column[j as usize] != usize::MAX {
+                    x[step as usize * WIDTH + room.column[j as usize]] = -self.c[e as usize];
+                }
+            }
+            plan.solve(&self.factors, x, WIDTH);
+            for (e, &d) in p.dependent.iter().enumerate() {
+                for w in 0..WIDTH {
+                    let j = room.here[of(d) * WIDTH + w];
+                    if j != usize::MAX {
+                        see(of(d), e, j, x[e * WIDTH + w]);
+                    }
+                }
+            }
+        }
+        room.best.iter().flatten().copied().collect()
+    }
+
+    /// σ and √μ at the last evaluation; of many clusters, those of the worst.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+        if self.recursion.is_some() {
+            return self.quality_by_clusters(t, q);
+        }
         quality_of(self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
+    }
+
+    /// The worst σ and √μ of all clusters: each with the others free to move.
+    fn quality_by_clusters(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+        let mut blocks: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
+        let mut diagonal = vec![0.0; self.size.nv];
+        let tangent =
+            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
+        let independent = &self.partition.independent;
+        self.system.mobility(&tangent, independent, &mut self.scratch, &mut diagonal, &mut |_, which, values| {
+            blocks.push((which.to_vec(), values.to_vec()));
+        });
+        let mut lengths = vec![0.0; self.size.nv];
+        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut lengths)?;
+        let mut worst = Quality { sigma: 1.0, sqrt_mu: 1.0 };
+        for (which, mut values) in blocks {
+            let k = which.len();
+            if k == 0 {
+                continue;
+            }
+            let s2: Vec<f64> = which.iter().map(|&i| lengths[i]).collect();
+            if k == 1 {
+                let x = (values[0] / s2[0]).max(0.0).sqrt().min(1.0);
+                worst = Quality { sigma: worst.sigma.min(x), sqrt_mu: worst.sqrt_mu.min(x) };
+                continue;
+            }
+            let mut block = vec![0.0; self.size.nv * k];
+            self.system.inverse_mass_columns(t, q, &which, &mut self.scratch, &mut block)?;
+            let block: Vec<f64> = which.iter().flat_map(|&i| block[i * k..(i + 1) * k].iter().copied()).collect();
+            if dense::cholesky(&mut values, k).is_err() {
+                return Ok(Quality { sigma: 0.0, sqrt_mu: 0.0 });
+            }
+            let mut md = vec![0.0; k * k];
+            dense::inverse_from_cholesky(&values, k, &mut md);
+            let own = criterion::quality(&md, &s2, &block);
+            worst = Quality { sigma: worst.sigma.min(own.sigma), sqrt_mu: worst.sqrt_mu.min(own.sqrt_mu) };
+        }
+        Ok(worst)
+    }
+
+    /// `[Dᵀ M_d⁻¹ D]_ii` at the last evaluation.
+    fn mobilities(&mut self, out: &mut [f64]) {
+        let tangent =
+            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
+        let independent = &self.partition.independent;
+        self.system.mobility(&tangent, independent, &mut self.scratch, out, &mut |_, _, _| {});
     }
 
     /// P4 at the last evaluation, with fresh scales.
     pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
         let mut s2 = vec![0.0; self.size.nv];
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
+        if self.recursion.is_some() {
+            self.mobilities(rho);
+            for (r, s2) in rho.iter_mut().zip(&s2) {
+                *r = (*r / s2).max(0.0).sqrt().min(1.0);
+            }
+            return Ok(());
+        }
         let mut work = vec![0.0; self.k];
         criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
         Ok(())
     }
+}
+
+/// Columns of A solved for at a time where A is not kept.
+const WIDTH: usize = 8;
+
+/// Room for looking at clusters after a step, and what about it stays with the choice.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    /// Independent velocity in each packed column, by cluster.
+    place: Vec<usize>,
+    /// Independent velocities of clusters that form no A: one of each cluster at a time.
+    waves: Vec<Vec<usize>>,
+    best: Vec<Option<exchange::Exchange>>,
+    columns: Vec<f64>,
+    column: Vec<usize>,
+    here: Vec<usize>,
+    along: Vec<f64>,
+    sums: Vec<Option<f64>>,
+}
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// Lay out the room for the choice just adopted.
+    pub(super) fn lay_out(&mut self) {
+        let (k, count) = (self.columns, self.clusters.count);
+        let p = &self.partition;
+        let mut coupled = vec![false; self.k];
+        self.spread_entries.iter().for_each(|&(_, _, j)| coupled[j as usize] = true);
+        let mut room = Room {
+            place: vec![usize::MAX; count * k],
+            waves: Vec::new(),
+            best: vec![None; count],
+            columns: vec![0.0; self.rank * WIDTH],
+            column: vec![usize::MAX; self.k],
+            here: vec![usize::MAX; count * WIDTH],
+            along: vec![0.0; self.k],
+            sums: vec![None; count],
+        };
+        let mut order = vec![0usize; count];
+        for (j, (&i, &c)) in p.independent.iter().zip(&self.column_of).enumerate() {
+            let cluster = self.clusters.of_velocity[i] as usize;
+            if c != super::NONE {
+                room.place[cluster * k + c as usize] = j;
+            } else if coupled[j] {
+                let wave = &mut order[cluster];
+                if room.waves.len() <= *wave {
+                    room.waves.push(Vec::new());
+                }
+                room.waves[*wave].push(j);
+                *wave += 1;
+            }
+        }
+        self.margins.resize(count.max(1), Margin::default());
+        self.room = room;
+    }
+}
+
+/// What inverse iteration tells of one cluster.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Margin {
+    /// Squared size of what was solved for, and of what was solved for before it.
+    given: f64,
+    before: f64,
+    answer: f64,
+    /// |A|².
+    mixed: f64,
+    /// Squared margin, where A is not formed.
+    complete: Option<f64>,
 }
 
 /// Largest |x|; NaN counts as infinite.

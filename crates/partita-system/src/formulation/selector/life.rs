@@ -5,6 +5,7 @@ use super::super::{PartitionEvent, Review};
 use super::Selector;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
+use std::sync::Arc;
 
 /// A basis whose quality fell to this part of its threshold within one step spoils the step, which is repeated.
 const HARD_PART: f64 = 0.125;
@@ -96,6 +97,7 @@ impl<S: ConstrainedSystem> Selector<'_, S> {
             leaving: Vec::new(),
             reason,
             quality: self.fresh,
+            basis: Some(Arc::new(self.selector.clone())),
         });
         Ok(())
     }

@@ -1,72 +1,25 @@
-"""What a mechanism can be asked: `compile`, `assemble`, `simulate`."""
+"""What a mechanism can be asked: `assemble`, `convert`, `simulate`."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import _core
 from .. import options as run_options
+from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, UnknownNameError
+from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
-from .checks import Element
-from .compiled import CompiledModel
-from .spec import Writer
-
-if TYPE_CHECKING:
-    from ..results import Result
-    from .mechanism import Mechanism
-
-
-def compile(self: Mechanism, coordinates: str = "relative") -> CompiledModel:
-    """Compile the description into equations. The model is kept until the description changes.
-
-    Args:
-        coordinates: "relative": joint coordinates along a spanning tree and closing conditions (few and
-            fast); "absolute": six velocities per body and conditions for every joint (an independent check).
-
-    Raises:
-        DescriptionError: there is nothing to move, or the core finds the description inconsistent.
-        ArgumentError: unknown coordinates.
-
-    >>> import partita as pt
-    >>> m = pt.Mechanism("pendulum")
-    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
-    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
-    >>> m.compile().mobility
-    1
-    """
-    wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    version = self._description.version
-    if wanted not in self._compiled or self._compiled[wanted][0] != version:
-        self._compiled[wanted] = (version, *_compile(self, wanted))
-    return self._compiled[wanted][1]
-
-
-def _compile(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Layout]:
-    if not mechanism._description.bodies:
-        Element("mechanism", mechanism.name).fail("it has no bodies; add some with add_body or add_rod")
-    layout = Layout()
-    writer = Writer(mechanism, layout)
-    core = _core.Model(json.dumps(writer.spec()), writer.functions, coordinates)
-    summary = json.loads(core.summary)
-    layout.fill(summary)
-    return CompiledModel(core, summary, coordinates, writer.notes), layout
-
-
-def layout_of(mechanism: Mechanism, coordinates: str) -> tuple[CompiledModel, Layout]:
-    """The compiled model with the layout of its states."""
-    model = compile(mechanism, coordinates)
-    return model, mechanism._compiled[coordinates][2]
+from .models import Modelled, compile, layout_of
 
 
 def assemble(
-    self: Mechanism,
+    self: Modelled,
     targets: Mapping[Any, Any] | None = None,
     rates: Mapping[Any, Any] | None = None,
     near: State | None = None,
@@ -114,7 +67,7 @@ def assemble(
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
-def convert(self: Mechanism, state: State, coordinates: str) -> State:
+def convert(self: Modelled, state: State, coordinates: str) -> State:
     """The same state in other coordinates: every body is and moves as before.
 
     Args:
@@ -154,8 +107,9 @@ def _indexed(
     if not isinstance(wanted, Mapping):
         raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {wanted!r}", argument=what)
     pairs: dict[int, float] = {}
+    place = {name: index for index, name in enumerate(names)} if wanted else {}
     for key, value in wanted.items():
-        first, count = _where(what, str(key), names, span, layout)
+        first, count = _where(what, str(key), place, span, layout)
         numbers = _numbers(what, key, value, count)
         for index, number in zip(range(first, first + count), numbers, strict=True):
             if index in pairs:
@@ -164,14 +118,14 @@ def _indexed(
     return list(pairs.items())
 
 
-def _where(what: str, key: str, names: list[str], span: Any, layout: Layout) -> tuple[int, int]:
+def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout) -> tuple[int, int]:
     """First index and count of the coordinates that `key` means."""
-    if key in names:
-        return names.index(key), 1
+    if key in place:
+        return place[key], 1
     try:
         first, count = span(key)
     except UnknownNameError:
-        known = sorted({*layout.tree_joints, *names})
+        known = sorted({*layout.tree_joints, *place})
         raise UnknownNameError(
             f"{what}: {key!r} is neither a joint nor a coordinate; known: {', '.join(known)}",
             name=key,
@@ -213,7 +167,7 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
 
 
 def simulate(
-    self: Mechanism,
+    self: Modelled,
     duration: float,
     *,
     t_eval: ArrayLike | None = None,
@@ -295,8 +249,6 @@ def simulate(
     >>> run.success, run.t.shape
     (True, (201,))
     """
-    from ..results import Result
-
     model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     start = initial if initial is not None else assemble(self, coordinates=coordinates)
     if (

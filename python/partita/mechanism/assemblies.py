@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..state import State
-from .solve import assemble, layout_of
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from .models import Modelled, layout_of
+from .solve import assemble
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Assemblies:
 
 
 def assemblies(
-    self: Mechanism,
+    self: Modelled,
     targets: Mapping[Any, Any] | None = None,
     rates: Mapping[Any, Any] | None = None,
     near: State | None = None,

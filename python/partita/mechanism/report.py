@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .. import options as run_options
 from ..state import State
-from .solve import _fitting, assemble, layout_of
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from .models import Modelled, layout_of
+from .solve import _fitting, assemble
 
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-def report(self: Mechanism, state: State | None = None, *, coordinates: str = "relative") -> str:
+def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> str:
     """Describe the mechanism in words: mobility, redundancy, coordinates and their measure, reactions.
 
     Args:
@@ -51,7 +49,7 @@ def report(self: Mechanism, state: State | None = None, *, coordinates: str = "r
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _title(mechanism: Mechanism, summary: dict[str, Any], state: State) -> str:
+def _title(mechanism: Modelled, summary: dict[str, Any], state: State) -> str:
     title = f'Mechanism "{mechanism.name}"'
     bodies, joints = len(summary["bodies"]), len(summary["joints"])
     kind = "planar (all motion parallel to one plane)" if summary["planar"] else "spatial"

@@ -1,0 +1,104 @@
+//! The transposed substitution for a right-hand side with few entries, at the cost of what it touches.
+
+use super::Program;
+use std::collections::BinaryHeap;
+
+/// An unknown below this fraction of the terms it is summed from is a rounding error of theirs.
+const CANCELLED: f64 = 1e-13;
+
+/// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), used again and again.
+#[derive(Clone, Debug, Default)]
+pub struct SparseRoom {
+    /// Value of each unknown, and the sum of the magnitudes it is made of; zero between two solutions.
+    value: Vec<f64>,
+    magnitude: Vec<f64>,
+    waits: Vec<bool>,
+    /// Steps that wait for their turn, the next one on top.
+    open: BinaryHeap<i64>,
+    /// Steps met so far.
+    met: Vec<usize>,
+}
+
+impl SparseRoom {
+    /// Room for a plan of this rank.
+    pub fn new(rank: usize) -> Self {
+        Self { value: vec![0.0; rank], magnitude: vec![0.0; rank], waits: vec![false; rank], ..Self::default() }
+    }
+
+    /// Add to unknown `k`, which is settled when `turn` is the largest that waits.
+    fn add(&mut self, k: usize, x: f64, turn: i64) {
+        if x == 0.0 {
+            return;
+        }
+        if self.magnitude[k] == 0.0 {
+            self.met.push(k);
+        }
+        self.value[k] += x;
+        self.magnitude[k] += x.abs();
+        if !std::mem::replace(&mut self.waits[k], true) {
+            self.open.push(turn);
+        }
+    }
+
+    /// The unknown `k`; zero where its terms cancel.
+    fn settled(&mut self, k: usize) -> f64 {
+        self.waits[k] = false;
+        if self.value[k].abs() <= CANCELLED * self.magnitude[k] {
+            self.value[k] = 0.0;
+        }
+        self.value[k]
+    }
+}
+
+impl Program {
+    /// `Uᵀ Lᵀ y = b` for the entries `(step, value)` of b; those of y that are not zero, in any order.
+    pub(in super::super) fn solve_transposed_sparse(
+        &self,
+        work: &[f64],
+        b: &[(usize, f64)],
+        room: &mut SparseRoom,
+    ) -> Vec<(usize, f64)> {
+        for &(k, x) in b {
+            room.add(k, x, -(k as i64));
+        }
+        while let Some(turn) = room.open.pop() {
+            let k = -turn as usize;
+            let x = room.settled(k);
+            if x == 0.0 {
+                continue;
+            }
+            let line = self.lines[k];
+            for p in line.diagonal as usize + 1..line.end as usize {
+                let j = self.columns[p] as usize;
+                room.add(j, -work[p] * x, -(j as i64));
+            }
+        }
+        for i in 0..room.met.len() {
+            let k = room.met[i];
+            room.waits[k] = true;
+            room.open.push(k as i64);
+        }
+        while let Some(turn) = room.open.pop() {
+            let k = turn as usize;
+            let line = self.lines[k];
+            let reciprocal = work[line.diagonal as usize];
+            let x = room.settled(k) * reciprocal;
+            room.value[k] = x;
+            if x == 0.0 {
+                continue;
+            }
+            for p in line.start as usize..line.diagonal as usize {
+                let j = self.columns[p] as usize;
+                room.add(j, -work[p] * x, j as i64);
+            }
+        }
+        let mut found = Vec::with_capacity(room.met.len());
+        for k in std::mem::take(&mut room.met) {
+            if room.value[k] != 0.0 {
+                found.push((k, room.value[k]));
+            }
+            (room.value[k], room.magnitude[k]) = (0.0, 0.0);
+        }
+        found
+    }
+}

@@ -1,0 +1,188 @@
+//! Eight numbers side by side.
+
+use super::{interval_of, Arguments, Scalar};
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// Eight independent numbers: one run through a function gives eight evaluations, each what `f64` gives, to the bit.
+///
+/// Plain loops over an array, which a compiler may turn into vector instructions.
+#[derive(Copy, Clone, Debug, Default, PartialEq)]
+pub struct Lanes(pub [f64; Lanes::COUNT]);
+
+impl Lanes {
+    /// How many numbers there are.
+    pub const COUNT: usize = 8;
+
+    /// Lane i from `f(i)`.
+    #[inline(always)]
+    pub fn from_fn(f: impl FnMut(usize) -> f64) -> Self {
+        Self(std::array::from_fn(f))
+    }
+
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        Self(self.0.map(f))
+    }
+
+    #[inline(always)]
+    fn with(mut self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        for (x, y) in self.0.iter_mut().zip(other.0) {
+            *x = f(*x, y);
+        }
+        self
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(other, |x, y| x + y)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.with(other, |x, y| x - y)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.with(other, |x, y| x * y)
+    }
+}
+
+impl Div for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.with(other, |x, y| x / y)
+    }
+}
+
+impl Neg for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|x| -x)
+    }
+}
+
+impl AddAssign for Lanes {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Lanes {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl MulAssign for Lanes {
+    #[inline(always)]
+    fn mul_assign(&mut self, other: Self) {
+        *self = *self * other;
+    }
+}
+
+impl Scalar for Lanes {
+    const CALLS: bool = true;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        Self([x; Self::COUNT])
+    }
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+    #[inline(always)]
+    fn one() -> Self {
+        Self::from_f64(1.0)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f64::sqrt)
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        let (mut s, mut c) = (self, self);
+        for i in 0..Self::COUNT {
+            (s.0[i], c.0[i]) = self.0[i].sin_cos();
+        }
+        (s, c)
+    }
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        self.with(x, f64::atan2)
+    }
+    #[inline(always)]
+    fn hypot(self, other: Self) -> Self {
+        self.with(other, f64::hypot)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(f64::abs)
+    }
+    #[inline(always)]
+    fn round(self) -> Self {
+        self.map(f64::round)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.with(other, f64::max)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.with(other, f64::min)
+    }
+    #[inline(always)]
+    fn where_positive(self, yes: Self, no: Self) -> Self {
+        Self::from_fn(|i| self.0[i].where_positive(yes.0[i], no.0[i]))
+    }
+    #[inline(always)]
+    fn over_or_zero(self, divisor: Self) -> Self {
+        self.with(divisor, f64::over_or_zero)
+    }
+    #[inline(always)]
+    fn scale(self, factor: f64) -> Self {
+        self.map(|x| x * factor)
+    }
+
+    fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
+        let at = self.0.map(|x| interval_of(x, breaks, rows.len()));
+        (Self(at.map(|i| breaks[i])), std::array::from_fn(|k| Self(at.map(|i| rows[i][k]))))
+    }
+    fn outside(self, low: f64, high: f64) -> Option<f64> {
+        self.0.iter().find_map(|x| x.outside(low, high))
+    }
+    /// Eight calls.
+    fn call<const N: usize, E>(
+        at: Arguments<Self>,
+        room: &mut Vec<f64>,
+        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
+    ) -> Result<[Self; N], E> {
+        let n = at.q.len();
+        room.resize(n + at.v.len(), 0.0);
+        let mut out = [Self::zero(); N];
+        for lane in 0..Self::COUNT {
+            for (x, y) in room.iter_mut().zip(at.q.iter().chain(at.v)) {
+                *x = y.0[lane];
+            }
+            let values = f(at.t.0[lane], &room[..n], &room[n..])?;
+            for (out, x) in out.iter_mut().zip(values) {
+                out.0[lane] = x;
+            }
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,98 @@
+//! `f64` itself.
+
+use super::{interval_of, Arguments, Real, Scalar};
+
+impl Scalar for f64 {
+    const CALLS: bool = true;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn zero() -> Self {
+        0.0
+    }
+    #[inline(always)]
+    fn one() -> Self {
+        1.0
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        f64::sin_cos(self)
+    }
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        f64::atan2(self, x)
+    }
+    #[inline(always)]
+    fn hypot(self, other: Self) -> Self {
+        f64::hypot(self, other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+    #[inline(always)]
+    fn round(self) -> Self {
+        f64::round(self)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        f64::max(self, other)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        f64::min(self, other)
+    }
+    #[inline(always)]
+    fn where_positive(self, yes: Self, no: Self) -> Self {
+        if self > 0.0 {
+            yes
+        } else {
+            no
+        }
+    }
+    #[inline(always)]
+    fn over_or_zero(self, divisor: Self) -> Self {
+        if divisor == 0.0 {
+            0.0
+        } else {
+            self / divisor
+        }
+    }
+    #[inline(always)]
+    fn scale(self, factor: f64) -> Self {
+        self * factor
+    }
+
+    #[inline]
+    fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
+        let i = interval_of(self, breaks, rows.len());
+        (breaks[i], rows[i])
+    }
+    #[inline(always)]
+    fn outside(self, low: f64, high: f64) -> Option<f64> {
+        // written so that NaN is outside
+        (!(self >= low && self <= high)).then_some(self)
+    }
+    #[inline(always)]
+    fn call<const N: usize, E>(
+        at: Arguments<Self>,
+        _: &mut Vec<f64>,
+        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
+    ) -> Result<[Self; N], E> {
+        f(at.t, at.q, at.v)
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self
+    }
+}

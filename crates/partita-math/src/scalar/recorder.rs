@@ -1,0 +1,343 @@
+//! A number that writes down what is done to it.
+//!
+//! ```text
+//! record(n, f) ──► f runs once over Recorder; each operation is an entry of a tape ──► Recording ──► evaluate(inputs)
+//! ```
+//!
+//! The tape belongs to the thread and to one recording: numbers that outlive it, or meet another one, are NaN.
+
+use super::{Arguments, Scalar};
+use std::cell::RefCell;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// One entry of a tape; operands are places of earlier entries.
+#[derive(Clone, Copy, Debug)]
+enum Operation {
+    Input(u32),
+    Constant(f64),
+    Add(u32, u32),
+    Sub(u32, u32),
+    Mul(u32, u32),
+    Div(u32, u32),
+    OverOrZero(u32, u32),
+    Neg(u32),
+    Sqrt(u32),
+    Sin(u32),
+    Cos(u32),
+    Atan2(u32, u32),
+    Hypot(u32, u32),
+    Abs(u32),
+    Round(u32),
+    Max(u32, u32),
+    Min(u32, u32),
+    WherePositive(u32, u32, u32),
+    /// 1 where the number is at or above this constant, else −1.
+    Reached(u32, f64),
+    Scale(u32, f64),
+}
+
+/// What is written at present, and how many recordings there were.
+struct Tape {
+    number: u32,
+    operations: Option<Vec<Operation>>,
+}
+
+thread_local! {
+    static TAPE: RefCell<Tape> = const { RefCell::new(Tape { number: 0, operations: None }) };
+}
+
+/// A number of a recording: a constant, or the result of an entry of the tape.
+///
+/// It has no value and no order; made by [`Recording::new`]. Functions known in `f64` alone cannot be recorded.
+#[derive(Copy, Clone, Debug)]
+pub struct Recorder(Kind);
+
+#[derive(Copy, Clone, Debug)]
+enum Kind {
+    Constant(f64),
+    /// Recording and place.
+    Entry(u32, u32),
+}
+
+impl Default for Recorder {
+    fn default() -> Self {
+        Self(Kind::Constant(0.0))
+    }
+}
+
+impl Tape {
+    /// Place of an operand, if it belongs to the recording that is running.
+    fn place(&mut self, x: Recorder) -> Option<u32> {
+        match x.0 {
+            Kind::Constant(c) => self.push(Operation::Constant(c)),
+            Kind::Entry(number, place) => (number == self.number).then_some(place),
+        }
+    }
+
+    fn push(&mut self, operation: Operation) -> Option<u32> {
+        let operations = self.operations.as_mut()?;
+        let place = u32::try_from(operations.len()).ok()?;
+        operations.push(operation);
+        Some(place)
+    }
+}
+
+/// Appends an operation on operands that are not all constants.
+fn append<const N: usize>(operands: [Recorder; N], make: impl Fn([u32; N]) -> Operation) -> Recorder {
+    TAPE.with_borrow_mut(|tape| {
+        let mut places = [0; N];
+        for (place, x) in places.iter_mut().zip(operands) {
+            match tape.place(x) {
+                Some(found) => *place = found,
+                None => return Recorder::from_f64(f64::NAN),
+            }
+        }
+        match tape.push(make(places)) {
+            Some(place) => Recorder(Kind::Entry(tape.number, place)),
+            None => Recorder::from_f64(f64::NAN),
+        }
+    })
+}
+
+impl Recorder {
+    #[inline]
+    fn one_of(self, plain: impl Fn(f64) -> f64, make: impl Fn(u32) -> Operation) -> Self {
+        match self.0 {
+            Kind::Constant(x) => Self::from_f64(plain(x)),
+            Kind::Entry(..) => append([self], |[x]| make(x)),
+        }
+    }
+
+    #[inline]
+    fn two_of(self, other: Self, plain: impl Fn(f64, f64) -> f64, make: impl Fn(u32, u32) -> Operation) -> Self {
+        match (self.0, other.0) {
+            (Kind::Constant(x), Kind::Constant(y)) => Self::from_f64(plain(x, y)),
+            _ => append([self, other], |[x, y]| make(x, y)),
+        }
+    }
+}
+
+impl Add for Recorder {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.two_of(other, |x, y| x + y, Operation::Add)
+    }
+}
+
+impl Sub for Recorder {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.two_of(other, |x, y| x - y, Operation::Sub)
+    }
+}
+
+impl Mul for Recorder {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.two_of(other, |x, y| x * y, Operation::Mul)
+    }
+}
+
+impl Div for Recorder {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.two_of(other, |x, y| x / y, Operation::Div)
+    }
+}
+
+impl Neg for Recorder {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.one_of(|x| -x, Operation::Neg)
+    }
+}
+
+impl AddAssign for Recorder {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Recorder {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl MulAssign for Recorder {
+    fn mul_assign(&mut self, other: Self) {
+        *self = *self * other;
+    }
+}
+
+impl Scalar for Recorder {
+    const CALLS: bool = false;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        Self(Kind::Constant(x))
+    }
+    fn zero() -> Self {
+        Self::from_f64(0.0)
+    }
+    fn one() -> Self {
+        Self::from_f64(1.0)
+    }
+    fn sqrt(self) -> Self {
+        self.one_of(f64::sqrt, Operation::Sqrt)
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        (self.one_of(f64::sin, Operation::Sin), self.one_of(f64::cos, Operation::Cos))
+    }
+    fn atan2(self, x: Self) -> Self {
+        self.two_of(x, f64::atan2, Operation::Atan2)
+    }
+    fn hypot(self, other: Self) -> Self {
+        self.two_of(other, f64::hypot, Operation::Hypot)
+    }
+    fn abs(self) -> Self {
+        self.one_of(f64::abs, Operation::Abs)
+    }
+    fn round(self) -> Self {
+        self.one_of(f64::round, Operation::Round)
+    }
+    fn max(self, other: Self) -> Self {
+        self.two_of(other, f64::max, Operation::Max)
+    }
+    fn min(self, other: Self) -> Self {
+        self.two_of(other, f64::min, Operation::Min)
+    }
+    fn where_positive(self, yes: Self, no: Self) -> Self {
+        match self.0 {
+            Kind::Constant(x) if x > 0.0 => yes,
+            Kind::Constant(_) => no,
+            Kind::Entry(..) => append([self, yes, no], |[x, y, n]| Operation::WherePositive(x, y, n)),
+        }
+    }
+    fn over_or_zero(self, divisor: Self) -> Self {
+        self.two_of(divisor, f64::over_or_zero, Operation::OverOrZero)
+    }
+    fn scale(self, factor: f64) -> Self {
+        self.one_of(|x| x * factor, |x| Operation::Scale(x, factor))
+    }
+
+    /// One choice for each break: the recording serves every interval.
+    fn interval(self, breaks: &[f64], rows: &[[f64; 4]]) -> (Self, [Self; 4]) {
+        let (mut start, mut row) = (Self::from_f64(breaks[0]), rows[0].map(Self::from_f64));
+        for (&b, r) in breaks.iter().zip(rows).skip(1) {
+            let reached = self.one_of(|x| if x >= b { 1.0 } else { -1.0 }, |x| Operation::Reached(x, b));
+            start = reached.where_positive(Self::from_f64(b), start);
+            row = std::array::from_fn(|k| reached.where_positive(Self::from_f64(r[k]), row[k]));
+        }
+        (start, row)
+    }
+    fn outside(self, low: f64, high: f64) -> Option<f64> {
+        match self.0 {
+            Kind::Constant(x) => x.outside(low, high),
+            Kind::Entry(..) => None,
+        }
+    }
+    fn call<const N: usize, E>(
+        _: Arguments<Self>,
+        _: &mut Vec<f64>,
+        _: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
+    ) -> Result<[Self; N], E> {
+        Ok([Self::from_f64(f64::NAN); N])
+    }
+}
+
+/// A function as a list of operations, evaluated without searching, branching or allocating.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    inputs: usize,
+    operations: Vec<Operation>,
+    outputs: Vec<u32>,
+}
+
+impl Recording {
+    /// Runs `f` once on numbers that record and keeps what it did. `f` must not record by itself.
+    ///
+    /// Fails where `f` fails.
+    pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
+        let given = TAPE.with_borrow_mut(|tape| {
+            tape.number = tape.number.wrapping_add(1);
+            tape.operations = Some(Vec::new());
+            let place = |i: usize| tape.push(Operation::Input(i as u32)).unwrap_or(0);
+            let places: Vec<u32> = (0..inputs).map(place).collect();
+            places.into_iter().map(|p| Recorder(Kind::Entry(tape.number, p))).collect::<Vec<_>>()
+        });
+        let found = f(&given);
+        TAPE.with_borrow_mut(|tape| {
+            let outputs = found.map(|found| {
+                let place = |tape: &mut Tape, x| tape.place(x).or_else(|| tape.push(Operation::Constant(f64::NAN)));
+                found.into_iter().map(|x| place(tape, x).unwrap_or(0)).collect()
+            });
+            let operations = tape.operations.take().unwrap_or_default();
+            outputs.map(|outputs| Self { inputs, operations, outputs })
+        })
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// Number of operations, inputs and constants counted: the length of `work` in [`evaluate`](Self::evaluate).
+    pub fn len(&self) -> usize {
+        self.operations.len()
+    }
+
+    /// Is nothing recorded?
+    pub fn is_empty(&self) -> bool {
+        self.operations.is_empty()
+    }
+
+    /// The outputs for these inputs. What `f64` would have given, to the bit.
+    ///
+    /// # Panics
+    /// If `inputs`, `work` or `out` is shorter than the recording says.
+    pub fn evaluate(&self, inputs: &[f64], work: &mut [f64], out: &mut [f64]) {
+        assert!(inputs.len() >= self.inputs, "{} inputs for a recording of {}", inputs.len(), self.inputs);
+        assert!(work.len() >= self.len(), "{} places for {} operations", work.len(), self.len());
+        for (i, operation) in self.operations.iter().enumerate() {
+            let (before, rest) = work.split_at_mut(i);
+            let at = |place: u32| before[place as usize];
+            rest[0] = match *operation {
+                Operation::Input(k) => inputs[k as usize],
+                Operation::Constant(c) => c,
+                Operation::Add(x, y) => at(x) + at(y),
+                Operation::Sub(x, y) => at(x) - at(y),
+                Operation::Mul(x, y) => at(x) * at(y),
+                Operation::Div(x, y) => at(x) / at(y),
+                Operation::OverOrZero(x, y) => at(x).over_or_zero(at(y)),
+                Operation::Neg(x) => -at(x),
+                Operation::Sqrt(x) => at(x).sqrt(),
+                Operation::Sin(x) => at(x).sin(),
+                Operation::Cos(x) => at(x).cos(),
+                Operation::Atan2(x, y) => at(x).atan2(at(y)),
+                Operation::Hypot(x, y) => at(x).hypot(at(y)),
+                Operation::Abs(x) => at(x).abs(),
+                Operation::Round(x) => at(x).round(),
+                Operation::Max(x, y) => at(x).max(at(y)),
+                Operation::Min(x, y) => at(x).min(at(y)),
+                Operation::WherePositive(x, y, n) => at(x).where_positive(at(y), at(n)),
+                Operation::Reached(x, b) => {
+                    if at(x) >= b {
+                        1.0
+                    } else {
+                        -1.0
+                    }
+                }
+                Operation::Scale(x, factor) => at(x) * factor,
+            };
+        }
+        for (out, &place) in out[..self.outputs.len()].iter_mut().zip(&self.outputs) {
+            *out = work[place as usize];
+        }
+    }
+}

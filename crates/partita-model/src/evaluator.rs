@@ -1,0 +1,360 @@
+//! The equations of a mechanism over any scalar: every level in the space of its engine.
+//!
+//! ```text
+//! description ──► Model (f64) ──► over::<S>(parameters) ──► Evaluator<S>
+//! ```
+//!
+//! Nothing here looks at a value: a derivative goes through, eight lanes go side by side, a recorder writes it all down.
+
+use crate::clusters::{self, Given, Tangents};
+use crate::compile::{self, RowName};
+use crate::error::DescriptionError;
+use crate::force::Element;
+use crate::mechanics::Mechanics;
+use crate::numbers::Numbers;
+use crate::place::Placed;
+use crate::spec::{Spec, Value};
+use crate::tree::{LinkMotion, LinkState, TreeScratch};
+use crate::value::{self, Callers, Instant};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Planar, Quaternion, Spatial, Vec3};
+use partita_system::SystemError;
+use std::sync::Arc;
+
+/// A prescribed coordinate: the row `q_i − f(t)`.
+#[derive(Clone, Debug)]
+pub struct DriveRow {
+    /// Name of the drive.
+    pub name: String,
+    /// Driven joint.
+    pub joint: usize,
+    /// Which of its velocities.
+    pub coordinate: usize,
+    /// Coordinate.
+    pub q: usize,
+    /// Velocity.
+    pub v: usize,
+    /// Motion.
+    pub motion: Value,
+    /// Row.
+    pub row: usize,
+}
+
+/// The tree in the space the evaluations run in.
+#[derive(Clone, Debug)]
+pub(crate) enum Engine<S: Scalar> {
+    /// All motions in one plane: three numbers a twist.
+    Flat(Mechanics<Planar<S>>),
+    /// Six.
+    Full,
+}
+
+/// Memory of evaluations.
+#[derive(Clone, Debug)]
+pub struct Scratch<S: Scalar> {
+    pub(crate) flat: Option<TreeScratch<Planar<S>>>,
+    pub(crate) full: TreeScratch<Spatial<S>>,
+    /// Plain arguments of functions known in `f64` alone.
+    pub(crate) room: Vec<f64>,
+    pub(crate) forces_at: bool,
+}
+
+/// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
+macro_rules! with_engine {
+    ($self:expr, $scratch:expr, |$tree:ident, $s:ident| $body:expr) => {
+        match (&$self.engine, &mut $scratch.flat) {
+            ($crate::evaluator::Engine::Flat($tree), Some($s)) => $body,
+            _ => {
+                let ($tree, $s) = (&$self.full, &mut $scratch.full);
+                $body
+            }
+        }
+    };
+}
+pub(crate) use with_engine;
+
+/// A mechanism over the numbers `S`, with the structure of the [`Model`](crate::Model) it was made from.
+///
+/// Levels go in order, as in [`ConstrainedSystem`](partita_system::ConstrainedSystem): [`position`](Self::position),
+/// [`velocity`](Self::velocity) at the same `(t, q)`, then everything else. Functions of the user's are known in `f64`
+/// alone: see [`Scalar::call`].
+pub struct Evaluator<S: Scalar> {
+    pub(crate) engine: Engine<S>,
+    /// The mechanism in space; outputs and reactions are computed with it.
+    pub full: Mechanics<Spatial<S>>,
+    /// Zero position: structure, and the numbers of the description.
+    pub placed: Arc<Placed>,
+    /// Prescribed motions.
+    pub drives: Vec<DriveRow>,
+    pub(crate) numbers: Numbers<S>,
+    pub(crate) callers: Arc<Callers>,
+}
+
+impl<S: Scalar> Evaluator<S> {
+    /// Make trees and forces from numbers; also the names of the rows in the engine's space and in space.
+    pub(crate) fn new(
+        spec: &Spec,
+        placed: Arc<Placed>,
+        numbers: Numbers<S>,
+        drives: Vec<DriveRow>,
+        callers: Arc<Callers>,
+    ) -> Result<(Self, [Vec<RowName>; 2]), DescriptionError> {
+        let massive = massive(&placed);
+        let (tree, full_rows) = compile::compile::<Spatial<S>>(spec, &placed, &numbers);
+        let full = Mechanics::new(tree, Element::all(spec, &placed, &numbers)?, &massive);
+        if let (false, Some(name)) = (S::CALLS, full.elements.iter().find_map(Element::calls)) {
+            return Err(uncallable("force", name));
+        }
+        if let (false, Some(d)) = (S::CALLS, drives.iter().find(|d| matches!(d.motion, Value::Function(_)))) {
+            return Err(uncallable("drive", &d.name));
+        }
+        let (engine, rows) = if placed.planar {
+            let (tree, rows) = compile::compile::<Planar<S>>(spec, &placed, &numbers);
+            (Engine::Flat(Mechanics::new(tree, Element::all(spec, &placed, &numbers)?, &massive)), rows)
+        } else {
+            (Engine::Full, full_rows.clone())
+        };
+        Ok((Self { engine, full, placed, drives, numbers, callers }, [rows, full_rows]))
+    }
+
+    /// New scratch.
+    pub fn scratch(&self) -> Scratch<S> {
+        Scratch {
+            flat: match &self.engine {
+                Engine::Flat(tree) => Some(tree.scratch()),
+                Engine::Full => None,
+            },
+            full: self.full.scratch(),
+            room: Vec::new(),
+            forces_at: false,
+        }
+    }
+
+    pub(crate) fn instant<'a>(&'a self, t: S, q: &'a [S], v: &'a [S]) -> Instant<'a, S> {
+        Instant { t, q, v, callers: &self.callers }
+    }
+
+    /// Position level: Φ, the values of C in the order of the model's pattern, and a.          (S3, S4)
+    pub fn position(
+        &self,
+        t: S,
+        q: &[S],
+        s: &mut Scratch<S>,
+        phi: &mut [S],
+        c: &mut [S],
+        a: &mut [S],
+    ) -> Result<(), SystemError> {
+        s.forces_at = false;
+        with_engine!(self, s, |tree, x| {
+            tree.poses(q, x);
+            tree.inertias(x);
+            tree.close(x, phi, c);
+        });
+        let entries = c.len() - self.drives.len();
+        for (i, d) in self.drives.iter().enumerate() {
+            let [p, u, _] = value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?;
+            phi[d.row] = q[d.q] - p;
+            a[d.row] = -u;
+            c[entries + i] = S::one();
+        }
+        Ok(())
+    }
+
+    /// Velocity level, at the `(t, q)` of the last [`position`](Self::position): b.            (S5)
+    pub fn velocity(&self, t: S, v: &[S], s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
+        s.forces_at = false;
+        with_engine!(self, s, |tree, x| {
+            tree.twists(v, x);
+            tree.bias(x, b);
+        });
+        for d in self.drives.iter() {
+            b[d.row] = -value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?[2];
+        }
+        Ok(())
+    }
+
+    /// Applied forces at the last [`velocity`](Self::velocity), gathered once.
+    pub(crate) fn forces(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<(), SystemError> {
+        if s.forces_at {
+            return Ok(());
+        }
+        let mut room = std::mem::take(&mut s.room);
+        let done = with_engine!(self, s, |tree, x| tree.apply(self.instant(t, q, v), x, &mut room));
+        s.room = room;
+        done?;
+        s.forces_at = true;
+        Ok(())
+    }
+
+    /// Dense M (nv x nv) and h (nv), after [`velocity`](Self::velocity).                       (S1)
+    pub fn dynamics(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        s: &mut Scratch<S>,
+        mass: &mut [S],
+        h: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| {
+            tree.mass_matrix(x, mass);
+            tree.forces(x, h);
+        });
+        Ok(())
+    }
+
+    /// `M_d = D M Dᵀ`, `h_d = D (h − M [0; ξ])` for Dᵀ (nv x k) and `[0; ξ]`, after [`velocity`](Self::velocity). (P3)
+    pub fn project(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        (k, dt, delta): (usize, &[S], &[S]),
+        s: &mut Scratch<S>,
+        md: &mut [S],
+        hd: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| tree.project(k, dt, delta, x, md, hd));
+        Ok(())
+    }
+
+    /// `v'` with `C v' + b = 0` by the recursion over clusters, after [`velocity`](Self::velocity). `s` must have been fitted
+    /// to the plan.                                                                        (P3 by clusters, 48)
+    pub fn accelerate(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        plan: &clusters::Plan,
+        tangents: &Tangents<S>,
+        s: &mut Scratch<S>,
+        vdot: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| {
+            let mut room = std::mem::take(&mut x.clusters);
+            let given = Given { tangents: *tangents, effort: &x.effort, at_rest: false };
+            tree.accelerate(plan, &given, x, &mut room, vdot);
+            x.clusters = room;
+        });
+        Ok(())
+    }
+
+    /// Motion that efforts (nv) alone cause from rest, after [`position`](Self::position).
+    pub fn respond(
+        &self,
+        plan: &clusters::Plan,
+        tangents: &Tangents<S>,
+        effort: &[S],
+        s: &mut Scratch<S>,
+        out: &mut [S],
+    ) {
+        with_engine!(self, s, |tree, x| {
+            let mut room = std::mem::take(&mut x.clusters);
+            tree.accelerate(plan, &Given { tangents: *tangents, effort, at_rest: true }, x, &mut room, out);
+            x.clusters = room;
+        });
+    }
+
+    /// Room for the recursion over clusters with this plan.
+    pub fn fit(&self, plan: &clusters::Plan, s: &mut Scratch<S>) {
+        let velocities = self.placed.nv;
+        with_engine!(self, s, |tree, x| x.clusters.fit(tree.links.len(), velocities, tree.dimensions(), plan));
+    }
+
+    /// `M v' − h` (nv), after [`velocity`](Self::velocity).
+    pub fn inverse_dynamics(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        s: &mut Scratch<S>,
+        out: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| tree.inverse_dynamics(vdot, x, out));
+        Ok(())
+    }
+
+    /// `[M⁻¹]_ii` (nv) after [`position`](Self::position), by articulated inertias; no pivot is looked at.   (19)
+    pub fn inverse_mass_diagonal(&self, s: &mut Scratch<S>, out: &mut [S]) {
+        with_engine!(self, s, |tree, x| {
+            tree.articulate_straight(x);
+            tree.inverse_mass_diagonal(x, out);
+        });
+    }
+
+    /// Kinetic energy, potential energy, and the power of the forces that have no potential, after
+    /// [`velocity`](Self::velocity).
+    pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
+        // plain numbers need no room
+        let (instant, mut room) = (self.instant(t, q, v), Vec::new());
+        match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut room),
+            _ => self.full.energies(instant, &s.full, &mut room),
+        }
+    }
+
+    /// Poses and twists in space at (q, v), for outputs and reactions; positions also of the plane's.
+    pub fn look(&self, q: &[S], v: &[S], s: &mut Scratch<S>) {
+        self.full.poses(q, &mut s.full);
+        self.full.inertias(&mut s.full);
+        self.full.twists(v, &mut s.full);
+        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
+            tree.poses(q, flat);
+            tree.inertias(flat);
+            tree.twists(v, flat);
+        }
+    }
+
+    /// State of a node's link (0 is the ground) in mechanism axes, its reference point in the world.
+    pub(crate) fn node_state(&self, s: &Scratch<S>, node: usize) -> LinkState<Spatial<S>> {
+        let link = self.placed.link_of(node);
+        let mut state = s.full.links[link];
+        state.centre = self.full.place(link, &s.full);
+        state
+    }
+
+    /// Reference points of all links in the zero position: centres of mass, or the joint's point where there is no mass.
+    pub fn reference(&self) -> &[Vec3<S>] {
+        &self.numbers.reference
+    }
+
+    /// Offset of a zero-position point from the reference point of its link, in world axes now.
+    pub(crate) fn arm_now(&self, s: &Scratch<S>, link: usize, zero: Vec3<S>) -> Vec3<S> {
+        s.full.links[link].rot.apply(zero - self.numbers.reference[link])
+    }
+
+    /// `q' = N(q) v`.                                                                          (S2)
+    pub fn rate(&self, q: &[S], v: &[S], qdot: &mut [S]) {
+        if self.placed.nq == self.placed.nv {
+            qdot.copy_from_slice(v);
+            return;
+        }
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                qdot[l.q..l.q + 4].copy_from_slice(&p.rate(Vec3([v[l.v], v[l.v + 1], v[l.v + 2]])));
+            } else {
+                qdot[l.q] = v[l.v];
+            }
+        }
+    }
+}
+
+/// Links with mass or inertia.
+fn massive(placed: &Placed) -> Vec<bool> {
+    let mut massive = vec![false; placed.links.len()];
+    for b in &placed.bodies {
+        massive[b.link] |= b.mass != 0.0 || b.inertia.0.concat().iter().any(|x| *x != 0.0);
+    }
+    massive
+}
+
+fn uncallable(element: &'static str, name: &str) -> DescriptionError {
+    let message = "it calls a function, which a recording cannot; give a table or a number";
+    DescriptionError::new(element, name, message)
+}

@@ -1,0 +1,45 @@
+//! Force at a point of a body.
+
+use super::{Acts, At, Effect, Place, Push};
+use crate::value::VectorSource;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Space};
+use partita_system::SystemError;
+
+/// A force in world or in body axes.
+#[derive(Clone, Debug)]
+pub struct PointForce<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// Where it acts.
+    pub on: Place<G>,
+    /// Components.
+    pub value: VectorSource<G::S>,
+    /// Axes of the components: the body's, as its link carries them, if the force turns with it, else the world's.
+    pub axes: Mat3<G::S>,
+    /// Does it turn with the body?
+    pub turns: bool,
+}
+
+impl<G: Space> PointForce<G> {
+    /// A constant force in world axes has a potential.
+    pub fn is_conservative(&self) -> bool {
+        !self.turns && self.value.is_constant()
+    }
+
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Vec<f64>) -> Result<Effect<G>, SystemError> {
+        let x = self.axes.apply(self.value.at(&at.instant, &self.name, room)?);
+        let link = self.on.link;
+        let state = &at.s.links[link];
+        let force = G::vec_in(if self.turns { G::rot_to(&state.rot).apply(x) } else { x });
+        let arm = at.arm(&self.on);
+        let (potential, power) = if self.is_conservative() {
+            (-G::dot(force, at.tree.place(link, at.s) + arm), G::S::zero())
+        } else {
+            (G::S::zero(), G::dot(force, at.velocity(link, arm)))
+        };
+        let push = Push { node: self.on.node, link, arm, moment: G::Ang::default(), force };
+        Ok(Effect { acts: Acts::On(push), potential, power })
+    }
+}

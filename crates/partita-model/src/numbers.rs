@@ -1,0 +1,249 @@
+//! The numbers of a mechanism apart from its structure, over any scalar.
+//!
+//! ```text
+//! Described   numbers as the description gives them: the parameters
+//!     │  same formulas for every scalar
+//! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
+//! ```
+
+use crate::place::Placed;
+use crate::spec::{Force, Spec, Value, VectorValue};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Vec3};
+
+/// Numbers of a body as described.
+#[derive(Clone, Copy, Debug)]
+pub struct DescribedBody<S> {
+    /// Mass.
+    pub mass: S,
+    /// Centre of mass, body axes.
+    pub com: Vec3<S>,
+    /// Inertia about it, body axes.
+    pub inertia: Mat3<S>,
+}
+
+/// Numbers of a force as described; those that its kind does not have are 0.
+#[derive(Clone, Copy, Debug)]
+pub struct DescribedForce<S> {
+    /// Points on the bodies.
+    pub points: [Vec3<S>; 2],
+    /// Stiffness.
+    pub stiffness: S,
+    /// Damping.
+    pub damping: S,
+    /// Free length or angle.
+    pub rest: S,
+    /// Constant effort (first component) or force.
+    pub value: Vec3<S>,
+}
+
+/// Numbers of a description that may change while its structure stays: parameters.
+#[derive(Clone, Debug)]
+pub struct Described<S> {
+    /// Gravity, world axes.
+    pub gravity: Vec3<S>,
+    /// One for each body.
+    pub bodies: Vec<DescribedBody<S>>,
+    /// Point of each joint in the drawing, and where it is on the child in an open drawing.
+    pub joints: Vec<(Vec3<S>, Option<Vec3<S>>)>,
+    /// One for each force.
+    pub forces: Vec<DescribedForce<S>>,
+}
+
+fn constant(v: &Value) -> f64 {
+    match v {
+        Value::Constant(x) => *x,
+        Value::Table(_) | Value::Function(_) => 0.0,
+    }
+}
+
+impl<S: Scalar> Described<S> {
+    /// What a description says.
+    pub fn new(spec: &Spec) -> Self {
+        let (vec, o) = (Vec3::<S>::from_f64, S::zero());
+        let bodies = spec.bodies.iter().map(|b| DescribedBody {
+            mass: S::from_f64(b.mass),
+            com: vec(b.com),
+            inertia: Mat3::from_f64(b.inertia),
+        });
+        let none = DescribedForce { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero() };
+        let forces = spec.forces.iter().map(|f| match f {
+            Force::Spring { point1, point2, stiffness, damping, length, .. } => DescribedForce {
+                points: [vec(*point1), vec(*point2)],
+                stiffness: S::from_f64(*stiffness),
+                damping: S::from_f64(*damping),
+                rest: S::from_f64(*length),
+                ..none
+            },
+            Force::TorsionSpring { stiffness, damping, angle, .. } => DescribedForce {
+                stiffness: S::from_f64(*stiffness),
+                damping: S::from_f64(*damping),
+                rest: S::from_f64(*angle),
+                ..none
+            },
+            Force::Torque { value, .. } => DescribedForce { value: vec([constant(value), 0.0, 0.0]), ..none },
+            Force::Force { point, value, .. } => DescribedForce {
+                points: [vec(*point), Vec3::zero()],
+                value: vec(match value {
+                    VectorValue::Components(v) => [0, 1, 2].map(|i| constant(&v[i])),
+                    VectorValue::Whole(v) => [constant(v); 3],
+                }),
+                ..none
+            },
+        });
+        Self {
+            gravity: vec(spec.gravity),
+            bodies: bodies.collect(),
+            joints: spec.joints.iter().map(|j| (vec(j.point), j.child_point.map(vec))).collect(),
+            forces: forces.collect(),
+        }
+    }
+}
+
+/// A body in the zero position, mechanism axes.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyNumbers<S> {
+    /// Mass.
+    pub mass: S,
+    /// Origin of the body frame.
+    pub origin: Vec3<S>,
+    /// Centre of mass.
+    pub com: Vec3<S>,
+    /// Inertia about it.
+    pub inertia: Mat3<S>,
+}
+
+/// The zero position in numbers.
+#[derive(Clone, Debug)]
+pub struct Numbers<S> {
+    /// Gravity.
+    pub gravity: Vec3<S>,
+    /// Bodies.
+    pub bodies: Vec<BodyNumbers<S>>,
+    /// Point of each joint on its parent and on its child.
+    pub joints: Vec<(Vec3<S>, Vec3<S>)>,
+    /// The joint's point of each link; the ground's is 0.
+    pub links: Vec<Vec3<S>>,
+    /// Reference point of each link: its centre of mass, or the joint's point where it has no mass.
+    pub reference: Vec<Vec3<S>>,
+    /// Numbers of the forces as described.
+    pub forces: Vec<DescribedForce<S>>,
+}
+
+impl<S: Scalar> Numbers<S> {
+    /// Those of the zero position itself, constants.
+    pub fn new(spec: &Spec, placed: &Placed) -> Self {
+        let lift = |x: Vec3<f64>| Vec3::<S>::from_f64(x.0);
+        let bodies = placed.bodies.iter().map(|b| BodyNumbers {
+            mass: S::from_f64(b.mass),
+            origin: lift(b.origin),
+            com: lift(b.com),
+            inertia: Mat3::from_f64(b.inertia.0),
+        });
+        let new = Self {
+            gravity: lift(placed.basis.apply(Vec3(spec.gravity))),
+            bodies: bodies.collect(),
+            joints: placed.joints.iter().map(|p| (lift(p.parent_point), lift(p.child_point))).collect(),
+            links: placed.links.iter().map(|l| lift(l.point)).collect(),
+            reference: Vec::new(),
+            forces: Described::new(spec).forces,
+        };
+        new.referred(placed)
+    }
+
+    /// The zero position for other parameters: what placing the description does, with the turns that are already known.
+    pub fn from_parameters(spec: &Spec, placed: &Placed, given: &Described<S>) -> Self {
+        let constant = |m: &Mat3<f64>| Mat3::<S>::from_f64(m.0);
+        let basis = constant(&placed.basis);
+        let out = placed.basis.transpose();
+        let nodes = placed.bodies.len() + 1;
+        // turn of each node out of the drawing
+        let turns: Vec<Mat3<S>> = std::iter::once(Mat3::identity())
+            .chain(
+                placed
+                    .bodies
+                    .iter()
+                    .zip(&spec.bodies)
+                    .map(|(p, b)| constant(&out.mul(&p.rot).mul(&Mat3(b.orientation).transpose()))),
+            )
+            .collect();
+        let mut shifts = vec![Vec3::<S>::zero(); nodes];
+        for e in &placed.topology.tree {
+            let Some(j) = e.joint else { continue };
+            shifts[e.to] = shifts[e.from];
+            let (point, child_point) = given.joints[j];
+            let far = child_point.unwrap_or(point);
+            if spec.joints[j].child_point.is_some() || spec.joints[j].child_axis.is_some() {
+                let (near, far) = if e.reversed { (far, point) } else { (point, far) };
+                shifts[e.to] = turns[e.from].apply(near) + shifts[e.from] - turns[e.to].apply(far);
+            }
+        }
+        let moved = |node: usize, x: Vec3<S>| basis.apply(turns[node].apply(x) + shifts[node]);
+        let bodies: Vec<BodyNumbers<S>> = placed
+            .bodies
+            .iter()
+            .zip(&given.bodies)
+            .enumerate()
+            .map(|(i, (p, b))| {
+                let rot = constant(&p.rot);
+                let origin = moved(i + 1, Vec3::from_f64(spec.bodies[i].position));
+                BodyNumbers {
+                    mass: b.mass,
+                    origin,
+                    com: origin + rot.apply(b.com),
+                    inertia: rot.mul(&b.inertia).mul(&rot.transpose()),
+                }
+            })
+            .collect();
+        let joints: Vec<(Vec3<S>, Vec3<S>)> = placed
+            .joints
+            .iter()
+            .zip(&given.joints)
+            .map(|(p, (point, child))| (moved(p.parent, *point), moved(p.child, child.unwrap_or(*point))))
+            .collect();
+        let mut links = vec![Vec3::zero(); placed.links.len()];
+        for (p, (parent_point, _)) in placed.joints.iter().zip(&joints) {
+            p.links.iter().flatten().for_each(|&l| links[l] = *parent_point);
+        }
+        for e in placed.topology.tree.iter().filter(|e| e.joint.is_none()) {
+            // a body that floats does so about its centre of mass
+            let mut link = placed.bodies[e.to - 1].link;
+            while link != 0 {
+                links[link] = bodies[e.to - 1].com;
+                link = placed.links[link].parent;
+            }
+        }
+        let gravity = basis.apply(given.gravity);
+        let forces = given.forces.clone();
+        Self { gravity, bodies, joints, links, reference: Vec::new(), forces }.referred(placed)
+    }
+
+    /// With the reference points for a zero position, whose masses say which links have any: a matter of structure.
+    pub(crate) fn referred(mut self, placed: &Placed) -> Self {
+        let numbers = &mut self;
+        let mut massive = vec![0.0; placed.links.len()];
+        let mut mass = vec![S::zero(); placed.links.len()];
+        let mut first = vec![Vec3::<S>::zero(); placed.links.len()];
+        for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
+            massive[p.link] += p.mass;
+            mass[p.link] += b.mass;
+            first[p.link] += b.com.times(b.mass);
+        }
+        numbers.reference = (0..mass.len())
+            .map(|i| match i {
+                0 => Vec3::zero(),
+                _ if massive[i] > 0.0 => first[i].times(S::one() / mass[i]),
+                _ => numbers.links[i],
+            })
+            .collect();
+        self
+    }
+
+    /// Where a point given in the axes of a node's body is; on the ground it is given in the world.
+    pub(crate) fn point_on(&self, placed: &Placed, node: usize, p: Vec3<S>) -> Vec3<S> {
+        if node == 0 {
+            return Mat3::from_f64(placed.basis.0).apply(p);
+        }
+        self.bodies[node - 1].origin + Mat3::from_f64(placed.bodies[node - 1].rot.0).apply(p)
+    }
+}

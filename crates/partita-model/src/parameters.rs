@@ -1,0 +1,243 @@
+//! Parameters: the numbers of a description that may change while its structure stays.
+//!
+//! ```text
+//! gravity                                    3
+//! BODY.mass  .com  .inertia                  1, 3, 9 (row by row, about the centre of mass, body axes)
+//! JOINT.point  .child_point                  3, world of the drawing
+//! SPRING.stiffness  .damping  .length        1
+//! SPRING.point1  .point2  FORCE.point        3, body axes
+//! TORSION.stiffness  .damping  .angle        1
+//! TORQUE.value  FORCE.value                  1, 3: constants only
+//! ```
+
+use crate::error::DescriptionError;
+use crate::evaluator::Evaluator;
+use crate::model::Model;
+use crate::numbers::{Described, Numbers};
+use crate::place::{body_length, typical_length, Placed};
+use crate::spec::{Force, Spec, Value, VectorValue};
+use crate::validate;
+use partita_math::scalar::Scalar;
+
+/// Where a parameter lives in [`Described`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Slot {
+    Gravity,
+    Mass(usize),
+    Com(usize),
+    Inertia(usize),
+    Point(usize),
+    ChildPoint(usize),
+    Stiffness(usize),
+    Damping(usize),
+    Rest(usize),
+    ForcePoint(usize, usize),
+    /// A constant, and how many numbers it has.
+    Value(usize, usize),
+}
+
+impl Slot {
+    /// Its numbers, side by side.
+    fn of<S: Scalar>(self, d: &mut Described<S>) -> &mut [S] {
+        match self {
+            Self::Gravity => &mut d.gravity.0,
+            Self::Mass(i) => std::slice::from_mut(&mut d.bodies[i].mass),
+            Self::Com(i) => &mut d.bodies[i].com.0,
+            Self::Inertia(i) => d.bodies[i].inertia.0.as_flattened_mut(),
+            Self::Point(i) => &mut d.joints[i].0 .0,
+            Self::ChildPoint(i) => d.joints[i].1.as_mut().map_or(&mut [], |x| &mut x.0),
+            Self::Stiffness(i) => std::slice::from_mut(&mut d.forces[i].stiffness),
+            Self::Damping(i) => std::slice::from_mut(&mut d.forces[i].damping),
+            Self::Rest(i) => std::slice::from_mut(&mut d.forces[i].rest),
+            Self::ForcePoint(i, k) => &mut d.forces[i].points[k].0,
+            Self::Value(i, n) => &mut d.forces[i].value.0[..n],
+        }
+    }
+
+    /// Parameters of a force, with the names of their fields.
+    fn of_force(i: usize, f: &Force) -> Vec<(&'static str, Self)> {
+        let constant = |v: &Value| matches!(v, Value::Constant(_));
+        match f {
+            Force::Spring { .. } => vec![
+                ("stiffness", Self::Stiffness(i)),
+                ("damping", Self::Damping(i)),
+                ("length", Self::Rest(i)),
+                ("point1", Self::ForcePoint(i, 0)),
+                ("point2", Self::ForcePoint(i, 1)),
+            ],
+            Force::TorsionSpring { .. } => {
+                vec![("stiffness", Self::Stiffness(i)), ("damping", Self::Damping(i)), ("angle", Self::Rest(i))]
+            }
+            Force::Torque { value, .. } if constant(value) => vec![("value", Self::Value(i, 1))],
+            Force::Torque { .. } => vec![],
+            Force::Force { value: VectorValue::Components(v), .. } if v.iter().all(constant) => {
+                vec![("point", Self::ForcePoint(i, 0)), ("value", Self::Value(i, 3))]
+            }
+            Force::Force { .. } => vec![("point", Self::ForcePoint(i, 0))],
+        }
+    }
+
+    /// All parameters of a description, by name.
+    fn all(spec: &Spec) -> Vec<(String, Self)> {
+        let mut all = vec![("gravity".to_string(), Self::Gravity)];
+        for (i, b) in spec.bodies.iter().enumerate() {
+            for (field, slot) in [("mass", Self::Mass(i)), ("com", Self::Com(i)), ("inertia", Self::Inertia(i))] {
+                all.push((format!("{}.{field}", b.name), slot));
+            }
+        }
+        for (i, j) in spec.joints.iter().enumerate() {
+            all.push((format!("{}.point", j.name), Self::Point(i)));
+            if j.child_point.is_some() {
+                all.push((format!("{}.child_point", j.name), Self::ChildPoint(i)));
+            }
+        }
+        for (i, f) in spec.forces.iter().enumerate() {
+            all.extend(Self::of_force(i, f).into_iter().map(|(field, s)| (format!("{}.{field}", f.name()), s)));
+        }
+        all
+    }
+}
+
+/// What a description says, with some parameters changed; also the slots that were.
+fn changed<S: Scalar>(spec: &Spec, changes: &[(&str, &[S])]) -> Result<(Described<S>, Vec<Slot>), DescriptionError> {
+    let known = Slot::all(spec);
+    let mut described = Described::new(spec);
+    let mut slots = Vec::with_capacity(changes.len());
+    for &(name, values) in changes {
+        let fail = |m: String| DescriptionError::new("parameter", name, m);
+        let mut found = known.iter().filter(|k| k.0 == name);
+        let Some(&(_, slot)) = found.next() else {
+            let field = name.rsplit('.').next().unwrap_or(name);
+            let mut near: Vec<&str> = known.iter().map(|k| k.0.as_str()).filter(|k| k.ends_with(field)).collect();
+            if near.is_empty() {
+                near = known.iter().map(|k| k.0.as_str()).collect();
+            }
+            let more = if near.len() > 8 { ", ..." } else { "" };
+            near.truncate(8);
+            return Err(fail(format!("there is no such parameter; there are {}{more}", near.join(", "))));
+        };
+        if found.next().is_some() {
+            return Err(fail("two elements have this parameter; give them different names".into()));
+        }
+        if slots.contains(&slot) {
+            return Err(fail("it is given twice".into()));
+        }
+        let own = slot.of(&mut described);
+        if own.len() != values.len() {
+            return Err(fail(format!("it has {} numbers, {} were given", own.len(), values.len())));
+        }
+        own.copy_from_slice(values);
+        slots.push(slot);
+    }
+    Ok((described, slots))
+}
+
+/// The description with these numbers.
+fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
+    let mut spec = spec.clone();
+    spec.gravity = d.gravity.0;
+    for (b, n) in spec.bodies.iter_mut().zip(&d.bodies) {
+        (b.mass, b.com, b.inertia) = (n.mass, n.com.0, n.inertia.0);
+    }
+    for (j, (point, child)) in spec.joints.iter_mut().zip(&d.joints) {
+        (j.point, j.child_point) = (point.0, child.map(|x| x.0));
+    }
+    let set = |v: &mut Value, x: f64| {
+        if let Value::Constant(c) = v {
+            *c = x;
+        }
+    };
+    for (f, n) in spec.forces.iter_mut().zip(&d.forces) {
+        match f {
+            Force::Spring { point1, point2, stiffness, damping, length, .. } => {
+                (*point1, *point2) = (n.points[0].0, n.points[1].0);
+                (*stiffness, *damping, *length) = (n.stiffness, n.damping, n.rest);
+            }
+            Force::TorsionSpring { stiffness, damping, angle, .. } => {
+                (*stiffness, *damping, *angle) = (n.stiffness, n.damping, n.rest);
+            }
+            Force::Torque { value, .. } => set(value, n.value.0[0]),
+            Force::Force { point, value, .. } => {
+                *point = n.points[0].0;
+                match value {
+                    VectorValue::Components(v) => v.iter_mut().zip(n.value.0).for_each(|(v, x)| set(v, x)),
+                    VectorValue::Whole(v) => set(v, n.value.0[0]),
+                }
+            }
+        }
+    }
+    spec
+}
+
+/// The zero position with these numbers.
+fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
+    let mut placed = placed.clone();
+    for (b, n) in placed.bodies.iter_mut().zip(&n.bodies) {
+        (b.mass, b.origin, b.com, b.inertia) = (n.mass, n.origin, n.com, n.inertia);
+    }
+    for (j, n) in placed.joints.iter_mut().zip(&n.joints) {
+        (j.parent_point, j.child_point) = *n;
+    }
+    for (l, n) in placed.links.iter_mut().zip(&n.links) {
+        l.point = *n;
+    }
+    placed.size = typical_length(spec);
+    placed.length = body_length(spec).unwrap_or(placed.size);
+    placed
+}
+
+impl Model {
+    /// All parameters with their present numbers: see [`parameters`](crate::parameters).
+    pub fn parameters(&self) -> Vec<(String, Vec<f64>)> {
+        let mut described = Described::new(&self.spec);
+        Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
+    }
+
+    /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates stay. The bodies stay
+    /// where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by itself.
+    ///
+    /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a planar
+    /// mechanism whose joints no longer meet in the plane. Cost: that of making the trees, without finding them.
+    pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
+        let (described, _) = changed(&self.spec, changes)?;
+        let spec = rewritten(&self.spec, &described);
+        validate::validate(&spec, self.callers.functions.count())?;
+        let mut numbers = Numbers::from_parameters(&spec, &self.placed, &described);
+        let placed = moved(&self.placed, &spec, &numbers);
+        // which links have mass may have changed
+        numbers = numbers.referred(&placed);
+        if placed.planar {
+            for &j in &placed.topology.cuts {
+                let p = &placed.joints[j];
+                let off = (p.child_point - p.parent_point).0[2];
+                // as when the plane was found
+                if off.abs() >= 1e-9 * placed.size {
+                    let m = format!("its sides would miss each other by {off:.3e} m out of the plane; compile anew");
+                    return Err(DescriptionError::new("joint", &spec.joints[j].name, m));
+                }
+            }
+        }
+        self.renewed(spec, placed, numbers)
+    }
+
+    /// The same mechanism over other numbers, with parameters that are such numbers: what is computed from them carries
+    /// derivatives with respect to masses, lengths, stiffnesses, ...
+    ///
+    /// Fails as [`with_parameters`](Self::with_parameters) and [`over`](Self::over) do, and for masses and inertias of
+    /// links that have none in the model: those have no dynamics to depend on them.
+    pub fn over_with<S: Scalar>(&self, changes: &[(&str, &[S])]) -> Result<Evaluator<S>, DescriptionError> {
+        let (described, slots) = changed(&self.spec, changes)?;
+        for (slot, (name, _)) in slots.iter().zip(changes) {
+            let (Slot::Mass(i) | Slot::Com(i) | Slot::Inertia(i)) = *slot else { continue };
+            let link = self.placed.bodies[i].link;
+            let mass: f64 = self.placed.bodies.iter().filter(|b| b.link == link).map(|b| b.mass).sum();
+            if link != 0 && mass == 0.0 {
+                let m = "the body moves without mass in this model; give it one when compiling";
+                return Err(DescriptionError::new("parameter", name, m));
+            }
+        }
+        let numbers = Numbers::from_parameters(&self.spec, &self.placed, &described);
+        let (drives, callers) = (self.drives.clone(), self.callers.clone());
+        Ok(Evaluator::new(&self.spec, self.placed.clone(), numbers, drives, callers)?.0)
+    }
+}

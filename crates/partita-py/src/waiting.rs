@@ -1,0 +1,39 @@
+//! Long work beside the interpreter, so that Ctrl-C is heard while it lasts.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use std::panic::{catch_unwind, resume_unwind, AssertUnwindSafe};
+use std::sync::mpsc::{channel, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+/// How often signals are looked for.
+const PULSE: Duration = Duration::from_millis(50);
+
+/// What `work` returns. Meanwhile signals are heard: what a signal's handler raises (Ctrl-C) is returned at once, and the
+/// work, which owns all it uses, goes on unheard until it ends.
+///
+/// `long` says whether it may take long; what does not is done here, for a thread has its price too.
+pub fn heard<T: Send + 'static>(py: Python<'_>, long: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    if !long {
+        return Ok(py.detach(work));
+    }
+    let (send, mut receive) = channel();
+    let run = move || {
+        // nobody listens after a signal
+        let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
+    };
+    thread::Builder::new().name("partita".into()).spawn(run)?;
+    loop {
+        let answer;
+        (answer, receive) = py.detach(move || (receive.recv_timeout(PULSE), receive));
+        match answer {
+            Ok(Ok(found)) => return Ok(found),
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err("the work ended without a result"))
+            }
+        }
+    }
+}

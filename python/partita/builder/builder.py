@@ -1,0 +1,43 @@
+"""A drawing to which elements are added, one room per kind of element."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..state import Layout
+from . import bodies as body_room
+from . import drives as drive_room
+from . import forces as force_room
+from . import joints as joint_room
+from .drawing import Drawing
+from .spec import Writer
+
+
+class Builder(Drawing):
+    """All `add_...` methods."""
+
+    add_body = body_room.add_body
+    add_rod = body_room.add_rod
+
+    add_revolute = joint_room.add_revolute
+    add_prismatic = joint_room.add_prismatic
+    add_cylindrical = joint_room.add_cylindrical
+    add_spherical = joint_room.add_spherical
+    add_universal = joint_room.add_universal
+    add_planar = joint_room.add_planar
+    add_fixed = joint_room.add_fixed
+    add_free = joint_room.add_free
+    add_joint = joint_room.add_joint
+
+    add_drive = drive_room.add_drive
+    add_spring = force_room.add_spring
+    add_torsion_spring = force_room.add_torsion_spring
+    add_torque = force_room.add_torque
+    add_force = force_room.add_force
+
+    def to_spec(self) -> dict[str, Any]:
+        """The description as plain data, as the core compiles it (version 1): lists, numbers and text only.
+
+        Tables appear as piecewise cubics; a Python function appears as {"function": i}, its number in order.
+        """
+        return Writer(self._description, Layout()).spec()

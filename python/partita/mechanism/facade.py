@@ -1,0 +1,73 @@
+"""The facade: `Mechanism`, what is said about it and what it can be asked."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from numpy.typing import ArrayLike
+
+from ..comparison import compare_mechanism
+from ..io import save
+from . import models, solve
+from .assemblies import assemblies
+from .models import Modelled
+from .report import report
+
+
+class Mechanism(Modelled):
+    """Rigid bodies, joints, forces and drives: a description that can be compiled and simulated.
+
+    SI units and radians (see `partita.units`). Data of joints are world data of the drawn position; data of
+    bodies are in body axes. Where a loop does not quite close in the drawing, `assemble` closes it.
+
+    Args:
+        name: shown in reports and results.
+        gravity: acceleration of gravity in world axes [m/s^2].
+
+    Raises:
+        DescriptionError: the name is not text or gravity is not three finite numbers.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("four-bar")
+    >>> crank = m.add_rod("crank", start=(0, 0, 0), end=(0, 0.3, 0), mass=0.3)
+    >>> coupler = m.add_rod("coupler", start=(0, 0.3, 0), end=(0.8, 0.7, 0), mass=0.9)
+    >>> rocker = m.add_rod("rocker", start=(1, 0, 0), end=(0.8, 0.7, 0), mass=0.7)
+    >>> a = m.add_revolute("A", m.ground, crank, point=(0, 0, 0))
+    >>> b = m.add_revolute("B", crank, coupler, point=(0, 0.3, 0))
+    >>> c = m.add_revolute("C", coupler, rocker, point=(0.8, 0.7, 0))
+    >>> d = m.add_revolute("D", m.ground, rocker, point=(1, 0, 0))
+    >>> m
+    Mechanism('four-bar': 3 bodies, 4 joints, 0 drives, 0 forces)
+    >>> m.compile().mobility
+    1
+    """
+
+    def __init__(self, name: str, gravity: ArrayLike = (0.0, -9.81, 0.0)) -> None:
+        super().__init__(name, gravity)
+
+    compile = models.compile
+    assemble = solve.assemble
+    assemblies = assemblies
+    convert = solve.convert
+    simulate = solve.simulate
+    compare = compare_mechanism
+    report = report
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write a model file; the suffix says which kind (.toml). `partita.load` reads it back to the last
+        bit.
+
+        Raises:
+            DescriptionError: a force or drive is a Python function, which a file cannot hold; use a table.
+            FileFormatError: no writer for this suffix.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> m = pt.Mechanism("pendulum")
+        >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     m.save(os.path.join(folder, "pendulum.toml"))
+        ...     pt.load(os.path.join(folder, "pendulum.toml")).bodies
+        ('rod',)
+        """
+        save(self, path)

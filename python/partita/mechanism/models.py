@@ -1,0 +1,53 @@
+"""The models of a mechanism: `compile`, and what was compiled before."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from .. import options as run_options
+from ..builder import Builder
+from ..builder.compiled import CompiledModel, compile_description
+from ..state import Layout
+
+
+class Modelled(Builder):
+    """A builder that keeps the models made of it until the description changes."""
+
+    def __init__(self, name: str, gravity: ArrayLike) -> None:
+        super().__init__(name, gravity)
+        self._compiled: dict[str, tuple[int, CompiledModel, Layout]] = {}
+
+    def __getstate__(self) -> dict[str, object]:
+        """The description alone: models are made again when asked for."""
+        return {**self.__dict__, "_compiled": {}}
+
+
+def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
+    """Compile the description into equations. The model is kept until the description changes.
+
+    Args:
+        coordinates: "relative": joint coordinates along a spanning tree and closing conditions (few and
+            fast); "absolute": six velocities per body and conditions for every joint (an independent check).
+
+    Raises:
+        DescriptionError: there is nothing to move, or the core finds the description inconsistent.
+        ArgumentError: unknown coordinates.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.compile().mobility
+    1
+    """
+    wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    version = self._description.version
+    if wanted not in self._compiled or self._compiled[wanted][0] != version:
+        self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
+    return self._compiled[wanted][1]
+
+
+def layout_of(mechanism: Modelled, coordinates: str) -> tuple[CompiledModel, Layout]:
+    """The compiled model with the layout of its states."""
+    model = compile(mechanism, coordinates)
+    return model, mechanism._compiled[coordinates][2]

@@ -1,0 +1,120 @@
+"""Names of what a run holds, their units, and looking things up by them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .errors import UnknownNameError
+
+ANGULAR = ("turn", "rx", "ry", "rz", "wx", "wy", "wz")
+LINEAR = ("slide", "x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names along the axes of the arrays of a result, in the order of their columns.
+
+    `coordinates` names the columns of `q` (nq), `velocities` those of `v`, `vdot` and `measure` (nv),
+    `multipliers` those of `multipliers` (one per constraint row kept); `joints` and `bodies` what
+    `result.joint(name)` and `result.body(name)` accept. A run of a `System` has no joints and no bodies.
+    """
+
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+    multipliers: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+
+    @classmethod
+    def from_summary(cls, summary: Mapping[str, Any], nq: int, nv: int, rows: int) -> Names:
+        """Names told by a compiled model; what it leaves unnamed is called q0.., v0.., c0.. in order."""
+        coordinates = _padded(summary.get("coordinates"), "q", nq)
+        velocities = summary.get("velocities")
+        if velocities is None and nq == nv:
+            velocities = coordinates
+        return cls(
+            coordinates,
+            _padded(velocities, "v", nv),
+            _padded(summary.get("rows_names"), "c", rows),
+            tuple(joint["name"] for joint in summary.get("joints", ())),
+            tuple(body["name"] for body in summary.get("bodies", ())),
+        )
+
+
+def _padded(given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:
+    """`given` when it names every column, else `letter` with the number of the column."""
+    if given is not None and len(given) == count:
+        return tuple(given)
+    return tuple(f"{letter}{i}" for i in range(count))
+
+
+def index_of(name: str, known: Sequence[str], kind: str) -> int:
+    """Place of `name` among `known`; `UnknownNameError` with the nearest spellings otherwise."""
+    if name in known:
+        return list(known).index(name)
+    folded = {other.lower(): other for other in reversed(known)}
+    near = [folded[n] for n in difflib.get_close_matches(str(name).lower(), folded, n=3, cutoff=0.5)]
+    if near:
+        hint = f"did you mean {' or '.join(repr(n) for n in near)}?"
+    elif known:
+        hint = f"known: {listed(known)}"
+    else:
+        hint = f"this run has no {kind} at all"
+    raise UnknownNameError(f"no {kind} named {name!r}; {hint}", name=str(name), known=list(known))
+
+
+def listed(words: Sequence[str], limit: int = 12) -> str:
+    """`a, b, c` in words; beyond `limit` the rest is counted, not hidden."""
+    shown = ", ".join(str(w) for w in words[:limit])
+    rest = len(words) - limit
+    return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def coordinate_units(summary: Mapping[str, Any], names: Names) -> tuple[list[str], list[str]]:
+    """Units of the columns of q and of v: "m", "rad", "1" (quaternion) and "m/s", "rad/s"; "" where unknown.
+
+    A joint that has a place in the state tells its axes; otherwise the ending of the name does
+    (`crank.x`, `A.turn`). Columns of a hand-written `System` have units only its author knows.
+    """
+    q_units = [_unit_of(name) for name in names.coordinates]
+    v_units = [_unit_of(name) for name in names.velocities]
+    for joint in summary.get("joints", ()):
+        if joint.get("state_q") and joint.get("state_v"):
+            q_axes, v_axes = joint_units(joint)
+            q_start, v_start = joint["state_q"][0], joint["state_v"][0]
+            q_units[q_start : q_start + len(q_axes)] = q_axes
+            v_units[v_start : v_start + len(v_axes)] = v_axes
+    return q_units, [f"{u}/s" if u else "" for u in v_units]
+
+
+def joint_units(joint: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """Units of one joint's coordinates (its q columns, its v columns before "/s")."""
+    nq, nv = joint["q"][1], joint["v"][1]
+    turns = [axis in ANGULAR for axis in joint.get("axes", ())]
+    turns = (turns + [True] * nv)[:nv]
+    v_units = ["rad" if turn else "m" for turn in turns]
+    if nq == nv:
+        return list(v_units), v_units
+    slides = [u for u in v_units if u == "m"]
+    return (slides + ["1"] * nq)[:nq], v_units
+
+
+def _unit_of(name: str) -> str:
+    ending = name.rsplit(".", 1)[-1] if "." in name else ""
+    if ending in ANGULAR:
+        return "rad"
+    if ending in LINEAR:
+        return "m"
+    return "1" if ending in ("qw", "qx", "qy", "qz", "q0", "q1", "q2", "q3", "w") else ""
+
+
+def column_names(name: str, words: list[str], count: int) -> list[str]:
+    """`A` for a joint with one freedom, `A.x`, `A.turn`, ... for more."""
+    if count == 1:
+        return [name]
+    if len(words) != count or len(set(words)) != count:
+        words = [str(i) for i in range(count)]
+    return [f"{name}.{word}" for word in words]
