@@ -19,6 +19,16 @@ class Model:
     def __init__(self, spec: str, functions: Sequence[Callable[..., Any]], coordinates: str = "relative") -> None:
         """`spec`: JSON of the description; `functions`: what its {"function": i} refer to."""
 
+    def with_parameters(self, changes: list[tuple[str, list[float]]]) -> Model:
+        """The same mechanism with other parameters: names and numbers."""
+
+    def parameters(self) -> list[tuple[str, list[float]]]:
+        """All parameters with their numbers."""
+
+    @property
+    def description(self) -> str:
+        """JSON of the description with its present parameters."""
+
     @property
     def nq(self) -> int: ...
     @property

@@ -71,7 +71,7 @@ impl<'m> Geometry<'m> {
         let mut scale2 = vec![1.0; model.placed.nv];
         for l in model.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Slide(_)) {
-                scale2[l.v] = model.placed.size.powi(2);
+                scale2[l.v] = model.placed.length.powi(2);
             }
         }
         let mut row_reach = Vec::with_capacity(model.pattern().rows);
@@ -80,7 +80,7 @@ impl<'m> Geometry<'m> {
             // a loop shrunk to a point still has a size to compare rounding errors with
             let length =
                 k.path.iter().fold(1e-6 * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
-                    LinkMotion::Slide(_) => model.placed.size,
+                    LinkMotion::Slide(_) => model.placed.length,
                     _ => m.max((point - model.placed.links[p.link].point).norm()),
                 });
             row_reach.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));

@@ -97,3 +97,33 @@ fn lengths_that_do_not_fit_are_named_with_their_shortfall() {
         }
     }
 }
+
+/// Every link turned by up to a radian: one drawing in some comes to rest open, and closes from a start beside it.
+#[test]
+fn far_drawings_close_from_starts_around_them() {
+    let drawings = [
+        four_bar([1.0, 0.3, 0.9, 0.7], 1.0, 1.0),
+        watt(),
+        stephenson(),
+        squeezer(),
+        jansen(1.0),
+        klann(0.5),
+        three_rrr(),
+    ];
+    let mut rng = fastrand::Rng::with_seed(21);
+    let (mut closed, mut all, mut again) = (0, 0, 0);
+    for d in drawings {
+        let model = d.model();
+        for _ in 0..200 {
+            let mut q = rough(&model, &mut rng, 1.0);
+            all += 1;
+            if let Ok(report) = assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
+                assert!(open(&model, &q) <= CLOSED);
+                closed += 1;
+                again += usize::from(report.restarts > 0);
+            }
+        }
+    }
+    assert!(100 * closed >= 99 * all, "{closed} of {all}, {again} after a restart");
+    assert!(again > 0, "none of {all} came to rest open");
+}

@@ -16,6 +16,7 @@ use partita_system::formulation::reduction::Reduction;
 use partita_system::start;
 use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Arc;
 
 const SPATIAL: Wishes = Wishes { planar: false, bound: true, drives: true };
@@ -295,6 +296,58 @@ fn a_recording_is_the_evaluation() {
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
         }
     });
+}
+
+/// Counts how often a function is asked.
+struct Counted(AtomicUsize);
+
+impl Functions for Counted {
+    fn count(&self) -> usize {
+        3
+    }
+    fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Failed> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        OfState.scalar(i, t, q, v)
+    }
+    fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<[f64; 3], Failed> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        OfState.vector(i, t, q, v)
+    }
+    fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Failed> {
+        OfState.motion(i, t)
+    }
+}
+
+/// Equations, energies and reactions each ask a force's function once; the equations share what they were told.
+#[test]
+fn a_function_is_called_once_for_each_force() {
+    let mut rng = fastrand::Rng::with_seed(36);
+    for _ in 0..COUNT {
+        let (spec, counted) = (drawing(&mut rng, SPATIAL), Arc::new(Counted(AtomicUsize::new(0))));
+        let Ok(model) = Model::new(spec, counted.clone(), Coordinates::Relative) else { continue };
+        let function = |v: &Value| usize::from(matches!(v, Value::Function(_)));
+        let named = model.spec.forces.iter().map(|f| match f {
+            Force::Torque { value, .. } | Force::Force { value: VectorValue::Whole(value), .. } => function(value),
+            Force::Force { value: VectorValue::Components(v), .. } => v.iter().map(function).sum(),
+            Force::Spring { .. } | Force::TorsionSpring { .. } => 0,
+        });
+        let forces: usize = named.sum();
+        let asked = |what: &str| assert_eq!(counted.0.swap(0, Ordering::Relaxed), forces, "{what}");
+        let size = model.size();
+        let (q, v, rows) = (model.initial(), vec![0.1; size.nv], vec![0.0; size.rows]);
+        let (mut s, mut b) = (model.scratch(), rows.clone());
+        let (mut phi, mut c, mut a) = (rows.clone(), vec![0.0; model.pattern().nnz()], rows.clone());
+        model.position(0.2, &q, &mut s, &mut phi, &mut c, &mut a).unwrap();
+        model.velocity(0.2, &q, &v, &mut s, &mut b).unwrap();
+        let (mut mass, mut h, mut f) = (vec![0.0; size.nv * size.nv], v.clone(), v.clone());
+        model.dynamics(0.2, &q, &v, &mut s, &mut mass, &mut h).unwrap();
+        model.inverse_dynamics(0.2, &q, &v, &v, &mut s, &mut f).unwrap();
+        asked("equations");
+        model.energy(0.2, &q, &v, &s).unwrap();
+        asked("energies");
+        model.reactions(0.2, &q, &v, &v, &rows, &mut s).unwrap();
+        asked("reactions");
+    }
 }
 
 #[test]

@@ -68,6 +68,8 @@ pub struct Stepper {
     t_old: f64,
     t_new: f64,
     t_end: f64,
+    /// Length of the run.
+    span: f64,
     y_old: Vec<f64>,
     y_new: Vec<f64>,
     y_stage: Vec<f64>,
@@ -108,6 +110,7 @@ impl Stepper {
             t_old: 0.0,
             t_new: 0.0,
             t_end: 0.0,
+            span: 0.0,
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
@@ -184,6 +187,7 @@ impl Stepper {
     pub fn set_t_end(&mut self, t_end: f64) {
         let span = t_end - self.t_old;
         self.t_end = t_end;
+        self.span = span.abs();
         self.direction = if span < 0.0 { -1.0 } else { 1.0 };
         self.shortest = 16.0 * f64::EPSILON * (1e-6 * span.abs());
         self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));

@@ -5,9 +5,9 @@ use crate::tableau::{ErrorWeights, Tableau};
 /// Absolute part of the error tolerance.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AbsoluteTolerance {
-    /// One value for every component.
+    /// One value for every component, in natural sizes.
     Same(f64),
-    /// One value for each controlled component, in their order and units.
+    /// One value for each controlled component, in their order and natural sizes.
     Each(Vec<f64>),
 }
 
@@ -25,8 +25,10 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 
 /// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
 ///
-/// A step is accepted when `error / (atol + rtol max(|y_old|, |y_new|))` is at most one in every controlled component, where
-/// `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN).
+/// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled component, where
+/// `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN) and s the natural size of the component: 1 unless
+/// [`set_sizes`](crate::explicit_rk::Stepper::set_sizes) tells another. Mechanisms tell their characteristic length for
+/// displacements and 1 for angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Relative tolerance.

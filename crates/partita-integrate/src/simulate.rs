@@ -127,6 +127,8 @@ pub fn simulate<F: Formulation>(
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
     let mut stepper =
         Stepper::new(settings.tableau, dim, options).map_err(|e| SystemError::Request(format!("settings: {e}")))?;
+    formulation.natural_sizes(&mut march.buffer);
+    stepper.set_sizes(&march.buffer);
     while march.next < t_eval.len() && t_eval[march.next] <= t {
         march.emit(formulation, t, &y, sink)?;
     }
@@ -287,6 +289,8 @@ impl March<'_> {
         let rewritten = formulation.commit(verdict, Step { t, y, dy, turns, pace });
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
             stepper.replace_start(&self.buffer, &self.slope);
+            formulation.natural_sizes(&mut self.buffer);
+            stepper.set_sizes(&self.buffer);
         }
         Ok(())
     }

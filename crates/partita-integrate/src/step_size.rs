@@ -76,8 +76,12 @@ pub const MARGIN: f64 = 4.0;
 #[derive(Debug)]
 pub(crate) struct ErrorNorm {
     rtol: f64,
+    /// As asked for, in natural sizes.
+    asked: Vec<f64>,
+    /// Natural sizes of the components.
+    sizes: Vec<f64>,
     atol: Vec<f64>,
-    /// No tolerance is smaller.
+    /// No tolerance is smaller, in natural sizes.
     floor: f64,
     controlled: usize,
 }
@@ -91,10 +95,19 @@ impl ErrorNorm {
             AbsoluteTolerance::Same(value) => atol[..controlled].fill(*value),
             AbsoluteTolerance::Each(values) => atol[..controlled].copy_from_slice(values),
         }
-        Self { rtol: options.rtol, atol, floor: f64::MIN_POSITIVE, controlled }
+        let sizes = vec![1.0; stride];
+        Self { rtol: options.rtol, asked: atol.clone(), sizes, atol, floor: f64::MIN_POSITIVE, controlled }
     }
 
-    /// Take no tolerance for smaller than `floor`.
+    /// Absolute tolerances are in these sizes, one for each component.
+    pub(crate) fn set_sizes(&mut self, sizes: &[f64]) {
+        for (i, size) in sizes.iter().take(self.controlled).enumerate() {
+            self.sizes[i] = *size;
+            self.atol[i] = self.asked[i] * size;
+        }
+    }
+
+    /// Take no tolerance for smaller than `floor`, in natural sizes.
     pub(crate) fn set_floor(&mut self, floor: f64) {
         self.floor = floor.max(f64::MIN_POSITIVE);
     }
@@ -133,10 +146,11 @@ impl ErrorNorm {
     #[inline(always)]
     fn tolerance_tile(&self, at: usize, y_old: &[f64], y_new: &[f64]) -> [f64; TILE] {
         let (atol, a, b) = (&self.atol[at..at + TILE], &y_old[at..at + TILE], &y_new[at..at + TILE]);
+        let sizes = &self.sizes[at..at + TILE];
         let mut tolerance = [0.0; TILE];
         for lane in 0..TILE {
             let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs());
-            tolerance[lane] = scale.max(self.floor);
+            tolerance[lane] = scale.max(self.floor * sizes[lane]);
         }
         tolerance
     }

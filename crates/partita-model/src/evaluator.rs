@@ -16,8 +16,10 @@ use crate::place::Placed;
 use crate::spec::{Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{self, Callers, Instant};
+use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Planar, Quaternion, Spatial, Vec3};
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -256,6 +258,20 @@ impl<S: Scalar> Evaluator<S> {
             tree.accelerate(plan, &Given { tangents: *tangents, effort, at_rest: true }, x, &mut room, out);
             x.clusters = room;
         });
+    }
+
+    /// Plan of the recursion over clusters for the rows of C that are kept: a matter of structure alone.
+    pub fn plan(
+        &self,
+        pattern: &Pattern,
+        of: &Clusters,
+        kept: &[usize],
+        preference: clusters::Preference,
+    ) -> clusters::Plan {
+        match &self.engine {
+            Engine::Flat(tree) => clusters::Plan::new::<Planar<S>>(tree, pattern, of, kept, preference),
+            Engine::Full => clusters::Plan::new::<Spatial<S>>(&self.full, pattern, of, kept, preference),
+        }
     }
 
     /// Room for the recursion over clusters with this plan.

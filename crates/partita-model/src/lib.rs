@@ -12,6 +12,7 @@ pub mod force;
 pub mod joint;
 pub mod loop_closure;
 pub mod mechanics;
+pub mod memory;
 pub mod model;
 pub mod numbers;
 pub mod observe;

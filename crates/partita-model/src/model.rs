@@ -123,7 +123,9 @@ impl Model {
 
     /// This model with another description of the same structure.
     pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
-        Self::made(spec, placed, numbers, self.drives.clone(), self.callers.functions.clone(), self.coordinates)
+        let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
+        let made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
+        Ok(made.with_recursion(self.preference))
     }
 
     fn made(
@@ -296,8 +298,8 @@ impl Links {
                 Motion::Slide(_) => {
                     new.velocity_of[l.q] = Some(l.v);
                     new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.reach[l.v] = placed.size;
-                    new.q_reach[l.q] = placed.size;
+                    new.reach[l.v] = placed.length;
+                    new.q_reach[l.q] = placed.length;
                 }
             }
         }
@@ -335,7 +337,7 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
 }
 
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
-/// closing point and the joints of its loop, or the size of the mechanism where something slides.
+/// closing point and the joints of its loop, or the characteristic length where something slides.
 fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
     let mut reaches = Vec::with_capacity(tree.rows);
     for k in &tree.closings {
@@ -344,7 +346,7 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
         for path in &k.path {
             let point = if path.on_b { p.child_point } else { p.parent_point };
             length = match tree.links[path.link].motion {
-                LinkMotion::Slide(_) => placed.size,
+                LinkMotion::Slide(_) => placed.length,
                 _ => length.max((point - placed.links[path.link].point).norm()),
             }
             .max(length);

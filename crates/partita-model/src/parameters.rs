@@ -14,7 +14,7 @@ use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::model::Model;
 use crate::numbers::{Described, Numbers};
-use crate::place::{typical_length, Placed};
+use crate::place::{body_length, typical_length, Placed};
 use crate::spec::{Force, Spec, Value, VectorValue};
 use crate::validate;
 use partita_math::scalar::Scalar;
@@ -182,6 +182,7 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
         l.point = *n;
     }
     placed.size = typical_length(spec);
+    placed.length = body_length(spec).unwrap_or(placed.size);
     placed
 }
 

@@ -6,7 +6,7 @@
 
 use crate::error::DescriptionError;
 use crate::joint::{self, Motion, Shape};
-use crate::spec::{Cut, Force, Joint, Spec};
+use crate::spec::{Body, Cut, Force, Joint, Spec};
 use crate::topology::{Edge, Topology, TreeEdge};
 use crate::validate;
 use partita_math::spatial::{Mat3, Vec3};
@@ -115,8 +115,10 @@ pub struct Placed {
     pub coordinate_names: Vec<String>,
     /// Names of the velocities.
     pub velocity_names: Vec<String>,
-    /// A typical length.
+    /// Extent of the whole drawing.
     pub size: f64,
+    /// Characteristic length: the extent of a typical body, however many of them there are.
+    pub length: f64,
 }
 
 /// Names of the joints that are driven or loaded along a coordinate.
@@ -258,6 +260,7 @@ impl Placed {
             coordinate_names: Vec::new(),
             velocity_names: Vec::new(),
             size,
+            length: body_length(spec).unwrap_or(size),
         };
         for ((j, edge), shape) in spec.joints.iter().zip(&edges).zip(&shapes) {
             let (p, c) = closing_points(j, edge, &moved);
@@ -434,4 +437,26 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
     } else {
         1.0
     }
+}
+
+/// The median, over the bodies that have one, of the diameter of a body's joints and centre of mass about their mean.
+pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
+    let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
+    let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
+    let mut points: Vec<Vec<Vec3<f64>>> = spec.bodies.iter().map(|b| vec![com(b)]).collect();
+    for j in &spec.joints {
+        for (name, point) in [(&j.parent, j.point), (&j.child, j.child_point.unwrap_or(j.point))] {
+            if let Some(&i) = index.get(name.as_str()) {
+                points[i].push(Vec3(point));
+            }
+        }
+    }
+    let extent = |points: &Vec<Vec3<f64>>| {
+        let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
+        let middle = sum.times(1.0 / points.len() as f64);
+        2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
+    };
+    let mut extents: Vec<f64> = points.iter().map(extent).filter(|x| *x > 0.0 && x.is_finite()).collect();
+    extents.sort_by(f64::total_cmp);
+    extents.get(extents.len() / 2).copied()
 }

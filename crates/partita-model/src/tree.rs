@@ -209,9 +209,9 @@ pub struct TreeScratch<G: Space> {
     /// Links that one coordinate carries.
     pub moves: Vec<bool>,
     /// Room for the articulated recursion.
-    pub articulated: crate::articulated::Articulated<G::S>,
+    pub articulated: crate::memory::Articulated<G::S>,
     /// Room for the recursion over clusters.
-    pub clusters: crate::clusters::ClusterScratch<G::S>,
+    pub clusters: crate::memory::ClusterScratch<G::S>,
 }
 
 impl<G: Space> Tree<G> {
@@ -222,8 +222,8 @@ impl<G: Space> Tree<G> {
             effort: vec![G::S::zero(); self.nv],
             partial: Vec::new(),
             moves: vec![false; self.links.len()],
-            articulated: crate::articulated::Articulated::default(),
-            clusters: crate::clusters::ClusterScratch::default(),
+            articulated: crate::memory::Articulated::default(),
+            clusters: crate::memory::ClusterScratch::default(),
         }
     }
 

@@ -117,6 +117,22 @@ impl Model {
         })
     }
 
+    /// The same mechanism with other parameters: names and numbers.
+    fn with_parameters(&self, py: Python<'_>, changes: Vec<(String, Vec<f64>)>) -> PyResult<Self> {
+        guarded(py, || {
+            let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();
+            let inner = self.inner.with_parameters(&changes).map_err(|e| failure::description(py, &e))?;
+            Ok(Self { inner, structure: OnceLock::new() })
+        })
+    }
+    fn parameters(&self) -> Vec<(String, Vec<f64>)> {
+        self.inner.parameters()
+    }
+    #[getter]
+    fn description(&self, py: Python<'_>) -> PyResult<String> {
+        guarded(py, || serde_json::to_string(&*self.inner.spec).map_err(|e| failure::unexpected(e.to_string())))
+    }
+
     #[getter]
     fn nq(&self) -> usize {
         self.inner.size().nq

@@ -330,7 +330,7 @@ fn three_formulas_for_the_multipliers() {
         case.r.full_acceleration(&mut vdot);
         let mut from_dependent = vec![0.0; m];
         case.r.multipliers(0.0, &q, &vdot, &mut from_dependent).unwrap(); // (41)
-        let p = MassProjection::new(case.system, e.mass.data(), &e.c).unwrap();
+        let p = MassProjection::new(case.system, 0.0, e.mass.data(), &e.c).unwrap();
         let solve = |x: Vec<f64>| {
             let mut x = x;
             dense::cholesky_solve(&p.mc, m, &mut x);
@@ -375,7 +375,7 @@ fn oblique_corrections_are_at_most_one_over_root_mu_longer() {
     on_random_systems(9, |rng, mut case| {
         let e = &case.system.equations;
         let (n, m) = (e.mass.rows(), e.c.rows());
-        let p = MassProjection::new(case.system, e.mass.data(), &e.c).unwrap();
+        let p = MassProjection::new(case.system, 0.0, e.mass.data(), &e.c).unwrap();
         let mass_norm = |x: &[f64]| dense::dot(x, &e.mass.matvec(x)).sqrt();
         for _ in 0..5 {
             // (33) and (34) for the same Φ

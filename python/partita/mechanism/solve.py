@@ -200,7 +200,9 @@ def simulate(
             satisfy the constraints whatever their spacing and do not change the steps.
         initial: state to start from, as `assemble` returns it, in whatever coordinates; None: the drawing,
             assembled, at rest.
-        rtol, atol: tolerances of the step control on each integrated quantity.
+        rtol, atol: tolerances of the step control on each integrated quantity. `atol` is in radians for angles and in
+            parts of the characteristic length (the extent of a typical body) for displacements; the same per second
+            for velocities.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
         formulation: "projective" (equations without reactions in independent coordinates; the default and
             the fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept

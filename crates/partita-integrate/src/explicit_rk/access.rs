@@ -4,6 +4,10 @@ use super::{Phase, Stepper};
 use crate::counters::Counters;
 use crate::tableau::Tableau;
 
+/// Steps shorter than this part of the time (of the run, near t = 0) are not shortened again: they are some hundred times the
+/// round-off of t.
+const SHORTEST: f64 = 1e-13;
+
 impl Stepper {
     /// The method.
     pub fn tableau(&self) -> &'static Tableau {
@@ -64,7 +68,7 @@ impl Stepper {
 
     /// Is the next step still long enough for half of it to be worth a try?
     pub fn may_shrink(&self) -> bool {
-        self.step > 1e-13 * self.t_new.abs().max(1e-3)
+        self.step > SHORTEST * self.t_new.abs().max(self.span)
     }
 
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.
@@ -90,6 +94,12 @@ impl Stepper {
         self.floor = floor;
         self.norm.set_floor(floor);
         self.lenience = limit.max(1.0);
+    }
+
+    /// Natural size of each component, in which `atol` and the floor of [`set_lenience`](Stepper::set_lenience) are meant from
+    /// the next step on; 1 until told otherwise.
+    pub fn set_sizes(&mut self, sizes: &[f64]) {
+        self.norm.set_sizes(sizes);
     }
 
     /// The work done since [`new`](Stepper::new).

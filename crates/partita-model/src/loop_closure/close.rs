@@ -38,7 +38,7 @@ impl LoopClosing<'_> {
                     let d = self.pose.x[i] - q[at];
                     (d - (d / TAU).round() * TAU).abs()
                 }
-                Kind::Slide => (self.pose.x[i] - q[at]).abs() / self.model.placed.size,
+                Kind::Slide => (self.pose.x[i] - q[at]).abs() / self.model.placed.length,
                 Kind::Ball => {
                     let r = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
                     (0..9).fold(0.0, |m: f64, c| m.max((self.pose.balls[i].0[c / 3][c % 3] - r.0[c / 3][c % 3]).abs()))

@@ -243,7 +243,7 @@ impl<'m> LoopClosing<'m> {
             let d = self.pose.x[e] - x;
             apart = apart.max(match self.graph.edges[e].kind {
                 Kind::Turn => (d - (d / TAU).round() * TAU).abs(),
-                Kind::Slide => d.abs() / self.model.placed.size,
+                Kind::Slide => d.abs() / self.model.placed.length,
                 Kind::Ball => (0..9)
                     .fold(0.0, |m: f64, i| m.max((self.pose.balls[e].0[i / 3][i % 3] - ball.0[i / 3][i % 3]).abs())),
                 Kind::Rigid => 0.0,

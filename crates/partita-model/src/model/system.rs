@@ -40,10 +40,7 @@ impl Model {
 impl Model {
     /// The recursion over clusters with these rows kept.
     pub fn recursion(&self, kept: &[usize]) -> Plan {
-        match &self.own.engine {
-            Engine::Flat(tree) => Plan::new(tree, &self.pattern, &self.clusters, kept, self.preference),
-            Engine::Full => Plan::new(&self.own.full, &self.pattern, &self.clusters, kept, self.preference),
-        }
+        self.own.plan(&self.pattern, &self.clusters, kept, self.preference)
     }
 }
 

@@ -151,10 +151,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
         self.levels(t, q, v)?;
         let rows: Vec<usize> = self.r.partition.rows.iter().copied().filter(|&i| i < end).collect();
         let c = dense_rows(self.r.system, &self.r.c, &rows);
-        let p = MassProjection::new(self.r.system, &self.mass, &c).map_err(|e| match e {
-            SystemError::Singular { pivot, limit, .. } => SystemError::Singular { t, pivot, limit },
-            other => other,
-        })?;
+        let p = MassProjection::new(self.r.system, t, &self.mass, &c)?;
         Ok((p, rows))
     }
 
@@ -219,6 +216,12 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
     fn controlled(&self) -> usize {
         let s = self.r.size();
         s.nq + s.nv
+    }
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+        let (coordinates, rates) = out.split_at_mut(self.r.size().nq);
+        super::sizes_of_coordinates(self.r.system, coordinates);
+        (0..self.r.size().nv).for_each(|i| rates[i] = self.r.system.reach(i));
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         start::choose_partition(&mut self.r, t, q, None, None)?;

@@ -36,6 +36,17 @@ pub struct Step<'a> {
     pub pace: Option<&'a mut Pace>,
 }
 
+/// Natural sizes of q (nq): those of the velocities they are integrals of, 1 for quaternions.
+fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]) {
+    out.fill(1.0);
+    for i in 0..system.size().nv {
+        let own = system.coordinates_of(i);
+        if own.len() == 1 {
+            out[own.start] = system.reach(i);
+        }
+    }
+}
+
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
 ///
 /// `derivative` is called at any point near the motion; `trial_end` at the end of a step that may be taken; `commit` when it
@@ -46,6 +57,12 @@ pub trait Formulation {
     fn dim(&self) -> usize;
     /// How many leading components of y the step size answers for.
     fn controlled(&self) -> usize;
+    /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
+    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked again
+    /// after `start` and wherever `commit` rewrites.
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+    }
     /// Take over the assembled state and write y.
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError>;
     /// `y' = f(t, y)`.
@@ -96,6 +113,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn controlled(&self) -> usize {
         (**self).controlled()
+    }
+    fn natural_sizes(&self, out: &mut [f64]) {
+        (**self).natural_sizes(out);
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         (**self).start(t, q, v, y)

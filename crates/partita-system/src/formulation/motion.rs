@@ -265,6 +265,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.places().1
     }
 
+    fn natural_sizes(&self, out: &mut [f64]) {
+        out.fill(1.0);
+        let (p, w) = self.places();
+        let mut of_q = vec![1.0; self.system.size().nq];
+        super::sizes_of_coordinates(self.system, &mut of_q);
+        self.positions.sizes(&of_q, &mut out[..p]);
+        // other tangent velocities are measured by the mass metric already
+        let independent = self.tangent.independent(None).unwrap_or(&[]);
+        out[p..w].iter_mut().zip(independent).for_each(|(x, &i)| *x = self.system.reach(i));
+    }
+
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         let (p, w) = self.places();
         let mut q = q.to_vec();

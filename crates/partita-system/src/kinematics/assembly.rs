@@ -26,6 +26,8 @@ const AS_DRAWN: f64 = 1e-3;
 /// Starts around the drawing that are tried where the drawing itself leads to a position that is nearest to closing
 /// without closing: with a chance of one half each, one in ten million is missed.
 const STARTS: usize = 24;
+/// ... as long as they take no more iterations than this in all: thousands of loops are not tried for minutes.
+const PATIENCE: usize = 2000;
 
 /// What the assembly did.
 #[derive(Clone, Copy, Debug, Default)]
@@ -71,7 +73,8 @@ pub fn close<S: ConstrainedSystem>(
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();
     let mut least: Vec<(f64, Ending)> = d.parts.iter().map(|p| (p.square, p.ending)).collect();
-    while d.parts.iter().any(|p| p.ending != Ending::Closed) && report.restarts < STARTS {
+    let open = |d: &Descent<S>| d.parts.iter().any(|p| p.ending != Ending::Closed);
+    while open(&d) && report.restarts < STARTS && report.iterations < PATIENCE {
         report.restarts += 1;
         d.start_again(t, q, &drawn, report.restarts)?;
         report.iterations += d.descend(t, q, tolerance)?;

@@ -28,7 +28,7 @@ pub fn dense_rows<S: ConstrainedSystem>(system: &S, c: &[f64], rows: &[usize]) -
 
 impl MassProjection {
     /// From a dense mass matrix and dense independent constraint rows.
-    pub fn new<S: ConstrainedSystem>(system: &S, mass: &[f64], c: &Matrix) -> Result<Self, SystemError> {
+    pub fn new<S: ConstrainedSystem>(system: &S, t: f64, mass: &[f64], c: &Matrix) -> Result<Self, SystemError> {
         let n = system.size().nv;
         let mut l = mass.to_vec();
         dense::cholesky(&mut l, n)
@@ -44,7 +44,7 @@ impl MassProjection {
             }
         }
         let mut mc = c.matmul(&w).into_vec();
-        dense::cholesky(&mut mc, r).map_err(|e| SystemError::Singular { t: f64::NAN, pivot: e.pivot, limit: 0.0 })?;
+        dense::cholesky(&mut mc, r).map_err(|e| SystemError::Singular { t, pivot: e.pivot, limit: 0.0 })?;
         Ok(Self { mass: l, w, mc })
     }
 
@@ -76,7 +76,7 @@ pub fn correct_orthogonally<S: ConstrainedSystem>(
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
     let c = dense_rows(r.system, &r.c, &rows);
-    let p = MassProjection::new(r.system, &mass, &c)?;
+    let p = MassProjection::new(r.system, t, &mass, &c)?;
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
     r.system.step(q, &p.correction(&x));
     Ok(())

@@ -69,21 +69,27 @@ pub fn with_rates<S: ConstrainedSystem>(
     let mut y = vec![0.0; k];
     if !rates.is_empty() {
         let mut rows = Matrix::new(rates.len(), k);
-        let mut want = vec![0.0; rates.len()];
+        let (mut want, mut length) = (vec![0.0; rates.len()], vec![1.0; rates.len()]);
         for (i, &(vi, rate)) in rates.iter().enumerate() {
             let row = rows.row_mut(i);
             row.copy_from_slice(&r.dt[vi * k..(vi + 1) * k]);
             dense::cholesky_forward(&md, k, row); // row of T L⁻ᵀ
-            want[i] = (rate - gamma[vi] + dense::dot(row, &g)) / reach(vi);
-            row.iter_mut().for_each(|x| *x /= reach(vi)); // rates of turns and slides compare in reaches
+            want[i] = rate - gamma[vi] + dense::dot(row, &g);
+            // rates of turns and slides compare by what they are in the mass metric
+            length[i] = dense::dot(row, row).sqrt();
+            if length[i] > 0.0 {
+                want[i] /= length[i];
+                row.iter_mut().for_each(|x| *x /= length[i]);
+            } else {
+                length[i] = 1.0;
+            }
         }
         let (solution, _) = factor::least_squares_min_norm(&rows, &want, FOLLOWS)
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
         let got = rows.matvec(&solution);
-        let off = got.iter().zip(&want).any(|(g, w)| (g - w).abs() > MET * fastest);
-        if off {
-            let got: Vec<f64> =
-                rates.iter().zip(&got).zip(&want).map(|((r, g), w)| r.1 + (g - w) * reach(r.0)).collect();
+        let miss: Vec<f64> = got.iter().zip(&want).zip(&length).map(|((g, w), s)| (g - w) * s).collect();
+        if rates.iter().zip(&miss).any(|(r, miss)| miss.abs() > MET * fastest * reach(r.0)) {
+            let got: Vec<f64> = rates.iter().zip(&miss).map(|(r, miss)| r.1 + miss).collect();
             return Err(failed(&got));
         }
         y = solution;

@@ -33,6 +33,9 @@ impl All {
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for All {
     const CLOSED: bool = false;
 
+    fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(of_q);
+    }
     fn places(&self) -> usize {
         self.q.len()
     }

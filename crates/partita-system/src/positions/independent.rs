@@ -116,6 +116,9 @@ impl<K> Independent<K> {
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> Positions<'s, S, T> for Independent<K> {
     const CLOSED: bool = true;
 
+    fn sizes(&self, of_q: &[f64], out: &mut [f64]) {
+        self.core.states.gather(of_q, out);
+    }
     fn places(&self) -> usize {
         self.core.states.places()
     }

@@ -58,6 +58,10 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     }
     /// Take whole turns off angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool;
+    /// Natural sizes of the leading components, from those of q.
+    fn sizes(&self, _of_q: &[f64], out: &mut [f64]) {
+        out.fill(1.0);
+    }
     /// What belongs to the journal of a run.
     fn report(&self, _journal: &mut Journal) {}
 }

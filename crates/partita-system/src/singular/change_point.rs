@@ -38,7 +38,7 @@ impl Passage {
     const PART: f64 = 0.6;
     /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, and shorter steps
     /// make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand passages of forty loops.
-    /// Errors up to this (radians, metres) are accepted there.
+    /// Errors up to this (in natural sizes) are accepted there.
     const ROUND_OFF: f64 = 1e-10;
     /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close to
     /// it. So many tolerances are accepted; its own error is small by its length.

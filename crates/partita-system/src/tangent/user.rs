@@ -32,7 +32,7 @@ const DEPENDENT: f64 = 1e-6;
 const MOVE: f64 = 1e-2;
 /// Disagreement of the fourth and the sixth order from which a shorter step is tried (the error of the sixth is about its
 /// three halves' power).
-const DISAGREEMENT: f64 = 1e-7;
+const DISAGREEMENT: f64 = 1e-8;
 
 /// The user's D.
 pub struct Given<'s, S: ConstrainedSystem> {

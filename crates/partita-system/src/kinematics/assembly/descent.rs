@@ -10,9 +10,9 @@ use partita_math::least_norm::LeastNorm;
 /// Largest move in one iteration, in reaches (radians for turns): half a radian turns a direction by less than its own
 /// linear prediction errs by an eighth.
 const LARGEST_MOVE: f64 = 0.5;
-/// Damping of the last steps, in squares of singular values of C in natural scales. Rows weaker than its root, 1e-6, count
-/// as repeated; a loop at a singular position is closed at no more than 5e5 times its residual.
-const LEAST_DAMPING: f64 = 1e-12;
+/// Damping of the last steps, in squares of singular values of C in natural scales. Rows weaker than its root, 1e-5, count
+/// as repeated; a loop at a singular position is closed by moves of no more than 5e4 times its residual.
+const LEAST_DAMPING: f64 = 1e-10;
 /// Damping at the start, in squares of the residual.
 const FIRST_DAMPING: f64 = 1e-2;
 /// A damping above this moves nothing any more.
@@ -260,7 +260,11 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
                 *promised = p.square - p.rows.iter().map(left).sum::<f64>();
             }
             self.take(q);
-            let tried = self.scaled.evaluate(t, &self.trial).is_ok();
+            let tried = match self.scaled.evaluate(t, &self.trial) {
+                Ok(()) => true,
+                Err(SystemError::NotFinite { .. }) => false,
+                Err(e) => return Err(e),
+            };
             let mut refused = false;
             for (p, promised) in self.parts.iter_mut().zip(promised).filter(|(p, _)| p.active) {
                 let (square, worst) = measure(&self.scaled.phi, &p.rows);

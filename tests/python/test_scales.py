@@ -1,0 +1,95 @@
+"""Free of scale, from watches to planets: lengths and gravity in any unit give the same angles, in the same steps."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+
+
+def four_bar(unit: float) -> pt.Mechanism:
+    """Drawn open: the rocker's end is 0.4 units from the coupler's."""
+    m = pt.Mechanism("four-bar", gravity=(0, -9.81 * unit, 0))
+    at = unit * np.array([[0.0, 0.0, 0.0], [0.0, 0.4, 0.0], [0.9, 0.5, 0.0], [1.2, 0.7, 0.0], [1.0, 0.0, 0.0]])
+    crank = m.add_rod("crank", start=at[0], end=at[1], mass=0.3)
+    coupler = m.add_rod("coupler", start=at[1], end=at[2], mass=0.5)
+    rocker = m.add_rod("rocker", start=at[4], end=at[3], mass=0.4)
+    m.add_revolute("A", m.ground, crank, point=at[0])
+    m.add_revolute("B", crank, coupler, point=at[1])
+    m.add_revolute("D", m.ground, rocker, point=at[4])
+    m.add_revolute("C", coupler, rocker, point=at[2], child_point=at[3])
+    return m
+
+
+def slider_crank(unit: float) -> pt.Mechanism:
+    m = pt.Mechanism("slider-crank", gravity=(0, -9.81 * unit, 0))
+    at = unit * np.array([[0.0, 0.0, 0.0], [0.2, 0.2, 0.0], [1.1, 0.1, 0.0]])
+    crank = m.add_rod("crank", start=at[0], end=at[1], mass=0.3)
+    rod = m.add_rod("rod", start=at[1], end=at[2], mass=0.5)
+    slider = m.add_body("slider", mass=0.2, inertia=np.full(3, 0.01) * unit**2, position=at[2])
+    m.add_revolute("A", m.ground, crank, point=at[0])
+    m.add_revolute("B", crank, rod, point=at[1])
+    m.add_revolute("C", rod, slider, point=at[2])
+    m.add_prismatic("S", m.ground, slider, point=at[2], axis=(1, 0, 0))
+    m.add_spring("spring", m.ground, (1.5 * unit, 0.1 * unit, 0), slider, (0, 0, 0), stiffness=4.0, length=0.3 * unit)
+    return m
+
+
+def rssr(unit: float) -> pt.Mechanism:
+    m = pt.Mechanism("RSSR", gravity=(0, 0, -9.81 * unit))
+    at = unit * np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.1], [0.9, 0.2, 1.1], [1.2, 0.0, 0.2]])
+    ball = np.array([0.02, 0.03, 0.04]) * unit**2
+    crank = m.add_body("crank", mass=1.0, inertia=ball, position=at[0], com=0.5 * at[1])
+    rod = m.add_body("rod", mass=0.5, inertia=ball, position=at[1], com=0.5 * (at[2] - at[1]))
+    rocker = m.add_body("rocker", mass=0.7, inertia=ball, position=at[3], com=0.5 * (at[2] - at[3]))
+    m.add_revolute("A", m.ground, crank, point=at[0])
+    m.add_spherical("B", crank, rod, point=at[1])
+    m.add_spherical("C", rod, rocker, point=at[2])
+    m.add_revolute("D", m.ground, rocker, point=at[3], axis=(0.2, 1.0, 0.3))
+    return m
+
+
+MECHANISMS = (four_bar, slider_crank, rssr)
+
+
+def answers(make: Any, unit: float) -> dict[str, Any]:
+    """What a mechanism says in angles, counts and words."""
+    m = make(unit)
+    state = m.assemble(targets={"A": 0.3}, rates={"A": 1.5})
+    run = m.simulate(1.0, initial=state, t_eval=(0.5, 1.0))
+    assert run.success, run.message
+    assert run.closure.max() < 1e-14 * max(1.0, unit)
+    turns = [i for i, name in enumerate(m.compile().names) if name != "S"]
+    return {
+        "assembled": state.q[turns],
+        "q": run.q[:, turns],
+        "v": run.joint("A").velocity,
+        "force": run.joint("A").force / unit,
+        "counters": run.counters,
+        "assembly": (state.assembly["iterations"], state.assembly["target_steps"]),
+        # the scales of the coordinates, the last column, are told in SI
+        "report": re.sub(r"(?m)^(  \S+ +[\d.]+ +(?:independent|follows)) .*$", r"\1", m.report(state)),
+    }
+
+
+@pytest.mark.parametrize("make", MECHANISMS)
+@pytest.mark.parametrize("power", [-20, 20])
+def test_powers_of_two_change_no_digit(make: Any, power: int) -> None:
+    one, other = answers(make, 1.0), answers(make, 2.0**power)
+    for key, value in one.items():
+        np.testing.assert_equal(other[key], value, err_msg=key)
+
+
+@pytest.mark.parametrize("make", MECHANISMS)
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_micrometres_and_a_thousand_kilometres(make: Any, unit: float) -> None:
+    """A unit that is no power of two rounds every length; a run of a second multiplies that by less than a thousand."""
+    one, other = answers(make, 1.0), answers(make, unit)
+    for key in ("assembled", "q", "v", "force"):
+        assert other[key] == pytest.approx(one[key], rel=1e-12, abs=1e-12 * np.max(np.abs(one[key]))), key
+    for key in ("counters", "report"):
+        assert other[key] == one[key], key
