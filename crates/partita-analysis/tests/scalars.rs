@@ -5,11 +5,15 @@ mod mechanisms;
 
 use mechanisms::{apart, between, derivative, drawing, Moment, Wishes, STEP};
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
+use partita_model::clusters::{Plan, Preference};
 use partita_model::force::Element;
 use partita_model::place::Coordinates;
+use partita_model::reduced::Reduced;
 use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::Functions;
 use partita_model::{Evaluator, Model};
+use partita_system::formulation::reduction::Reduction;
+use partita_system::start;
 use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -110,6 +114,39 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     assert_eq!(elements.len(), 6, "{elements:?}");
 }
 
+/// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
+struct Chosen<'m> {
+    way: &'static str,
+    reduction: Reduction<'m, Model>,
+    plan: Option<Plan>,
+}
+
+/// Every way to the accelerations at one instant.
+fn ways<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
+    let mut dense = Reduction::dense(model, m.rank);
+    start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
+    let independent = dense.partition.independent.clone();
+    let mut all = vec![Chosen { way: "M_d", reduction: dense, plan: None }];
+    for (way, model) in ["partial velocities", "range space"].into_iter().zip(others) {
+        let mut reduction = Reduction::new(model, m.rank);
+        reduction.position(m.t, &m.q).unwrap();
+        reduction.refresh_scales(m.t, &m.q).unwrap();
+        reduction.set_partition(m.t, &independent).unwrap();
+        let mut kept = reduction.partition.rows.clone();
+        kept.sort_unstable();
+        all.push(Chosen { way, plan: Some(model.recursion(&kept)), reduction });
+    }
+    all
+}
+
+/// The same mechanism, gone through by partial velocities and by range space.
+fn by_clusters(model: &Model) -> [Model; 2] {
+    [Preference::PartialVelocities, Preference::RangeSpace].map(|way| {
+        let again = Model::new((*model.spec).clone(), Arc::new(OfState), model.coordinates());
+        again.unwrap().with_recursion(way)
+    })
+}
+
 /// Where everything is asked for: t, q, v, v', λ, Dᵀ and δ one after the other.
 struct Layout {
     nq: usize,
@@ -134,7 +171,7 @@ impl Layout {
     }
 
     /// Every function of an evaluation, by name.
-    fn everything<S: Scalar>(&self, e: &Evaluator<S>, x: &[S]) -> Vec<(&'static str, Vec<S>)> {
+    fn everything<S: Scalar>(&self, e: &Evaluator<S>, ways: &[Chosen], x: &[S]) -> Vec<(&'static str, Vec<S>)> {
         let (t, rest) = (x[0], &x[1..]);
         let (q, rest) = rest.split_at(self.nq);
         let (v, rest) = rest.split_at(self.nv);
@@ -159,7 +196,18 @@ impl Layout {
         e.rate(q, v, &mut qdot);
         let r = e.reactions(t, q, v, vdot, lambda, &mut s).unwrap();
         let wrenches = r.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
-        vec![
+        let mut reduced = Vec::new();
+        for chosen in ways {
+            let choice = chosen.reduction.choice();
+            let speeds: Vec<S> = choice.independent.iter().map(|&i| v[i]).collect();
+            let (mut s, mut x) = (e.scratch(), Reduced::default());
+            if let Some(plan) = &chosen.plan {
+                e.fit(plan, &mut s);
+            }
+            e.reduced(&choice, chosen.plan.as_ref(), t, q, &speeds, &mut s, &mut x).unwrap();
+            reduced.push((chosen.way, [x.v, x.vdot, x.multipliers].concat()));
+        }
+        let mut all = vec![
             ("Phi", phi),
             ("C", c),
             ("a", a),
@@ -174,7 +222,9 @@ impl Layout {
             ("N(q) v", qdot),
             ("reactions", wrenches),
             ("drives", r.drives.concat()),
-        ]
+        ];
+        all.extend(reduced);
+        all
     }
 }
 
@@ -186,12 +236,14 @@ fn flat<S>(all: Vec<(&'static str, Vec<S>)>) -> Vec<S> {
 fn dual_numbers_agree_with_differences() {
     everywhere(31, false, |rng, model, m| {
         let (layout, dual) = (Layout::new(model), model.over::<Dual>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let differences = derivative(STEP, |h| flat(layout.everything(model, &moved(h))));
+        let differences = derivative(STEP, |h| flat(layout.everything(model, &ways, &moved(h))));
         let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
-        let (plain, duals) = (layout.everything(model, &x), layout.everything(&dual, &duals));
+        let (plain, duals) = (layout.everything(model, &ways, &x), layout.everything(&dual, &ways, &duals));
         let mut differences = &differences[..];
         for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
             let (own, rest) = differences.split_at(values.len());
@@ -207,15 +259,17 @@ fn dual_numbers_agree_with_differences() {
 fn eight_lanes_are_eight_evaluations() {
     everywhere(32, false, |rng, model, m| {
         let (layout, lanes) = (Layout::new(model), model.over::<Lanes>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
         let mut along: Vec<f64> = x.iter().map(|_| between(rng, -0.05, 0.05)).collect();
         along[0] = along[0].abs(); // within the tables
         let at = |l: usize| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + l as f64 * d).collect() };
         let all: Vec<Vec<f64>> = (0..Lanes::COUNT).map(at).collect();
         let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| all[l][i])).collect();
-        let together = layout.everything(&lanes, &input);
+        let together = layout.everything(&lanes, &ways, &input);
         for (l, x) in all.iter().enumerate() {
-            for ((name, single), (_, together)) in layout.everything(model, x).iter().zip(&together) {
+            for ((name, single), (_, together)) in layout.everything(model, &ways, x).iter().zip(&together) {
                 let same = single.iter().zip(together).all(|(x, y)| x.to_bits() == y.0[l].to_bits());
                 assert!(same, "{name} in lane {l}");
             }
@@ -227,15 +281,17 @@ fn eight_lanes_are_eight_evaluations() {
 fn a_recording_is_the_evaluation() {
     everywhere(33, true, |rng, model, m| {
         let (layout, recorder) = (Layout::new(model), model.over::<Recorder>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
-        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, x)))).unwrap();
+        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &ways, x)))).unwrap();
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         for _ in 0..3 {
             // both intervals of the tables
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
             made.evaluate(&x, &mut work, &mut out);
-            let expected = flat(layout.everything(model, &x));
+            let expected = flat(layout.everything(model, &ways, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
         }
     });

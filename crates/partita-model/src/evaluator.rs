@@ -16,8 +16,10 @@ use crate::place::Placed;
 use crate::spec::{Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{self, Callers, Instant};
+use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Planar, Quaternion, Spatial, Vec3};
+use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -258,6 +260,20 @@ impl<S: Scalar> Evaluator<S> {
         });
     }
 
+    /// Plan of the recursion over clusters for the rows of C that are kept: a matter of structure alone.
+    pub fn plan(
+        &self,
+        pattern: &Pattern,
+        of: &Clusters,
+        kept: &[usize],
+        preference: clusters::Preference,
+    ) -> clusters::Plan {
+        match &self.engine {
+            Engine::Flat(tree) => clusters::Plan::new::<Planar<S>>(tree, pattern, of, kept, preference),
+            Engine::Full => clusters::Plan::new::<Spatial<S>>(&self.full, pattern, of, kept, preference),
+        }
+    }
+
     /// Room for the recursion over clusters with this plan.
     pub fn fit(&self, plan: &clusters::Plan, s: &mut Scratch<S>) {
         let velocities = self.placed.nv;
@@ -341,6 +357,27 @@ impl<S: Scalar> Evaluator<S> {
             } else {
                 qdot[l.q] = v[l.v];
             }
+        }
+    }
+
+    /// Move `q` by the small velocity-like increment `dv` (an exponential for turns in space).
+    pub fn step(&self, q: &mut [S], dv: &[S]) {
+        for l in self.full.links.iter().skip(1) {
+            if matches!(l.motion, LinkMotion::Ball) {
+                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
+                q[l.q..l.q + 4].copy_from_slice(&turned.0);
+            } else {
+                q[l.q] += dv[l.v];
+            }
+        }
+    }
+
+    /// Bring all quaternions to unit length.
+    pub fn normalise(&self, q: &mut [S]) {
+        for l in self.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Ball)) {
+            let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
+            q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
         }
     }
 }

@@ -123,7 +123,9 @@ impl Model {
 
     /// This model with another description of the same structure.
     pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
-        Self::made(spec, placed, numbers, self.drives.clone(), self.callers.functions.clone(), self.coordinates)
+        let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
+        let made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
+        Ok(made.with_recursion(self.preference))
     }
 
     fn made(

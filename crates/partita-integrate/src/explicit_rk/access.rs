@@ -4,6 +4,9 @@ use super::{Phase, Stepper};
 use crate::counters::Counters;
 use crate::tableau::Tableau;
 
+/// Steps shorter than this part of the time are not shortened again: they are some hundred times the round-off of t.
+const SHRINKS: f64 = 1e-13;
+
 impl Stepper {
     /// The method.
     pub fn tableau(&self) -> &'static Tableau {
@@ -60,6 +63,11 @@ impl Stepper {
         } else {
             self.slot(self.tableau.end_slot())
         }
+    }
+
+    /// Is the next step still long enough for half of it to be worth a try?
+    pub fn may_shrink(&self) -> bool {
+        self.step > SHRINKS * self.t_new.abs().max(self.t_end.abs())
     }
 
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.

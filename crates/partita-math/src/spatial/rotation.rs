@@ -110,16 +110,24 @@ impl<S: Scalar> Mat3<S> {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| test.where_positive(yes.0[i][j], no.0[i][j]))))
     }
     /// The shortest turn that takes the unit vector `a` to the unit vector `b`; half a turn across `a` where they are
-    /// opposite.
+    /// opposite. Smooth where they meet.
     pub fn between(a: Vec3<S>, b: Vec3<S>) -> Self {
         let (v, c) = (a.cross(b), a.dot(b));
+        // less than a right angle: c 1 + [v] + v vᵀ / (1 + c)
+        let [x, y, z] = v.0;
+        let k = S::one() / (S::one() + c);
+        let (kx, ky, kz) = (x * k, y * k, z * k);
+        let near = Self([
+            [kx * x + c, kx * y - z, kx * z + y],
+            [kx * y + z, ky * y + c, ky * z - x],
+            [kx * z - y, ky * z + x, kz * z + c],
+        ]);
+        // more: about an axis, as long as the plane of the turn can be told
         let s = v.norm();
-        // too close to a line to tell the plane of the turn
-        let apart = s - S::from_f64(1e-14);
-        let in_line = Self::where_positive(c, &Self::identity(), &Self::about(a.across(), S::zero(), -S::one()));
-        let angle = s.atan2(c);
-        let (sin, cos) = angle.sin_cos();
-        Self::where_positive(apart, &Self::about(Vec3(v.0.map(|x| x.over_or_zero(s))), sin, cos), &in_line)
+        let told = s - S::from_f64(1e-14);
+        let axis = Vec3::where_positive(told, v.direction(), a.across());
+        let (sin, cos) = told.where_positive(s, S::zero()).atan2(c).sin_cos();
+        Self::where_positive(c, &near, &Self::about(axis, sin, cos))
     }
 }
 
@@ -199,14 +207,17 @@ impl<S: Scalar> Quaternion<S> {
     }
 }
 
-impl Quaternion<f64> {
+impl<S: Scalar> Quaternion<S> {
     /// Exponential of a rotation vector.
-    pub fn exp(w: Vec3<f64>) -> Self {
-        let n = w.norm();
-        let half = 0.5 * n;
-        // sin(n/2)/n, by its series where the quotient would lose digits
-        let k = if n < 1e-4 { 0.5 - n * n / 48.0 } else { half.sin() / n };
-        Self([half.cos(), k * w.0[0], k * w.0[1], k * w.0[2]])
+    pub fn exp(w: Vec3<S>) -> Self {
+        let square = w.dot(w);
+        let n = square.sqrt();
+        let (sin, cos) = n.scale(0.5).sin_cos();
+        // by their series where sin(n/2)/n would lose digits, and the length has no slope at 0
+        let large = n - S::from_f64(1e-4);
+        let k = large.where_positive(sin.over_or_zero(n), S::from_f64(0.5) - square.scale(1.0 / 48.0));
+        let series = S::one() - square.scale(0.125) + (square * square).scale(1.0 / 384.0);
+        Self([large.where_positive(cos, series), k * w.0[0], k * w.0[1], k * w.0[2]])
     }
 }
 

@@ -1,31 +1,49 @@
-//! Rigid parts: how two joints stand to each other through joints whose coordinates are known.
+//! Rigid parts: how two joints stand to each other through joints whose coordinates are known. Over any scalar.
 
-use super::graph::{Graph, Kind};
-use partita_math::spatial::{Mat3, Vec3};
+use super::graph::{Graph, Home, Kind};
+use crate::numbers::Numbers;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use std::f64::consts::TAU;
+
+/// One side of an edge: behind its motion, or before it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Side {
+    pub edge: usize,
+    pub behind: bool,
+}
 
 /// A walk along joints with known coordinates, from one joint's point to another's.
 #[derive(Clone, Debug)]
 pub(super) struct Arm {
-    /// Where it starts, zero position.
-    pub start: Vec3<f64>,
+    /// Where it starts.
+    pub start: Side,
     /// Edges crossed, and whether from their `from` to their `to`.
     pub path: Vec<(usize, bool)>,
-    /// Where it ends, zero position.
-    pub end: Vec3<f64>,
+    /// Where it ends.
+    pub end: Side,
+}
+
+/// The numbers of a graph: coordinates of its edges, and where they are in the zero position.
+#[derive(Clone, Debug)]
+pub(super) struct Pose<S> {
+    /// Coordinate of each turn and slide.
+    pub x: Vec<S>,
+    /// Turn of each ball.
+    pub balls: Vec<Mat3<S>>,
+    /// The joint's point in the zero position, as both sides of each edge carry it.
+    points: Vec<[Vec3<S>; 2]>,
 }
 
 /// An arm in the plane: the vector from start to end in the axes of its first node, and the turn of its last node.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct FlatArm {
-    pub vector: [f64; 2],
-    pub turn: f64,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FlatArm<S> {
+    pub vector: [S; 2],
+    pub turn: S,
 }
 
 /// The vector `v` turned by an angle.
-pub(super) fn rotated(v: [f64; 2], angle: f64) -> [f64; 2] {
-    if angle == 0.0 {
-        return v;
-    }
+pub(super) fn rotated<S: Scalar>(v: [S; 2], angle: S) -> [S; 2] {
     let (s, c) = angle.sin_cos();
     [c * v[0] - s * v[1], s * v[0] + c * v[1]]
 }
@@ -35,71 +53,140 @@ pub(super) fn turn_of(r: &Mat3<f64>) -> f64 {
     r.0[1][0].atan2(r.0[0][0])
 }
 
+/// A constant of the graph.
+pub(super) fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
+    Vec3::from_f64(x.0)
+}
+
+impl<S: Scalar> Pose<S> {
+    pub fn new(g: &Graph, numbers: &Numbers<S>) -> Self {
+        let (x, balls) = (vec![S::zero(); g.edges.len()], vec![Mat3::identity(); g.edges.len()]);
+        Self { x, balls, points: g.edges.iter().map(|e| e.place.points(numbers)).collect() }
+    }
+
+    /// Coordinate of edge i from q, if it belongs to the tree.
+    pub fn read(&mut self, g: &Graph, i: usize, q: &[S]) {
+        let e = &g.edges[i];
+        let Home::Tree { q: at, .. } = e.home else { return };
+        if e.kind == Kind::Ball {
+            self.balls[i] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
+        } else {
+            self.x[i] = q[at];
+        }
+    }
+
+    /// Coordinate of edge i to q, if it belongs to the tree: the angle and the sign of the quaternion nearest to what
+    /// stands there.
+    pub fn write(&mut self, g: &Graph, i: usize, q: &mut [S]) {
+        let e = &g.edges[i];
+        let Home::Tree { q: at, .. } = e.home else { return };
+        match e.kind {
+            Kind::Turn => {
+                let x = self.x[i];
+                self.x[i] = x + ((q[at] - x) / S::from_f64(TAU)).round().scale(TAU);
+                q[at] = self.x[i];
+            }
+            Kind::Ball => {
+                let p = Quaternion::from_matrix(&self.balls[i]).0;
+                let mut same = S::zero();
+                for k in 0..4 {
+                    same += p[k] * q[at + k];
+                }
+                for k in 0..4 {
+                    q[at + k] = (-same).where_positive(-p[k], p[k]);
+                }
+            }
+            _ => q[at] = self.x[i],
+        }
+    }
+
+    fn point(&self, s: Side) -> Vec3<S> {
+        self.points[s.edge][usize::from(s.behind)]
+    }
+
+    /// Points of a crossed edge: where the walk comes in, and where it goes on.
+    fn sides(&self, edge: usize, forward: bool) -> (Vec3<S>, Vec3<S>) {
+        let [before, behind] = self.points[edge];
+        if forward {
+            (before, behind)
+        } else {
+            (behind, before)
+        }
+    }
+}
+
 impl Arm {
     /// In a mechanism that is planar as a whole.
-    pub fn flat(&self, g: &Graph, x: &[f64]) -> FlatArm {
-        let mut at = self.start;
-        let (mut vector, mut turn) = ([0.0; 2], 0.0);
-        let (mut s, mut c) = (0.0f64, 1.0f64);
-        let mut add = |d: [f64; 2], s: f64, c: f64| {
+    pub fn flat<S: Scalar>(&self, g: &Graph, p: &Pose<S>) -> FlatArm<S> {
+        let mut at = p.point(self.start);
+        let (mut vector, mut turn) = ([S::zero(); 2], S::zero());
+        let (mut s, mut c) = (S::zero(), S::one());
+        let mut add = |d: [S; 2], s: S, c: S| {
             vector[0] += c * d[0] - s * d[1];
             vector[1] += s * d[0] + c * d[1];
         };
         for &(i, forward) in &self.path {
             let e = &g.edges[i];
-            let (near, far) = if forward { (e.at_from, e.at_to) } else { (e.at_to, e.at_from) };
+            let (near, far) = p.sides(i, forward);
             add([near.0[0] - at.0[0], near.0[1] - at.0[1]], s, c);
             at = far;
-            let rest = turn_of(&e.rest);
-            let along = [e.axis.0[0] * x[i], e.axis.0[1] * x[i]];
-            let mut by = if e.kind == Kind::Turn { e.axis.0[2] * x[i] + rest } else { rest };
+            let along = [p.x[i].scale(e.axis.0[0]), p.x[i].scale(e.axis.0[1])];
             if e.kind == Kind::Slide && forward {
                 add(along, s, c);
             }
-            if !forward {
-                by = -by;
-            }
-            if by != 0.0 {
-                turn += by;
+            let rest = turn_of(&e.rest);
+            let by = match e.kind {
+                Kind::Turn => Some(p.x[i].scale(e.axis.0[2]) + S::from_f64(rest)),
+                _ if rest != 0.0 => Some(S::from_f64(rest)),
+                _ => None,
+            };
+            if let Some(by) = by {
+                turn += if forward { by } else { -by };
                 (s, c) = turn.sin_cos();
             }
             if e.kind == Kind::Slide && !forward {
                 add([-along[0], -along[1]], s, c);
             }
         }
-        add([self.end.0[0] - at.0[0], self.end.0[1] - at.0[1]], s, c);
+        let end = p.point(self.end);
+        add([end.0[0] - at.0[0], end.0[1] - at.0[1]], s, c);
         FlatArm { vector, turn }
     }
 
     /// In space: the turn of the last node and the vector, both in the axes of the first node.
-    pub fn spatial(&self, g: &Graph, x: &[f64], balls: &[Mat3<f64>]) -> (Mat3<f64>, Vec3<f64>) {
-        let mut at = self.start;
+    pub fn spatial<S: Scalar>(&self, g: &Graph, p: &Pose<S>) -> (Mat3<S>, Vec3<S>) {
+        let mut at = p.point(self.start);
         let (mut r, mut v) = (Mat3::identity(), Vec3::zero());
         for &(i, forward) in &self.path {
             let e = &g.edges[i];
-            let (near, far) = if forward { (e.at_from, e.at_to) } else { (e.at_to, e.at_from) };
+            let (near, far) = p.sides(i, forward);
             v += r.apply(near - at);
             at = far;
+            let along = lift::<S>(e.axis).times(p.x[i]);
             if e.kind == Kind::Slide && forward {
-                v += r.apply(e.axis.times(x[i]));
+                v += r.apply(along);
             }
-            r = r.mul(&crossing(g, i, forward, x[i], &balls[i]));
+            r = r.mul(&crossing(g, i, forward, p.x[i], &p.balls[i]));
             if e.kind == Kind::Slide && !forward {
-                v -= r.apply(e.axis.times(x[i]));
+                v -= r.apply(along);
             }
         }
-        v += r.apply(self.end - at);
+        v += r.apply(p.point(self.end) - at);
         (r, v)
     }
 }
 
 /// Turn from one side of an edge to the other.
-pub(super) fn crossing(g: &Graph, i: usize, forward: bool, x: f64, ball: &Mat3<f64>) -> Mat3<f64> {
+pub(super) fn crossing<S: Scalar>(g: &Graph, i: usize, forward: bool, x: S, ball: &Mat3<S>) -> Mat3<S> {
     let e = &g.edges[i];
+    let rest = Mat3::from_f64(e.rest.0);
     let r = match e.kind {
-        Kind::Turn => Mat3::about(e.axis, x.sin(), x.cos()).mul(&e.rest),
-        Kind::Ball => ball.mul(&e.rest),
-        Kind::Slide | Kind::Rigid => e.rest,
+        Kind::Turn => {
+            let (s, c) = x.sin_cos();
+            Mat3::about(lift(e.axis), s, c).mul(&rest)
+        }
+        Kind::Ball => ball.mul(&rest),
+        Kind::Slide | Kind::Rigid => rest,
     };
     if forward {
         r

@@ -1,6 +1,6 @@
 //! Following the plan: positions, branches and pivots for given inputs.                                      (37)
 
-use super::arm::{rotated, turn_of, FlatArm};
+use super::arm::{lift, rotated, turn_of, FlatArm, Pose};
 use super::graph::{Home, Kind};
 use super::implicit::Field;
 use super::planar::{self, FlatJoint, Shortfall};
@@ -9,7 +9,8 @@ use super::{spatial, Graph, LoopClosing, Work};
 use crate::evaluator::Engine;
 use crate::tree::{Closing as CutJoint, LinkMotion};
 use crate::value;
-use partita_math::spatial::{Mat3, Planar, Quaternion};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Planar, Quaternion};
 use partita_system::kinematics::closing::{Block, BlockState, Closing};
 use partita_system::SystemError;
 use std::f64::consts::TAU;
@@ -17,28 +18,12 @@ use std::f64::consts::TAU;
 impl LoopClosing<'_> {
     /// Edge coordinates of the tree from q.
     pub(super) fn read(&mut self, q: &[f64]) {
-        for (i, e) in self.graph.edges.iter().enumerate() {
-            let Home::Tree { q: at, .. } = e.home else { continue };
-            if e.kind == Kind::Ball {
-                let p = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]);
-                self.balls[i] = p.normalised().matrix();
-            } else {
-                self.x[i] = q[at];
-            }
-        }
+        (0..self.graph.edges.len()).for_each(|i| self.pose.read(&self.graph, i, q));
     }
 
     /// Coordinates of the edges of one step from q, as far as they belong to the tree.
     fn read_step(&mut self, step: usize, q: &[f64]) {
-        for &i in &self.steps[step].edges {
-            let e = &self.graph.edges[i];
-            let Home::Tree { q: at, .. } = e.home else { continue };
-            if e.kind == Kind::Ball {
-                self.balls[i] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
-            } else {
-                self.x[i] = q[at];
-            }
-        }
+        self.steps[step].edges.iter().for_each(|&i| self.pose.read(&self.graph, i, q));
     }
 
     /// Largest distance of the coordinates of a step from those in q, in radians and sizes; those of cut joints are no
@@ -50,13 +35,13 @@ impl LoopClosing<'_> {
             let Home::Tree { q: at, .. } = e.home else { continue };
             apart = apart.max(match e.kind {
                 Kind::Turn => {
-                    let d = self.x[i] - q[at];
+                    let d = self.pose.x[i] - q[at];
                     (d - (d / TAU).round() * TAU).abs()
                 }
-                Kind::Slide => (self.x[i] - q[at]).abs() / self.model.placed.length,
+                Kind::Slide => (self.pose.x[i] - q[at]).abs() / self.model.placed.length,
                 Kind::Ball => {
                     let r = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
-                    (0..9).fold(0.0, |m: f64, c| m.max((self.balls[i].0[c / 3][c % 3] - r.0[c / 3][c % 3]).abs()))
+                    (0..9).fold(0.0, |m: f64, c| m.max((self.pose.balls[i].0[c / 3][c % 3] - r.0[c / 3][c % 3]).abs()))
                 }
                 Kind::Rigid => 0.0,
             });
@@ -102,28 +87,6 @@ impl LoopClosing<'_> {
         }
     }
 
-    /// Edge coordinates to q: the angle and the sign of the quaternion nearest to what stands there.
-    fn write(&mut self, step: usize, q: &mut [f64]) {
-        for &i in &self.steps[step].edges {
-            let e = &self.graph.edges[i];
-            let Home::Tree { q: at, .. } = e.home else { continue };
-            match e.kind {
-                Kind::Turn => {
-                    self.x[i] += ((q[at] - self.x[i]) / TAU).round() * TAU;
-                    q[at] = self.x[i];
-                }
-                Kind::Ball => {
-                    let p = Quaternion::from_matrix(&self.balls[i]).0;
-                    let same = (0..4).map(|k| p[k] * q[at + k]).sum::<f64>() >= 0.0;
-                    for k in 0..4 {
-                        q[at + k] = if same { p[k] } else { -p[k] };
-                    }
-                }
-                _ => q[at] = self.x[i],
-            }
-        }
-    }
-
     /// One step; the coordinates of its edges go to `x` and `balls`, and to q where they belong to it.
     pub(super) fn advance(&mut self, i: usize, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         match &self.steps[i].work {
@@ -131,7 +94,7 @@ impl LoopClosing<'_> {
                 let drive = &self.model.drives[*d];
                 let room = &mut self.scratch.room;
                 let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, room)?;
-                self.x[*edge] = p;
+                self.pose.x[*edge] = p;
                 q[drive.q] = p;
                 return Ok(());
             }
@@ -151,9 +114,9 @@ impl LoopClosing<'_> {
                     let edge = self.steps[i].edges[k];
                     if let Home::Tree { q: at, .. } = self.graph.edges[edge].home {
                         if self.graph.edges[edge].kind == Kind::Ball {
-                            self.balls[edge] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).matrix();
+                            self.pose.balls[edge] = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).matrix();
                         } else {
-                            self.x[edge] = q[at];
+                            self.pose.x[edge] = q[at];
                         }
                     }
                 }
@@ -168,7 +131,8 @@ impl LoopClosing<'_> {
                 false => SystemError::NotFinite { what: words.clone(), t },
             }
         })?;
-        self.write(i, q);
+        let (pose, graph) = (&mut self.pose, &self.graph);
+        self.steps[i].edges.iter().for_each(|&e| pose.write(graph, e, q));
         Ok(())
     }
 
@@ -177,22 +141,26 @@ impl LoopClosing<'_> {
         let step = &mut self.steps[i];
         match &step.work {
             Work::Plane(p, joints) => {
-                let mut sides = [planar_side(p, 0, &self.graph, &self.x, &self.balls); 3];
+                let mut sides = [planar_side(p, 0, &self.graph, &self.pose); 3];
                 for (k, side) in sides.iter_mut().enumerate().take(joints.len()).skip(1) {
-                    *side = planar_side(p, k, &self.graph, &self.x, &self.balls);
+                    *side = planar_side(p, k, &self.graph, &self.pose);
                 }
                 let sides = &sides[..joints.len()];
                 if !sides.iter().all(|s| s.turn.is_finite() && s.vector[0].is_finite() && s.vector[1].is_finite()) {
                     return Err(Shortfall(f64::NAN));
                 }
-                let (x, pivot) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance)?;
+                let (x, pivot, fit) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance);
+                fit.check()?;
                 for (j, x) in joints.iter().zip(x) {
-                    self.x[j.edge] = x;
+                    self.pose.x[j.edge] = x;
                 }
                 step.pivots[0] = pivot;
             }
             Work::Space(p) => {
-                step.pivots = spatial::solve(&self.graph, p, step.signs, &mut self.x, &mut self.balls)?;
+                let found = spatial::solve(&self.graph, p, step.signs, &self.pose);
+                found.fit.check()?;
+                found.write(&mut self.pose);
+                step.pivots = found.pivots;
             }
             Work::Drive(..) | Work::Implicit(_) => {}
         }
@@ -252,12 +220,12 @@ impl LoopClosing<'_> {
 }
 
 /// Side k of a polygon in its plane.
-fn planar_side(p: &Polygon, k: usize, g: &Graph, x: &[f64], balls: &[Mat3<f64>]) -> FlatArm {
+pub(super) fn planar_side<S: Scalar>(p: &Polygon, k: usize, g: &Graph, pose: &Pose<S>) -> FlatArm<S> {
     match &p.plane {
-        None => p.sides[k].flat(g, x),
+        None => p.sides[k].flat(g, pose),
         Some(plane) => {
-            let (r, v) = p.sides[k].spatial(g, x, balls);
-            FlatArm { vector: [v.dot(plane[1]), v.dot(plane[2])], turn: turn_in(plane, &r) }
+            let (r, v) = p.sides[k].spatial(g, pose);
+            FlatArm { vector: [v.dot(lift(plane[1])), v.dot(lift(plane[2]))], turn: turn_in(plane, &r) }
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use crate::joint::Motion;
 use crate::model::Model;
+use crate::numbers::Numbers;
+use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
 /// What an edge lets free.
@@ -31,6 +33,33 @@ pub(super) enum Home {
     Cut(usize),
 }
 
+/// Where an edge is in the zero position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// At the point of a link.
+    Link(usize),
+    /// At the point of a cut joint; behind its last motion as the child carries it.
+    Cut {
+        /// Joint.
+        joint: usize,
+        /// Is it the last of the joint's motions?
+        last: bool,
+    },
+}
+
+impl Place {
+    /// As `from` carries it, and as `to` does.
+    pub fn points<S: Scalar>(self, numbers: &Numbers<S>) -> [Vec3<S>; 2] {
+        match self {
+            Self::Link(i) => [numbers.links[i]; 2],
+            Self::Cut { joint, last } => {
+                let (parent, child) = numbers.joints[joint];
+                [parent, if last { child } else { parent }]
+            }
+        }
+    }
+}
+
 /// One elementary motion between two nodes. Nodes carry the axes of the zero position:
 ///
 /// ```text
@@ -45,10 +74,8 @@ pub(super) struct Edge {
     pub kind: Kind,
     /// In the axes of `from`.
     pub axis: Vec3<f64>,
-    /// The joint's point in the zero position, as `from` carries it.
-    pub at_from: Vec3<f64>,
-    /// The same, as `to` carries it.
-    pub at_to: Vec3<f64>,
+    /// The joint's point in the zero position.
+    pub place: Place,
     /// Constant turn: the identity but for cut joints of open drawings.
     pub rest: Mat3<f64>,
     pub home: Home,
@@ -95,8 +122,7 @@ impl Graph {
                 to: i,
                 kind,
                 axis,
-                at_from: l.point,
-                at_to: l.point,
+                place: Place::Link(i),
                 rest: Mat3::identity(),
                 home: Home::Tree { q: l.q, v: l.v },
                 joint: joint_of[i],
@@ -122,8 +148,7 @@ impl Graph {
             to,
             kind,
             axis,
-            at_from: p.parent_point,
-            at_to: p.parent_point,
+            place: Place::Cut { joint: j, last: false },
             rest: Mat3::identity(),
             home,
             joint: Some(j),
@@ -145,7 +170,7 @@ impl Graph {
             from = to;
         }
         if let Some(e) = self.edges.last_mut() {
-            e.at_to = p.child_point;
+            e.place = Place::Cut { joint: j, last: true };
             e.rest = rest;
         }
     }

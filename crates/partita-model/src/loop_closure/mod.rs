@@ -29,17 +29,19 @@ mod implicit;
 mod inputs;
 mod instant;
 mod order;
+mod over;
 mod plan;
 mod planar;
 mod polygon;
 mod spatial;
 
 pub use assemblies::{Assembled, Assemblies};
+pub use over::ClosingRoom;
 
 use crate::model::{Model, ModelScratch};
+use arm::Pose;
 use graph::Graph;
 use implicit::Implicit;
-use partita_math::spatial::Mat3;
 use partita_system::kinematics::closing::{Block, BlockState};
 use planar::FlatJoint;
 use polygon::Polygon;
@@ -84,8 +86,7 @@ pub struct LoopClosing<'m> {
     /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,
     // scratch
-    x: Vec<f64>,
-    balls: Vec<Mat3<f64>>,
+    pose: Pose<f64>,
     old: Vec<f64>,
     scratch: ModelScratch,
     phi: Vec<f64>,

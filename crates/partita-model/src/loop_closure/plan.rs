@@ -1,5 +1,6 @@
 //! The plan of a closing: which steps, in which order, on which branch, with which rows of C.
 
+use super::arm::Pose;
 use super::close::flat_joints;
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
@@ -102,8 +103,7 @@ impl<'m> LoopClosing<'m> {
             states: Vec::new(),
             entries: Vec::new(),
             tolerance: NEARLY_CLOSED * 1e-3 * model.placed.size,
-            x: vec![0.0; graph.edges.len()],
-            balls: vec![Mat3::identity(); graph.edges.len()],
+            pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
             scratch: model.scratch(),
             phi: vec![0.0; size.holonomic],
@@ -138,15 +138,15 @@ impl<'m> LoopClosing<'m> {
                     // seen in the axes of the drawing; the edge wants the axes of the parent's node
                     let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
                     let on = &model.placed.joints[j].on_parent;
-                    self.balls[i] = on.mul(&r).mul(&on.transpose());
+                    self.pose.balls[i] = on.mul(&r).mul(&on.transpose());
                 }
                 (Kind::Turn, Some(joint::Motion::Ball)) => {
                     // a ball in the plane is a pin
                     let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
                     let on = &model.placed.joints[j].on_parent;
-                    self.x[i] = super::arm::turn_of(&on.mul(&r).mul(&on.transpose()));
+                    self.pose.x[i] = super::arm::turn_of(&on.mul(&r).mul(&on.transpose()));
                 }
-                (Kind::Turn | Kind::Slide, Some(_)) => self.x[i] = position[first],
+                (Kind::Turn | Kind::Slide, Some(_)) => self.pose.x[i] = position[first],
                 _ => {}
             }
         }
@@ -181,7 +181,7 @@ impl<'m> LoopClosing<'m> {
             order.learned(&solved);
             let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
             let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
-            self.push(Work::Implicit(Implicit::new(model, rows, unknown)), words, solved, 0);
+            self.push(Work::Implicit(Implicit::new(at, rows, unknown)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
         self.newton = Room::new(largest.max().unwrap_or(0));
@@ -208,7 +208,7 @@ impl<'m> LoopClosing<'m> {
         };
         self.push(work, words, edges.clone(), signs);
         let step = self.steps.len() - 1;
-        let here: Vec<(f64, Mat3<f64>)> = edges.iter().map(|&e| (self.x[e], self.balls[e])).collect();
+        let here: Vec<(f64, Mat3<f64>)> = edges.iter().map(|&e| (self.pose.x[e], self.pose.balls[e])).collect();
         let mut best = (f64::INFINITY, [0i8; 2]);
         for choice in 0..1u8 << signs {
             let sign = |i: usize| {
@@ -229,7 +229,7 @@ impl<'m> LoopClosing<'m> {
                 best = (apart, self.steps[step].signs);
             }
             for (&e, h) in edges.iter().zip(&here) {
-                (self.x[e], self.balls[e]) = *h;
+                (self.pose.x[e], self.pose.balls[e]) = *h;
             }
         }
         self.steps[step].signs = best.1;
@@ -240,13 +240,12 @@ impl<'m> LoopClosing<'m> {
     fn apart(&self, edges: &[usize], here: &[(f64, Mat3<f64>)]) -> f64 {
         let mut apart = 0.0f64;
         for (&e, (x, ball)) in edges.iter().zip(here) {
-            let d = self.x[e] - x;
+            let d = self.pose.x[e] - x;
             apart = apart.max(match self.graph.edges[e].kind {
                 Kind::Turn => (d - (d / TAU).round() * TAU).abs(),
                 Kind::Slide => d.abs() / self.model.placed.length,
-                Kind::Ball => {
-                    (0..9).fold(0.0, |m: f64, i| m.max((self.balls[e].0[i / 3][i % 3] - ball.0[i / 3][i % 3]).abs()))
-                }
+                Kind::Ball => (0..9)
+                    .fold(0.0, |m: f64, i| m.max((self.pose.balls[e].0[i / 3][i % 3] - ball.0[i / 3][i % 3]).abs())),
                 Kind::Rigid => 0.0,
             });
         }

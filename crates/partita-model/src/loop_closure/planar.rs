@@ -9,8 +9,11 @@
 //!
 //! What is known as dyad RRR, RRP, RPR, ... depends only on which side is called the frame, and the closed forms do
 //! not: three turns are a triangle of given lengths, one slide a line met by a circle, two slides a line met by a line.
+//!
+//! Everything goes straight through, over any scalar; whether the polygon closes at all is told beside its solution.
 
 use super::arm::{rotated, FlatArm};
+use partita_math::scalar::Scalar;
 
 /// An unknown joint of a polygon, as the walk around it crosses it.
 #[derive(Clone, Copy, Debug)]
@@ -31,34 +34,78 @@ pub(super) struct FlatJoint {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shortfall(pub f64);
 
-/// Coordinates of the joints, and the pivot over its largest possible value.
-pub(super) type Solved = Result<([f64; 3], f64), Shortfall>;
+/// Does a polygon close? Where `excess` is above 0 it does not, and what was computed with it means nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fit<S> {
+    /// By how much it misses what round-off may explain.
+    pub excess: S,
+    /// By how much the sides miss each other (m).
+    pub shortfall: S,
+}
+
+impl<S: Scalar> Fit<S> {
+    /// It closes.
+    pub fn good() -> Self {
+        Self { excess: -S::one(), shortfall: S::zero() }
+    }
+
+    /// This one, or the other where this one is good.
+    pub fn or(self, other: Self) -> Self {
+        let pick = |a: S, b: S| self.excess.where_positive(a, b);
+        Self { excess: pick(self.excess, other.excess), shortfall: pick(self.shortfall, other.shortfall) }
+    }
+
+    /// Does not close where `length` is not above 0 either.
+    pub fn unless_above_0(self, length: S) -> Self {
+        Self { excess: length.where_positive(self.excess, S::one()), ..self }
+    }
+}
+
+impl Fit<f64> {
+    /// As a question with two answers.
+    pub fn check(self) -> Result<(), Shortfall> {
+        if self.excess > 0.0 {
+            Err(Shortfall(self.shortfall))
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// Coordinates of the joints, the pivot over its largest possible value, and whether they are a solution at all.
+pub(super) type Solved<S> = ([S; 3], S, Fit<S>);
 
 /// Sides come out of sines and cosines with a few ulp each. At an exactly flat position that can make the sum of two
 /// sides fall short of the third by as much; up to this many ulp of all sides the polygon counts as flat.
 const FLAT: f64 = 4.0 * f64::EPSILON;
 
-fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn cross<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[1] - a[1] * b[0]
 }
-fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn dot<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     a[0] * b[0] + a[1] * b[1]
 }
-fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+fn sum<S: Scalar>(a: [S; 2], b: [S; 2]) -> [S; 2] {
     [a[0] + b[0], a[1] + b[1]]
 }
-fn times(a: [f64; 2], k: f64) -> [f64; 2] {
+fn times<S: Scalar>(a: [S; 2], k: S) -> [S; 2] {
     [a[0] * k, a[1] * k]
 }
 /// Angle from a to b.
-fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn angle<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     cross(a, b).atan2(dot(a, b))
 }
 
 impl FlatJoint {
     /// Coordinate of a turn from the turn of the crossing.
-    fn coordinate(&self, turn: f64) -> f64 {
-        self.sign * (turn - self.rest)
+    fn coordinate<S: Scalar>(&self, turn: S) -> S {
+        (turn - S::from_f64(self.rest)).scale(self.sign)
+    }
+    fn rest<S: Scalar>(&self) -> S {
+        S::from_f64(self.rest)
+    }
+    fn axis<S: Scalar>(&self) -> [S; 2] {
+        self.axis.map(S::from_f64)
     }
 }
 
@@ -68,7 +115,13 @@ pub(super) fn has_branch(joints: &[FlatJoint]) -> bool {
 }
 
 /// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) what a redundant condition may miss.
-pub(super) fn solve(joints: &[FlatJoint], sides: &[FlatArm], frame: usize, sign: i8, tolerance: f64) -> Solved {
+pub(super) fn solve<S: Scalar>(
+    joints: &[FlatJoint],
+    sides: &[FlatArm<S>],
+    frame: usize,
+    sign: i8,
+    tolerance: f64,
+) -> Solved<S> {
     let slides = joints.iter().filter(|j| !j.turns).count();
     let find = |turns: bool| joints.iter().position(|j| j.turns == turns).unwrap_or(0);
     match (joints.len(), slides) {
@@ -83,132 +136,125 @@ pub(super) fn solve(joints: &[FlatJoint], sides: &[FlatArm], frame: usize, sign:
 }
 
 /// Three turns: the triangle of the sides R, l2, l3 with the orientation ε.
-fn triangle(joints: &[FlatJoint], sides: &[FlatArm], frame: usize, sign: f64) -> Solved {
+fn triangle<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], frame: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (frame + i) % 3;
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
     let [a1, a2, a3] = [0, 1, 2].map(|i| sides[at(i)].turn);
     let [r, l2, l3] = [d1, d2, d3].map(|d| d[0].hypot(d[1]));
     let missing = (r - (l2 + l3)).max((l2 - l3).abs() - r);
     // with a side of no length the triangle has no direction
-    if missing > FLAT * (r + l2 + l3) || !(r > 0.0 && l2 > 0.0 && l3 > 0.0) {
-        return Err(Shortfall(missing.max(0.0)));
-    }
+    let fit = Fit { excess: missing - (r + l2 + l3).scale(FLAT), shortfall: missing.max(S::zero()) };
+    let fit = fit.unless_above_0(r).unless_above_0(l2).unless_above_0(l3);
     // height over the frame from the area in Kahan's order, which keeps its digits in flat triangles
-    let mut s = [r, l2, l3];
-    s.sort_by(|a, b| b.total_cmp(a));
-    let [a, b, c] = s;
+    let (larger, smaller) = (r.max(l2), r.min(l2));
+    let (a, rest) = (larger.max(l3), larger.min(l3));
+    let (b, c) = (smaller.max(rest), smaller.min(rest));
     let square = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
-    let twice_area = 0.5 * square.max(0.0).sqrt();
-    let u = 0.5 * r + (l3 - l2) * (l3 + l2) / (2.0 * r);
-    let h = sign * twice_area / r;
-    let e = times(d1, 1.0 / r);
+    let twice_area = square.max(S::zero()).sqrt().scale(0.5);
+    let u = r.scale(0.5) + (l3 - l2) * (l3 + l2) / r.scale(2.0);
+    let h = twice_area.scale(sign) / r;
+    let e = times(d1, S::one() / r);
     let normal = [-e[1], e[0]];
     // X = P + u e + ε √(l3² − u²) e⊥
     let from_1 = sum(times(e, u), times(normal, h));
-    let from_2 = sum(times(e, 0.5 * (l3 - l2) * ((l3 + l2) / r) - 0.5 * r), times(normal, h));
+    let from_2 = sum(times(e, (l3 - l2).scale(0.5) * ((l3 + l2) / r) - r.scale(0.5)), times(normal, h));
     let b2 = angle(d2, from_2);
-    let b3 = angle(d3, times(from_1, -1.0));
-    let mut x = [0.0; 3];
+    let b3 = angle(d3, times(from_1, -S::one()));
+    let mut x = [S::zero(); 3];
     x[at(0)] = joints[at(0)].coordinate(-b3 - a3);
     x[at(1)] = joints[at(1)].coordinate(b2 - a1);
     x[at(2)] = joints[at(2)].coordinate(b3 - b2 - a2);
-    Ok((x, (twice_area / (l2 * l3)).min(1.0)))
+    (x, (twice_area / (l2 * l3)).min(S::one()), fit)
 }
 
 /// One slide, crossed just before joint `first`: s with |w0 + s û| = l, the distance of the two turns.
-fn one_slide(joints: &[FlatJoint], sides: &[FlatArm], first: usize, sign: f64) -> Solved {
+fn one_slide<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let slide = &joints[at(2)];
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
     let [a1, a2, a3] = [0, 1, 2].map(|i| sides[at(i)].turn);
     let l = d1[0].hypot(d1[1]);
-    let along = rotated(slide.axis, a2);
-    let w0 = sum(d2, rotated(d3, a2 + slide.rest));
+    let along = rotated(slide.axis(), a2);
+    let w0 = sum(d2, rotated(d3, a2 + slide.rest()));
     let off = cross(along, w0);
     let missing = off.abs() - l;
-    if missing > FLAT * (l + off.abs() + w0[0].hypot(w0[1])) || l <= 0.0 {
-        return Err(Shortfall(missing.max(0.0)));
-    }
-    let root = sign * ((l - off.abs()).max(0.0) * (l + off.abs())).sqrt();
+    let slack = (l + off.abs() + w0[0].hypot(w0[1])).scale(FLAT);
+    let fit = Fit { excess: missing - slack, shortfall: missing.max(S::zero()) }.unless_above_0(l);
+    let root = ((l - off.abs()).max(S::zero()) * (l + off.abs())).sqrt().scale(sign);
     let s = root - dot(along, w0);
     let w = sum(times(along, root), times([-along[1], along[0]], off));
-    let b2 = angle(times(w, -1.0), d1);
-    let mut x = [0.0; 3];
-    x[at(0)] = joints[at(0)].coordinate(-(b2 + a2 + slide.rest) - a3);
+    let b2 = angle(times(w, -S::one()), d1);
+    let mut x = [S::zero(); 3];
+    x[at(0)] = joints[at(0)].coordinate(-(b2 + a2 + slide.rest()) - a3);
     x[at(1)] = joints[at(1)].coordinate(b2 - a1);
     x[at(2)] = s;
-    Ok((x, root.abs() / l))
+    (x, root.abs() / l, fit)
 }
 
 /// Two slides and the turn `first`: the turn follows from the turns of the sides, the slides from two lines.
-fn two_slides(joints: &[FlatJoint], sides: &[FlatArm], first: usize) -> Solved {
+fn two_slides<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let [j1, j2, j3] = [0, 1, 2].map(|i| joints[at(i)]);
     let [s1, s2, s3] = [0, 1, 2].map(|i| sides[at(i)]);
     let before_2 = s1.turn;
-    let after_2 = before_2 + j2.rest;
+    let after_2 = before_2 + j2.rest();
     let before_3 = after_2 + s2.turn;
-    let after_3 = before_3 + j3.rest;
-    let (u2, u3) = (rotated(j2.axis, before_2), rotated(j3.axis, before_3));
+    let after_3 = before_3 + j3.rest();
+    let (u2, u3) = (rotated(j2.axis(), before_2), rotated(j3.axis(), before_3));
     let gap = sum(s1.vector, sum(rotated(s2.vector, after_2), rotated(s3.vector, after_3)));
-    let ([x2, x3], pivot) = lines(u2, u3, gap)?;
-    let mut x = [0.0; 3];
+    let ([x2, x3], pivot, fit) = lines(u2, u3, gap);
+    let mut x = [S::zero(); 3];
     x[at(0)] = j1.coordinate(-(after_3 + s3.turn));
     (x[at(1)], x[at(2)]) = (x2, x3);
-    Ok((x, pivot))
+    (x, pivot, fit)
 }
 
 /// `s2 u2 + s3 u3 + gap = 0`; pivot: sine of the angle between the lines.
-fn lines(u2: [f64; 2], u3: [f64; 2], gap: [f64; 2]) -> Result<([f64; 2], f64), Shortfall> {
+fn lines<S: Scalar>(u2: [S; 2], u3: [S; 2], gap: [S; 2]) -> ([S; 2], S, Fit<S>) {
     let sine = cross(u2, u3);
     // below this the lines are parallel to the rounding of their directions
-    if sine.abs() <= FLAT {
-        return Err(Shortfall(cross(u2, gap).abs()));
-    }
-    Ok(([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(1.0)))
+    let fit = Fit { excess: S::from_f64(FLAT) - sine.abs(), shortfall: cross(u2, gap).abs() };
+    ([-cross(gap, u3) / sine, -cross(u2, gap) / sine], sine.abs().min(S::one()), fit)
 }
 
 /// Two turns: a bar between two points that keep its length by themselves (a redundant loop).
-fn bar(joints: &[FlatJoint], sides: &[FlatArm], tolerance: f64) -> Solved {
+fn bar<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], tolerance: f64) -> Solved<S> {
     let [d1, d2] = [sides[0].vector, sides[1].vector];
     let missing = (d1[0].hypot(d1[1]) - d2[0].hypot(d2[1])).abs();
-    if missing > tolerance {
-        return Err(Shortfall(missing));
-    }
-    let b2 = angle(d2, times(d1, -1.0));
-    Ok(([joints[0].coordinate(-b2 - sides[1].turn), joints[1].coordinate(b2 - sides[0].turn), 0.0], 1.0))
+    let fit = Fit { excess: missing - S::from_f64(tolerance), shortfall: missing };
+    let b2 = angle(d2, times(d1, -S::one()));
+    let x = [joints[0].coordinate(-b2 - sides[1].turn), joints[1].coordinate(b2 - sides[0].turn), S::zero()];
+    (x, S::one(), fit)
 }
 
 /// A turn (`first`) and a slide between parts that stand right by themselves.
-fn follower(joints: &[FlatJoint], sides: &[FlatArm], first: usize, tolerance: f64) -> Solved {
+fn follower<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize, tolerance: f64) -> Solved<S> {
     let (i, j) = (first % 2, (first + 1) % 2);
     let slide = &joints[j];
-    let along = rotated(slide.axis, sides[i].turn);
-    let after = sides[i].turn + slide.rest;
+    let along = rotated(slide.axis(), sides[i].turn);
+    let after = sides[i].turn + slide.rest();
     let gap = sum(sides[i].vector, rotated(sides[j].vector, after));
     let missing = cross(along, gap).abs();
-    if missing > tolerance {
-        return Err(Shortfall(missing));
-    }
-    let mut x = [0.0; 3];
+    let fit = Fit { excess: missing - S::from_f64(tolerance), shortfall: missing };
+    let mut x = [S::zero(); 3];
     x[i] = joints[i].coordinate(-(after + sides[j].turn));
     x[j] = -dot(along, gap);
-    Ok((x, 1.0))
+    (x, S::one(), fit)
 }
 
 /// Two slides: a wedge. The turns of the sides cancel by themselves.
-fn wedge(joints: &[FlatJoint], sides: &[FlatArm]) -> Solved {
+fn wedge<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>]) -> Solved<S> {
     let [s1, s2] = [sides[0], sides[1]];
-    let after = s1.turn + joints[1].rest;
-    let (u2, u1) = (rotated(joints[1].axis, s1.turn), rotated(joints[0].axis, after + s2.turn));
+    let after = s1.turn + joints[1].rest();
+    let (u2, u1) = (rotated(joints[1].axis(), s1.turn), rotated(joints[0].axis(), after + s2.turn));
     let gap = sum(s1.vector, rotated(s2.vector, after));
-    let ([x2, x1], pivot) = lines(u2, u1, gap)?;
-    Ok(([x1, x2, 0.0], pivot))
+    let ([x2, x1], pivot, fit) = lines(u2, u1, gap);
+    ([x1, x2, S::zero()], pivot, fit)
 }
 
 /// One joint between parts that stand right by themselves: its coordinate is read off.
-fn single(joints: &[FlatJoint], sides: &[FlatArm]) -> Solved {
+fn single<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>]) -> Solved<S> {
     let (j, s) = (&joints[0], &sides[0]);
-    let x = if j.turns { j.coordinate(-s.turn) } else { -dot(rotated(j.axis, s.turn), s.vector) };
-    Ok(([x, 0.0, 0.0], 1.0))
+    let x = if j.turns { j.coordinate(-s.turn) } else { -dot(rotated(j.axis(), s.turn), s.vector) };
+    ([x, S::zero(), S::zero()], S::one(), Fit::good())
 }

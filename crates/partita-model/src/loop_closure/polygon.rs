@@ -1,8 +1,9 @@
 //! Polygons: unknown joints and the rigid sides between them, out of clusters.
 
-use super::arm::Arm;
+use super::arm::{lift, Arm, Side};
 use super::graph::{Edge, Graph, Kind};
 use super::order::Order;
+use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
 /// Sine below which axes are parallel: they are given in double precision and turned a few times.
@@ -171,18 +172,15 @@ impl Order<'_> {
     }
 }
 
-/// Node and point at the near or far side of a crossed edge.
-fn side_of(g: &Graph, (e, forward): (usize, bool), far: bool) -> (usize, Vec3<f64>) {
-    let edge = &g.edges[e];
-    if forward == far {
-        (edge.to, edge.at_to)
-    } else {
-        (edge.from, edge.at_from)
-    }
+/// Node at the near or far side of a crossed edge, and that side.
+fn side_of(g: &Graph, (e, forward): (usize, bool), far: bool) -> (usize, Side) {
+    let behind = forward == far;
+    let node = if behind { g.edges[e].to } else { g.edges[e].from };
+    (node, Side { edge: e, behind })
 }
 
 /// Angle of a turn about the normal of a plane.
-pub(super) fn turn_in(plane: &[Vec3<f64>; 3], r: &Mat3<f64>) -> f64 {
-    let x = r.apply(plane[1]);
-    x.dot(plane[2]).atan2(x.dot(plane[1]))
+pub(super) fn turn_in<S: Scalar>(plane: &[Vec3<f64>; 3], r: &Mat3<S>) -> S {
+    let x = r.apply(lift(plane[1]));
+    x.dot(lift(plane[2])).atan2(x.dot(lift(plane[1])))
 }

@@ -7,7 +7,7 @@ use crate::spec::Value;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
-use partita_math::spatial::{Quaternion, Vec3};
+use partita_math::spatial::Quaternion;
 use partita_system::clusters::Clusters;
 use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
@@ -34,6 +34,13 @@ impl Model {
             Some(v) => Err(self.mass_error((v, pivots[v]))),
             None => Err(SystemError::NotFinite { what: "an acceleration".into(), t }),
         }
+    }
+}
+
+impl Model {
+    /// The recursion over clusters with these rows kept.
+    pub fn recursion(&self, kept: &[usize]) -> Plan {
+        self.own.plan(&self.pattern, &self.clusters, kept, self.preference)
     }
 }
 
@@ -139,8 +146,7 @@ impl ConstrainedSystem for Model {
         if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
             return None;
         }
-        let plan =
-            with_engine!(self, s, |tree, _x| Plan::new(tree, &self.pattern, &self.clusters, kept, self.preference));
+        let plan = self.recursion(kept);
         if counted && self.dense_cost(k) <= plan.cost {
             return None;
         }
@@ -268,15 +274,7 @@ impl ConstrainedSystem for Model {
     }
 
     fn step(&self, q: &mut [f64], dv: &[f64]) {
-        for l in self.full.links.iter().skip(1) {
-            if matches!(l.motion, LinkMotion::Ball) {
-                let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
-                let turned = p.times(&Quaternion::exp(Vec3([dv[l.v], dv[l.v + 1], dv[l.v + 2]])));
-                q[l.q..l.q + 4].copy_from_slice(&turned.0);
-            } else {
-                q[l.q] += dv[l.v];
-            }
-        }
+        self.own.step(q, dv);
     }
 
     fn normalise(&self, q: &mut [f64]) -> bool {

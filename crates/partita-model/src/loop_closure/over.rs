@@ -1,0 +1,101 @@
+//! The plan followed over any scalar: straight through, nothing chosen, nothing looked at.                   (37)
+
+use super::arm::Pose;
+use super::close::planar_side;
+use super::implicit::StraightRoom;
+use super::planar::{self, Fit};
+use super::{spatial, LoopClosing, Work};
+use crate::evaluator::Evaluator;
+use crate::value;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::Mat3;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::sync::Arc;
+
+/// Memory of [`LoopClosing::close_over`].
+pub struct ClosingRoom<S: Scalar> {
+    pose: Pose<S>,
+    straight: StraightRoom<S>,
+}
+
+impl LoopClosing<'_> {
+    /// Memory for closing over other numbers, of the same model.
+    pub fn room_over<S: Scalar>(&self, e: &Evaluator<S>) -> ClosingRoom<S> {
+        let size = self.model.size();
+        let block = |s: &super::Step| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 };
+        let n = self.steps.iter().map(block).max().unwrap_or(0);
+        let room = |n: usize| vec![S::zero(); n];
+        let straight = StraightRoom {
+            scratch: e.scratch(),
+            phi: room(size.holonomic),
+            c: room(self.model.pattern().nnz()),
+            a: room(size.rows),
+            dv: room(size.nv),
+            jacobian: room(n * n),
+            x: room(n),
+        };
+        ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight }
+    }
+
+    /// Replaces the dependent coordinates in q by those that close the loops for its inputs, on the present branches, over
+    /// any scalar: derivatives of the closing by its inputs and by the parameters of `e`, eight closings at once, ...
+    ///
+    /// `e` must come from this closing's model. q holds a position within half a turn (for implicit blocks: a tenth of a
+    /// reach) on entry. Returns a number that is above 0 where the loops do not close there, which nothing here looks at.
+    /// The spin of a link between two balls counts as given where its own input does not say it.
+    pub fn close_over<S: Scalar>(
+        &self,
+        e: &Evaluator<S>,
+        t: S,
+        q: &mut [S],
+        room: &mut ClosingRoom<S>,
+    ) -> Result<S, SystemError> {
+        if !Arc::ptr_eq(&e.placed, &self.model.placed) {
+            let message = "the evaluator was made from another model than the closing; make both from one";
+            return Err(SystemError::Request(message.into()));
+        }
+        let ClosingRoom { pose, straight } = room;
+        for (i, edge) in self.graph.edges.iter().enumerate() {
+            // what belongs to no coordinate of q stands where this closing left it
+            (pose.x[i], pose.balls[i]) = (S::from_f64(self.pose.x[i]), Mat3::from_f64(self.pose.balls[i].0));
+            if edge.in_tree() {
+                pose.read(&self.graph, i, q);
+            }
+        }
+        let mut fit = Fit::good();
+        for step in &self.steps {
+            match &step.work {
+                Work::Drive(d, edge) => {
+                    let drive = &e.drives[*d];
+                    let motion =
+                        value::motion_at(&drive.motion, &e.callers, t, &drive.name, &mut straight.scratch.room);
+                    pose.x[*edge] = motion?[0];
+                    q[drive.q] = pose.x[*edge];
+                    continue;
+                }
+                Work::Plane(p, joints) => {
+                    let mut sides = [planar_side(p, 0, &self.graph, pose); 3];
+                    for (k, side) in sides.iter_mut().enumerate().take(joints.len()).skip(1) {
+                        *side = planar_side(p, k, &self.graph, pose);
+                    }
+                    let sides = &sides[..joints.len()];
+                    let (x, _, own) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance);
+                    joints.iter().zip(x).for_each(|(j, x)| pose.x[j.edge] = x);
+                    fit = fit.or(own);
+                }
+                Work::Space(p) => {
+                    let found = spatial::solve(&self.graph, p, step.signs, pose);
+                    found.write(pose);
+                    fit = fit.or(found.fit);
+                }
+                Work::Implicit(block) => {
+                    fit = fit.or(block.solve_straight((self.model, e), t, q, straight)?);
+                    step.edges.iter().for_each(|&i| pose.read(&self.graph, i, q));
+                    continue;
+                }
+            }
+            step.edges.iter().for_each(|&i| pose.write(&self.graph, i, q));
+        }
+        Ok(fit.excess)
+    }
+}
