@@ -14,7 +14,6 @@ use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_system::kinematics::{assembly, projection::dense_rows};
-use partita_system::record::Output;
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -123,7 +122,7 @@ impl Model {
         guarded(py, || {
             let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();
             let inner = self.inner.with_parameters(&changes).map_err(|e| failure::description(py, &e))?;
-            Ok(Self { inner, structure: OnceLock::new() })
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
