@@ -14,7 +14,6 @@ use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_system::kinematics::{assembly, projection::dense_rows};
-use partita_system::record::Output;
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -158,6 +158,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("partitions", partitions)?;
     d.set_item("notes", &run.notes)?;
     d.set_item("kept_rows", &run.rows)?;
+    d.set_item("steps_open", run.open)?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);
     for (name, value) in [

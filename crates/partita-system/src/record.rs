@@ -152,6 +152,8 @@ pub struct Journal {
     pub rows: Vec<usize>,
     /// Times of singular positions that were stepped over.
     pub passages: Vec<f64>,
+    /// Largest |Φ| and |C v + a| over all rows at the ends of the steps taken.
+    pub open: (f64, f64),
     /// What the user should know besides, in sentences.
     pub notes: Vec<String>,
 }

@@ -13,7 +13,8 @@ from ..readable import Readable
 
 @dataclass(frozen=True)
 class Certificate:
-    """Worst values over all outputs of a run. `str(certificate)` says them in words.
+    """Worst values of a run; closures over the ends of all its steps and over all outputs, the others over the outputs.
+    `str(certificate)` says them in words.
 
     `None` stands for what the run cannot know: a hand-written `System` has no energy and no bodies.
     """
@@ -65,8 +66,8 @@ def certify(result: Readable) -> Certificate:
     sigma, sigma_t = _smallest(result.sigma, result.t)
     sqrt_mu, sqrt_mu_t = _smallest(result.sqrt_mu, result.t)
     return Certificate(
-        closure=_largest(result.closure),
-        velocity_closure=_largest(result.velocity_closure),
+        closure=max(_largest(result.closure), result.record.steps_open[0]),
+        velocity_closure=max(_largest(result.velocity_closure), result.record.steps_open[1]),
         energy_balance=result.energy.relative_balance if result.has_energy else None,
         newton_euler=newton_euler,
         sigma=sigma,

@@ -12,7 +12,9 @@ import numpy as np
 
 from .tables import Tables
 
-ACCOUNT = ("summary", "partitions", "notes", "counters", "status", "success", "message", "options", "spec")
+ACCOUNT = (
+    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "options", "spec",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Record:
     status: str = "finished"
     success: bool = True
     message: str = ""
+    steps_open: tuple[float, float] = (0.0, 0.0)
+    """Largest |Phi| and |C v + a| at the ends of the steps taken."""
     options: dict[str, Any] = field(default_factory=dict)
     description: str | None = None
     """The mechanism as built, as JSON; None for a `System`."""
@@ -54,6 +58,7 @@ class Record:
             status=str(raw.get("status", "finished")),
             success=bool(raw.get("success", True)),
             message=str(raw.get("message", "")),
+            steps_open=_pair(raw.get("steps_open")),
             options=dict(options),
             description=description,
         )
@@ -71,8 +76,15 @@ class Record:
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
         spec = account["spec"]
-        told = {key: account[key] for key in ACCOUNT if key != "spec"}
+        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open")}
+        told["steps_open"] = _pair(account.get("steps_open"))
         return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
+
+
+def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
+    """Two numbers; nothing where a file does not know them, infinite where a file could not hold them."""
+    one, other = (0.0, 0.0) if values is None else values
+    return (float("inf") if one is None else float(one), float("inf") if other is None else float(other))
 
 
 def plain(value: Any) -> Any:

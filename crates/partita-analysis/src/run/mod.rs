@@ -26,6 +26,8 @@ pub struct Run {
     pub counters: FormulationCounters,
     /// Rows kept at the end.
     pub rows: Vec<usize>,
+    /// Largest |Φ| and |C v + a| at the ends of the steps taken.
+    pub open: (f64, f64),
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
 }
@@ -93,8 +95,8 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
-    let (rows, counters, events) = (told.rows, told.counters, told.events);
+    let (rows, counters, events, open) = (told.rows, told.counters, told.events, told.open);
     drop(f);
     let journal = Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs };
-    Ok(Run { outcome, journal, counters, rows, notes })
+    Ok(Run { outcome, journal, counters, rows, open, notes })
 }

@@ -344,6 +344,7 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
             counters: FormulationCounters { plans: self.r.plans, corrections: self.corrections, ..self.counters },
             rows: self.rows.clone(),
             passages: Vec::new(),
+            open: self.open,
             notes,
         }
     }

@@ -48,6 +48,10 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     passage: Passage,
     passing: bool,
+    /// |Φ| and |C v + a| at the end of the step that was judged.
+    trial_open: (f64, f64),
+    /// The largest of those taken.
+    open: (f64, f64),
     v: Vec<f64>,
     vdot: Vec<f64>,
     residual: Vec<f64>,
@@ -138,6 +142,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             passage: Passage::default(),
             passing: false,
+            trial_open: (0.0, 0.0),
+            open: (0.0, 0.0),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
             residual: vec![0.0; n],
@@ -297,6 +303,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
         }
         self.moved = false;
+        self.trial_open = (self.tangent.seen().closure(), self.tangent.seen().velocity_closure());
         self.margin = self.tangent.margin();
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
         if verdict == Verdict::Keep {
@@ -323,6 +330,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
             return Ok(true);
         }
+        self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, y)?; // outputs were evaluated since
         }
@@ -370,7 +378,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn journal(&self) -> Journal {
-        let mut journal = Journal { name: self.name, passages: self.passage.times.clone(), ..Journal::default() };
+        let mut journal =
+            Journal { name: self.name, passages: self.passage.times.clone(), open: self.open, ..Journal::default() };
         journal.events = self.tangent.events().to_vec();
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);
