@@ -5,7 +5,7 @@ use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::partition::criterion::Quality;
 use partita_system::partition::geometry::Geometry;
 use partita_system::partition::split::Split;

@@ -10,7 +10,7 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::options::FormulationOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::{start, ConstrainedSystem};

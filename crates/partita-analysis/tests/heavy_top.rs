@@ -13,7 +13,7 @@ use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::motion::WehageHaug;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::options::FormulationOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Correction, Output, Sample};

@@ -14,7 +14,7 @@ use partita_integrate::tableau;
 use partita_model::spec::{Force, Spec};
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::options::FormulationOptions;
 use partita_system::formulation::registry;
 use partita_system::kinematics::assembly::{self, CLOSED};
 use partita_system::record::Output;

@@ -6,7 +6,7 @@ use mechanisms::{distance, grid, march, reference, run, slope, times, Pendulum};
 use partita_integrate::simulate::Settings;
 use partita_system::equations::ByHand;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::options::FormulationOptions;
 use partita_system::formulation::registry::by_name;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Correction, Sample};

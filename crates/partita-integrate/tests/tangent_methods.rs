@@ -5,7 +5,7 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, Pendulum, GROUND, LENGTHS};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::TangentSpace;
-use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Correction, Sample};

@@ -4,7 +4,7 @@ use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
 use partita_analysis::instant;
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;

@@ -4,7 +4,7 @@ mod instants;
 
 use instants::{inverse, Instant};
 use partita_math::dense::Matrix;
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::partition::criterion;
 use partita_system::start;
 

@@ -5,7 +5,7 @@ mod instants;
 use instants::{between, units, vector, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor;
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::partition::criterion::Quality;
 use partita_system::start;
 

@@ -4,7 +4,7 @@ use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
-use partita_system::formulation::reduction::largest;
+use partita_system::reduction::largest;
 use partita_system::record::Output;
 use partita_system::ConstrainedSystem;
 use serde_json::{json, Value};

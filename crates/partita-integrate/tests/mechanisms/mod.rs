@@ -10,7 +10,7 @@ use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{DOP853, RK4};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
+use partita_system::options::FormulationOptions;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Output, Sample};
 use partita_system::ConstrainedSystem;

@@ -5,8 +5,8 @@
 //! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything but
 //! checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
 
-use super::options::FormulationOptions;
-use super::reduction::Reduction;
+use crate::options::FormulationOptions;
+use crate::reduction::Reduction;
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::kinematics::projection::{dense_rows, MassProjection};

@@ -7,8 +7,8 @@
 //! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of them: a
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
-use super::options::FormulationOptions;
-use super::reduction::Reduction;
+use crate::options::FormulationOptions;
+use crate::reduction::Reduction;
 use super::{Formulation, Step, Verdict};
 use crate::positions::all::All;
 use crate::positions::chart::Chart;

@@ -2,7 +2,7 @@
 
 use super::full::FullState;
 use super::motion::{ExplicitClosing, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
-use super::options::FormulationOptions;
+use crate::options::FormulationOptions;
 use super::Formulation;
 use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;

@@ -10,7 +10,7 @@
 use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Positions};
-use crate::formulation::Verdict;
+use crate::record::Verdict;
 use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;

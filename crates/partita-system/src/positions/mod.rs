@@ -10,7 +10,7 @@ pub mod newton;
 mod state_coordinates;
 pub mod turns;
 
-use crate::formulation::Verdict;
+use crate::record::Verdict;
 use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;

@@ -7,10 +7,10 @@
 use super::dense::DenseTangent;
 use super::solver::BlockSolver;
 use super::{Occasion, Tangent};
-use crate::formulation::options::FormulationOptions;
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
-use crate::kinematics::closing::Closing;
+use crate::options::FormulationOptions;
+use crate::reduction::Reduction;
+use crate::record::Verdict;
+use crate::closing::Closing;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
 use crate::singular::dead_point::dead_point;
 use crate::start;

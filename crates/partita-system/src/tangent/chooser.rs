@@ -2,7 +2,7 @@
 //!
 //! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
 
-use crate::formulation::reduction::Reduction;
+use crate::reduction::Reduction;
 use crate::kinematics::projection::dense_rows;
 use crate::partition::persistence::Persistence;
 use crate::partition::{

@@ -1,6 +1,6 @@
 //! A tangent given as a matrix: what is the same for every dense D, wherever it came from.
 
-use crate::formulation::reduction::Reduction;
+use crate::reduction::Reduction;
 use crate::partition::Partition;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};

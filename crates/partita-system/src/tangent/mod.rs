@@ -11,8 +11,8 @@ pub mod partition;
 mod solver;
 pub mod user;
 
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
+use crate::reduction::Reduction;
+use crate::record::Verdict;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
 use crate::system::{ConstrainedSystem, SystemError};

@@ -5,9 +5,9 @@
 
 use super::chooser::{Change, Chooser};
 use super::{counted, kept_rows, Occasion, Tangent};
-use crate::formulation::options::FormulationOptions;
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
+use crate::options::FormulationOptions;
+use crate::reduction::Reduction;
+use crate::record::Verdict;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::exchange::Exchange;
 use crate::partition::Selection;

@@ -11,8 +11,8 @@
 use super::dense::{best_partition, DenseTangent};
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{kept_rows, Tangent};
-use crate::formulation::options::TangentMap;
-use crate::formulation::reduction::Reduction;
+use crate::options::TangentMap;
+use crate::reduction::Reduction;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent};

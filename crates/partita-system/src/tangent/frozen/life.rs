@@ -2,7 +2,7 @@
 
 use super::super::dense::best_partition;
 use super::Frozen;
-use crate::formulation::Verdict;
+use crate::record::Verdict;
 use crate::record::PartitionEvent;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
