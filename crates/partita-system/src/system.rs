@@ -1,7 +1,7 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
-use crate::clusters::Clusters;
 use crate::closing::Closing;
+use crate::clusters::Clusters;
 pub use crate::error::SystemError;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
