@@ -15,8 +15,9 @@ use partita_model::spec::{Force, Spec};
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::{registry, Output};
+use partita_system::formulation::registry;
 use partita_system::kinematics::assembly::{self, CLOSED};
+use partita_system::record::Output;
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
 
@@ -103,7 +104,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
         independent: report.independent,
         quality: [report.sigma, report.sqrt_mu],
         determined: report.reactions.iter().map(|r| r.determined).collect(),
-        counters: format!("{:?} {:?}", outcome.counters, f.counters()),
+        counters: format!("{:?} {:?}", outcome.counters, f.journal().counters),
         samples,
     }
 }
