@@ -1,9 +1,11 @@
-"""Accuracy and cost of whole runs, and how the cost grows with the mechanism.
+"""Accuracy and cost of whole runs, and how the cost grows with the mechanism; then outputs, building, many freedoms and
+the public face.
 
-Run it with `make bench`, best on a machine that does nothing else. A table is printed, and the same numbers are written
-to out/bench.json. Times are those of one call of the core, which reads no Python and gives one output, at the end: rank
-of the constraints, choice of coordinates, every step with its closing. The exit code is 1 if an answer is missed; a
-time above its aim is marked but is no failure, since machines differ.
+Run it with `make bench`, best on a machine that does nothing else; `python benches/run.py FOLDER SECTION ...` runs some
+sections only (runs, outputs, building, freedoms, face). Tables are printed, and the same numbers are written to
+out/bench.json. Times of the bare runs are those of one call of the core, which reads no Python and gives one output, at
+the end: rank of the constraints, choice of coordinates, every step with its closing. The exit code is 1 if an answer is
+missed; a time above its aim is marked but is no failure, since machines differ.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from sections import SECTIONS
 
 import partita as pt
 from partita import options as run_options
@@ -99,9 +102,27 @@ class Cost:
         return None if self.limit_ns is None else self.ns_per_evaluation / self.limit_ns
 
 
-def main(folder: Path) -> int:
+def main(folder: Path, wanted: list[str]) -> int:
     """Measure, print, write; 1 if an answer was missed."""
+    known = ["runs", *SECTIONS]
+    if unknown := [name for name in wanted if name not in known]:
+        print(f"there is no section {', '.join(unknown)}; sections: {', '.join(known)}", file=sys.stderr)
+        return 2
     print(f"Partita {pt.__version__} on {machine()}; Python {platform.python_version()}")
+    record: dict[str, Any] = {"version": pt.__version__, "machine": machine(), "rtol": RTOL, "atol": ATOL}
+    right = True
+    if "runs" in (wanted or known):
+        bare, right = bare_runs()
+        record |= bare
+    record |= {name: section(folder) for name, section in SECTIONS.items() if name in (wanted or known)}
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "bench.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    print(f"\nwrote {folder / 'bench.json'}")
+    return 0 if right else 1
+
+
+def bare_runs() -> tuple[dict[str, Any], bool]:
+    """Whole runs of the core and the growth of their cost; whether every known answer was met."""
     print(f"DOP853, rtol {RTOL:g}, atol {ATOL:g}, one output at the end; one core\n")
     print("Whole runs")
     print(ROW.format("", "fastest", "median", "runs", "steps", "evaluations", "per eval.", "error", ""))
@@ -126,12 +147,7 @@ def main(folder: Path) -> int:
     else:
         print(f"  fitted exponent {exponent:.3f}, aim: at most {STEEPEST}" + ("" if exponent <= STEEPEST else " !"))
 
-    folder.mkdir(parents=True, exist_ok=True)
     record = {
-        "version": pt.__version__,
-        "machine": machine(),
-        "rtol": RTOL,
-        "atol": ATOL,
         "runs": [
             {**asdict(c), "run_ratio": c.run_ratio, "evaluation_ratio": c.evaluation_ratio, "right": c.right}
             for c in costs
@@ -141,9 +157,7 @@ def main(folder: Path) -> int:
             "exponent": exponent,
         },
     }
-    (folder / "bench.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    print(f"\nwrote {folder / 'bench.json'}")
-    return 0 if all(c.right for c in costs) else 1
+    return record, all(c.right for c in costs)
 
 
 def measured(problem: Problem) -> Cost:
@@ -292,4 +306,4 @@ def machine() -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "out")))
+    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "out"), sys.argv[2:]))

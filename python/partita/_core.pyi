@@ -89,6 +89,9 @@ class Model:
     def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """v' (nv,) and multipliers (rows,)."""
 
+    def at(self, t: float, q: Array, v: Array | None) -> dict[str, Any]:
+        """S1-S5 and their reduction at one instant, by name."""
+
     def measure(self, t: float, q: Array) -> Array:
         """rho (nv,)."""
 
@@ -103,8 +106,17 @@ class Model:
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
-    def observe(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
-        """Poses, velocities and energies of nt samples."""
+    def bodies(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
+        """Poses and twists of the bodies `which` at nt samples."""
+
+    def joints(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
+        """Coordinates, velocities and points of the joints `which` at nt samples."""
+
+    def energies(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
+        """Kinetic and potential energy at nt samples."""
+
+    def reaction(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array, joint: int) -> dict[str, Array]:
+        """Wrench of one joint at nt samples."""
 
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
@@ -117,6 +129,15 @@ class Model:
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
+
+class Journal:
+    """What a run keeps of itself."""
+
+    def describe(self) -> dict[str, Any]:
+        """vdot, multipliers, independent, closure, velocity_closure at every output; notes."""
+
+    def assess(self) -> dict[str, Any]:
+        """measure, sigma, sqrt_mu at every output."""
 
 class System:
     """Equations (S1)-(S5) given as callables."""
@@ -153,6 +174,8 @@ class System:
     def rate(self, t: float, q: Array) -> Array: ...
     def bias(self, t: float, q: Array, v: Array) -> Array: ...
     def acceleration(self, t: float, q: Array, v: Array) -> tuple[Array, Array]: ...
+    def at(self, t: float, q: Array, v: Array | None) -> dict[str, Any]:
+        """S1-S5 and their reduction at one instant, by name."""
     def measure(self, t: float, q: Array) -> Array: ...
     def simulate(
         self,
@@ -166,6 +189,9 @@ class System:
 
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""
+
+def geometry(mass: Array, jacobian: Array, fixed: list[int] | None = None) -> dict[str, Any]:
+    """k, k_constrained, k_tangential, P_c, P_d, M_c, M_d, T_cd, independent, dependent, rows."""
 
 def choose(
     mass: Array,

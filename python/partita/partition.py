@@ -17,7 +17,7 @@ from . import _core
 from .errors import ArgumentError
 from .options import positive
 
-__all__ = ["Partition", "choose", "measure"]
+__all__ = ["Geometry", "Partition", "choose", "geometry", "measure"]
 
 Array = NDArray[np.float64]
 # Rules that need one instant only.
@@ -159,7 +159,7 @@ def choose(
             f'selection "{selection}" measures no coordinates and has no use for weights; leave them out',
             argument="weights",
         )
-    own = None if fixed is None else _fixed(fixed, mass.shape[0])
+    own = None if fixed is None else _fixed("fixed", fixed, mass.shape[0])
     if own is not None and (selection != "collective" or preference is not None):
         raise ArgumentError(
             "fixed names the independent coordinates, so no rule and no weights choose any; give one or the other",
@@ -176,6 +176,64 @@ def choose(
         sqrt_mu=float(found["sqrt_mu"]),
         rows=np.asarray(found["rows"], dtype=np.int64),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Metric geometry of n coordinates with the mass matrix as metric, under r independent constraint rows; k = n - r.
+
+    k_i is the gradient of coordinate i: q'_i = q' . k_i. The constraints take one part of it and leave the other, at
+    right angles in the mass metric, so k^2 = k_constrained^2 + k_tangential^2, and rho = k_tangential / k.
+
+    Attributes:
+        k: lengths |k_i| (n,): square roots of the diagonal of M^-1. (19)
+        k_constrained: lengths of the components normal to the possible motions (n,). (20)
+        k_tangential: lengths of the components along them (n,). (21)
+        P_c, P_d: projectors (n, n) of velocities on the constrained directions and on the possible motions;
+            P_c + P_d = 1. On forces their transposes act.
+        M_c: metric of the constrained space, C M^-1 C^T (r, r). (15)
+        M_d: metric of the tangent space, D M D^T (k, k). (13)
+        T_cd: (n, n), the rows of C M^-1, then those of D: T_cd M T_cd^T is block-diagonal in M_c and M_d. (11), (15)
+        independent, dependent: the choice that D belongs to; lengths and projectors do not depend on it.
+        rows: indices (r,) of the constraint rows that count; others say nothing of their own.
+    """
+
+    k: Array
+    k_constrained: Array
+    k_tangential: Array
+    P_c: Array
+    P_d: Array
+    M_c: Array
+    M_d: Array
+    T_cd: Array
+    independent: NDArray[np.int64]
+    dependent: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+
+def geometry(M: ArrayLike, C: ArrayLike, independent: Iterable[int] | None = None) -> Geometry:
+    """The metric geometry behind the measure: lengths, metrics and projectors. Dense, O(n^3).
+
+    Args:
+        M: mass matrix (n, n), symmetric and positive definite.
+        C: constraint Jacobian (m, n). Of rows that depend on each other only independent ones count: `rows`.
+        independent: the k independent coordinates by index, to which D, M_d and T_cd refer; None: as `choose` does.
+
+    Raises:
+        ArgumentError: wrong shapes, NaN, M not symmetric and positive definite, coordinates that cannot be independent.
+
+    >>> import partita as pt
+    >>> g = pt.partition.geometry([[2.0, 0.0], [0.0, 2.0]], [[3.0, 4.0]])
+    >>> (g.k_tangential / g.k).round(12).tolist()      # rho
+    [0.8, 0.6]
+    >>> abs(g.k_constrained**2 + g.k_tangential**2 - g.k**2).round(12).tolist()
+    [0.0, 0.0]
+    >>> g.P_d.round(12).tolist()
+    [[0.64, -0.48], [-0.48, 0.36]]
+    """
+    mass, jacobian = _checked(M, C)
+    own = None if independent is None else _fixed("independent", independent, mass.shape[0])
+    return Geometry(**_core.geometry(mass, jacobian, own))
 
 
 def _checked(M: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
@@ -222,15 +280,15 @@ def _weights(weights: ArrayLike, n: int) -> Array:
     return array
 
 
-def _fixed(fixed: Iterable[int], n: int) -> list[int]:
+def _fixed(what: str, fixed: Iterable[int], n: int) -> list[int]:
     try:
         indices = [index(i) for i in fixed]
     except TypeError as error:
-        raise ArgumentError(f"fixed must be indices of coordinates, not {fixed!r}", argument="fixed") from error
+        raise ArgumentError(f"{what} must be indices of coordinates, not {fixed!r}", argument=what) from error
     wrong = [i for i in indices if not 0 <= i < n]
     if wrong or len(set(indices)) < len(indices):
         raise ArgumentError(
-            f"fixed must be different indices from 0 to {n - 1}, not {indices}",
-            argument="fixed",
+            f"{what} must be different indices from 0 to {n - 1}, not {indices}",
+            argument=what,
         )
     return indices

@@ -122,7 +122,7 @@ class State(StateView):
             layout = Layout()
             layout.names = list(names) if names is not None else []
             layout.velocity_names = list(velocity_names) if velocity_names is not None else list(layout.names)
-        super().__init__(_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
+        super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
         self.assembly = assembly
 
     @property
@@ -172,7 +172,8 @@ def _part(values: Array, span: Span) -> Any:
     return float(values[first]) if count == 1 else values[first : first + count]
 
 
-def _time(t: Any) -> float:
+def finite_time(t: Any) -> float:
+    """`t` as a finite number of seconds, or an `ArgumentError`."""
     try:
         time = float(t)
     except (TypeError, ValueError) as error:

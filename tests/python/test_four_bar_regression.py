@@ -184,3 +184,32 @@ def test_reaction_on_the_outer_body(joint: str) -> None:
 
 def test_energy() -> None:
     agree(result().energy.total[0], ENERGY)
+
+
+def test_one_instant_holds_every_term() -> None:
+    m, state = linkage()
+    i = m.compile().at(state.q, state.v, state.t)
+    choice = m.compile().at(state.q).independent.tolist()
+    assert i.independent.tolist() == choice == [0] and i.dependent.tolist() == [1, 2]
+    printed = {
+        "M": MASS, "h": FORCES, "v": VELOCITIES, "A": np.transpose([A]), "D": [[1.0, *A]], "xi": XI, "eta": (0.0, 0.0),
+        "M_d": [[REDUCED_MASS]], "h_d": [REDUCED_FORCE], "vdot": ACCELERATIONS, "multipliers": LAMBDA, "rho": RHO,
+    }  # fmt: skip
+    for name, values in printed.items():
+        agree(getattr(i, name), values)
+    agree(i.C @ i.v + i.a, np.zeros(2))
+    agree(i.C @ i.vdot + i.b, np.zeros(2))
+    agree((i.M @ i.vdot - i.h)[1:], CLOSING_EFFORTS)
+    agree(i.sigma, RHO[0])  # k = 1: the choice is as good as its coordinate
+    assert m.compile().at(state.q).v.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_geometry_of_the_criterion() -> None:
+    m, state = linkage()
+    i = m.compile().at(state.q)
+    for independent in (None, [0], [1], [2]):
+        g = pt.partition.geometry(i.M, i.C, independent)
+        agree(g.k**2, FREE_LENGTHS)
+        agree(g.k_tangential / g.k, RHO)
+        agree(g.k_constrained**2 + g.k_tangential**2, g.k**2)
+    agree(pt.partition.geometry(i.M, i.C, [0]).M_d, [[REDUCED_MASS]])

@@ -10,6 +10,22 @@ pub enum AnalysisError {
     /// The mechanism could not be compiled with all its closings in space.
     #[error(transparent)]
     Description(#[from] DescriptionError),
+    /// A question that makes no sense as asked.
+    #[error("{message}")]
+    Argument {
+        /// What was given wrongly.
+        argument: &'static str,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// A name that the system does not have.
+    #[error("{message}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// What there is.
+        message: String,
+    },
     /// It could not be evaluated at this position.
     #[error(transparent)]
     System(#[from] SystemError),

@@ -1,14 +1,18 @@
 //! Questions asked of a model: how many ways it can move, which of its joints' rows are superfluous and why, which
-//! reactions the motion determines.
+//! reactions the motion determines, what it shows along a motion.
 
 pub mod determined;
 pub mod error;
 #[cfg(test)]
 mod examples;
 mod geometry;
+pub mod instant;
+pub mod matrices;
 pub mod mobility;
+pub mod outputs;
 mod reason;
 pub mod report;
+pub mod run;
 mod stress;
 
 pub use determined::determined;

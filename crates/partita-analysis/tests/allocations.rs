@@ -9,10 +9,10 @@ use mechanisms::{body, compile, empty, joint};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::Model;
+use partita_system::formulation::motion::Projective;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::registry;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::{start, ConstrainedSystem};
 
 const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);
@@ -104,7 +104,7 @@ fn count(model: &Model, what: &str) {
     let mut q = model.initial();
     partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
-    let mut f = Projective::new(model, rank, ProjectiveOptions::default());
+    let mut f = Projective::new(model, rank, &FormulationOptions::default());
     let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
     f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
     let (nq, k) = (model.size().nq, model.size().nv - rank);
@@ -112,16 +112,18 @@ fn count(model: &Model, what: &str) {
     let speeds: Vec<f64> = (0..k).map(|i| 0.3 + 0.1 * i as f64 / k as f64).collect();
     y[nq..nq + k].copy_from_slice(&speeds);
     f.derivative(0.0, &y, &mut dy).unwrap();
-    let q = y[..nq].to_vec();
+    let (q, mut turns) = (y[..nq].to_vec(), vec![0; nq]);
     let ((), counted) = allocations(|| {
         for i in 0..20 {
             y[nq] = 0.2 + 0.01 * f64::from(i);
             // a stage: a little off the closed position
             y[0] = q[0] + 1e-3 * f64::from(i);
             f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
-            f.correct(1e-3 * f64::from(i), &mut y).unwrap();
             f.reduction().evaluate(0.0, &q, &speeds).unwrap();
-            let _ = f.review(0.0, &y); // the scales are refreshed in here now and then
+            // corrects and evaluates the end; the scales are refreshed when it is taken, now and then
+            f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
+            let step = Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+            f.commit(Verdict::Keep, step).unwrap();
         }
     });
     assert_eq!(counted, 0, "{what}: {} allocations", counted);

@@ -14,8 +14,9 @@ use partita_integrate::tableau;
 use partita_model::Model;
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, turns, Formulation};
+use partita_system::formulation::{registry, Formulation};
 use partita_system::kinematics::velocity;
+use partita_system::positions::turns;
 use partita_system::{start, ConstrainedSystem};
 use planar::{chain, openness, upright_angle};
 use std::ops::ControlFlow;
@@ -65,7 +66,7 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
         &mut |_| ControlFlow::Continue(()),
     )
     .unwrap();
-    Seen { outcome, error, closure, notes: f.notes() }
+    Seen { outcome, error, closure, notes: f.journal().notes }
 }
 
 /// Ten passages in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to passages as well.

@@ -9,8 +9,10 @@ use partita_integrate::tableau::DOP853;
 use partita_model::place::Coordinates;
 use partita_model::spec::{Drive, JointKind, Spec, Value};
 use partita_model::Model;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Formulation, Output, Sample};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::Formulation;
+use partita_system::record::{Output, Sample};
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
 
@@ -23,10 +25,10 @@ fn march(model: &Model, m: &Moment, at: &[f64]) -> Option<Vec<Sample>> {
     };
     let options = Options { rtol: 1e-12, atol: 1e-12.into(), ..Options::default() };
     let settings = Settings { t_end: at[at.len() - 1], tableau: &DOP853, options, max_steps: 20_000 };
-    let mut f = Projective::new(model, m.rank, ProjectiveOptions::default());
+    let mut f = Projective::new(model, m.rank, &FormulationOptions::default());
     let go = &mut |_| ControlFlow::Continue(());
     let outcome = simulate(&mut f, m.t, &m.q, &m.v, at, &settings, &mut sink, go).ok()?;
-    let events = f.events().to_vec();
+    let events = f.journal().events;
     let samples = outputs.iter().map(|output| Sample::of(&mut f, output, &events).unwrap());
     (outcome.status == Status::Finished).then(|| samples.collect())
 }

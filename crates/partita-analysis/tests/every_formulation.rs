@@ -9,7 +9,8 @@ use partita_math::elimination::Pattern;
 use partita_model::Model;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, Formulation, Output, Sample};
+use partita_system::formulation::{registry, Formulation};
+use partita_system::record::{Output, Sample};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -86,7 +87,7 @@ fn all_give_the_same_accelerations_and_reactions() {
             for &name in registry::NAMES {
                 let mut f = registry::by_name(name, model, m.rank, &options).unwrap();
                 let out = sample(&mut *f, m).unwrap_or_else(|e| panic!("{name}: {e}"));
-                assert_eq!(f.name(), name);
+                assert_eq!(f.journal().name, name);
                 // positions may move by the round-off that was left in them, amplified by the weakest constraint
                 assert!(apart(&out.q, &m.q) < 1e-11, "{name}");
                 let off = apart(&out.vdot, &m.vdot);

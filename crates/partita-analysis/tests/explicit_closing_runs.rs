@@ -11,9 +11,11 @@ use partita_model::spec::{Table, Value};
 use partita_model::Model;
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, turns, Formulation, Output};
+use partita_system::formulation::{registry, Formulation};
 use partita_system::kinematics::closing::Closing;
 use partita_system::kinematics::velocity;
+use partita_system::positions::turns;
+use partita_system::record::Output;
 use partita_system::{start, SystemError};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -54,7 +56,7 @@ impl Run<'_> {
         };
         let go_on = &mut |_: f64| ControlFlow::Continue(());
         let outcome = simulate(&mut f, 0.0, &q, &v, &self.t_eval, &settings, &mut sink, go_on).unwrap();
-        (outcome, f.notes())
+        (outcome, f.journal().notes)
     }
 }
 

@@ -10,13 +10,13 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Body, JointKind, Spec};
 use partita_model::Model;
-use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::motion::TangentSpace;
+use partita_system::formulation::motion::WehageHaug;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::registry;
-use partita_system::formulation::tangent_space::TangentSpace;
-use partita_system::formulation::wehage_haug::WehageHaug;
-use partita_system::formulation::{Correction, Formulation, Output, Sample};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Output, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 
@@ -52,7 +52,7 @@ fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<
     let settings = Settings { t_end: at[at.len() - 1], tableau, options, max_steps: u64::MAX };
     let outcome = simulate(f, 0.0, q, v, at, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
-    let events = f.events().to_vec();
+    let events = f.journal().events;
     outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
@@ -111,15 +111,15 @@ fn order_rotation_and_invariants() {
     assert_eq!((relative.size().nq, relative.size().rows), (4, 0));
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
     let at: Vec<f64> = (1..=10).map(|i| 0.2 * f64::from(i)).collect();
-    let exact = march(&mut Projective::new(&relative, 0, ProjectiveOptions::default()), &q0, &v0, &at, None);
+    let exact = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
     let exact_states = states(&relative, &exact);
     for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
-        let options = ProjectiveOptions { correction, ..ProjectiveOptions::default() };
+        let options = FormulationOptions { correction, ..FormulationOptions::default() };
         let mut errors = Vec::new();
         for h in STEPS {
-            let mut f = Projective::new(&absolute, 3, options.clone());
+            let mut f = Projective::new(&absolute, 3, &options);
             let samples = march(&mut f, &q, &v, &at, Some(h));
-            assert!(f.counters().exchanges >= 4, "{}", f.counters().exchanges);
+            assert!(f.journal().counters.exchanges >= 4, "{}", f.journal().counters.exchanges);
             for s in &samples {
                 let r = bodies(&absolute, &s.q, &s.v)[0].rotation;
                 let off = r.transpose().mul(&r).add(&Mat3(Mat3::<f64>::identity().0.map(|x| x.map(|x| -x))));
@@ -159,9 +159,10 @@ fn every_form_tumbles_alike() {
     let (absolute, relative) = both();
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
     let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
-    let x = march(&mut Projective::new(&relative, 0, ProjectiveOptions::default()), &q0, &v0, &at, None);
-    let y = march(&mut Projective::new(&absolute, 3, ProjectiveOptions::default()), &q, &v, &at, None);
-    let z = march(&mut Multipliers::new(&absolute, 3, Correction::MassOrthogonal), &q, &v, &at, None);
+    let x = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
+    let y = march(&mut Projective::new(&absolute, 3, &FormulationOptions::default()), &q, &v, &at, None);
+    let least = FormulationOptions { correction: Correction::MassOrthogonal, ..FormulationOptions::default() };
+    let z = march(&mut registry::by_name("multipliers", &absolute, 3, &least).unwrap(), &q, &v, &at, None);
     // 1e-13 a step, a few hundred steps, a tumbling top that spreads errors by some tens
     let states = [states(&relative, &x), states(&absolute, &y), states(&absolute, &z)];
     assert!(largest(&states[0], &states[1]) < 1e-9, "{:e}", largest(&states[0], &states[1]));
@@ -178,18 +179,18 @@ fn two_k_states_with_a_quaternion() {
     let (absolute, relative) = both();
     let ((q, v), _) = start(&absolute, &relative);
     let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
-    let exact = march(&mut Projective::new(&absolute, 3, ProjectiveOptions::default()), &q, &v, &at, None);
+    let exact = march(&mut Projective::new(&absolute, 3, &FormulationOptions::default()), &q, &v, &at, None);
     for exchange in [1.05, 1.25, 2.0] {
-        let options = ProjectiveOptions { exchange, ..ProjectiveOptions::default() };
-        let mut f = WehageHaug::new(&absolute, 3, options).unwrap();
+        let options = FormulationOptions { exchange, ..FormulationOptions::default() };
+        let mut f = WehageHaug::new(&absolute, 3, &options).unwrap();
         // three velocities of six; one of them may bring in the quaternion with three numbers more
         assert_eq!((f.dim(), f.controlled()), (9, 9));
         let samples = march(&mut f, &q, &v, &at, None);
         let off = largest(&states(&absolute, &samples), &states(&absolute, &exact));
         assert!(off < 1e-9, "{exchange}: {off:e}");
         samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{:e}", s.closure));
-        assert!(f.counters().exchanges > 0);
-        assert!(f.counters().iterations > 0);
+        assert!(f.journal().counters.exchanges > 0);
+        assert!(f.journal().counters.iterations > 0);
     }
 }
 
@@ -201,7 +202,7 @@ fn tangent_forms_tumble_alike() {
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
     assert!((0..3).all(|i| relative.coordinates_of(i) == (0..4)));
     let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
-    let exact = march(&mut Projective::new(&relative, 0, ProjectiveOptions::default()), &q0, &v0, &at, None);
+    let exact = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
     let exact = states(&relative, &exact);
     let options = FormulationOptions::default();
     for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"] {
@@ -214,9 +215,9 @@ fn tangent_forms_tumble_alike() {
             assert!(off < 1e-9, "{name}, rank {rank}: {off:e}");
             if name == "tangent-space" {
                 assert_eq!(f.controlled(), 6);
-                let turned = f.events().iter().filter(|e| e.reason.contains("ball")).count();
+                let turned = f.journal().events.iter().filter(|e| e.reason.contains("ball")).count();
                 // with the foot to close the basis decays about as fast as the ball turns
-                assert!(turned >= 1 && f.events().len() >= 5, "{:?}", f.events());
+                assert!(turned >= 1 && f.journal().events.len() >= 5, "{:?}", f.journal().events);
             }
             let errors = STEPS.map(|h| {
                 let samples = march(&mut make(), q, v, &at, Some(h));
@@ -235,7 +236,7 @@ fn a_chart_of_turns_moves_as_its_ball_turns() {
     let (absolute, relative) = both();
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
     for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
-        let mut f = TangentSpace::new(model, rank, 0.5).unwrap();
+        let mut f = TangentSpace::new(model, rank, &FormulationOptions::default()).unwrap();
         let mut y = vec![0.0; 6 + usize::from(model.has_power())];
         f.start(0.0, q, v, &mut y).unwrap();
         // Θ of a few tenths up to more than two
@@ -243,7 +244,7 @@ fn a_chart_of_turns_moves_as_its_ball_turns() {
             y[..3].copy_from_slice(&[0.5 * size, -size, 0.7 * size]);
             let mut dy = vec![0.0; y.len()];
             f.derivative(0.0, &y, &mut dy).unwrap();
-            let (middle, v) = (f.position().to_vec(), f.selector().r.v.clone());
+            let (middle, v) = (f.position().to_vec(), f.reduction().v.clone());
             // rotation and place a little further along p', against the turn by ω and the step by v
             let h = 1e-4;
             let mut along = |s: f64| {

@@ -6,11 +6,13 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_model::Model;
+use partita_system::formulation::motion::Projective;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{registry, turns, Output};
+use partita_system::formulation::registry;
 use partita_system::kinematics::velocity;
+use partita_system::positions::turns;
+use partita_system::record::Output;
 use partita_system::{start, ConstrainedSystem};
 use planar::{link, model, openness, pin};
 use std::f64::consts::TAU;
@@ -40,7 +42,7 @@ fn a_thousand_turns_leave_the_loop_closed() {
     let crank = (0..model.size().nv).find(|&i| model.velocity_name(i) == "A").unwrap();
     let q = model.initial();
     let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
-    let mut f = Projective::new(&model, rank, ProjectiveOptions::default());
+    let mut f = Projective::new(&model, rank, &FormulationOptions::default());
     start::choose_partition(f.reduction(), 0.0, &q, None, None).unwrap();
     let v = velocity::with_rates(f.reduction(), 0.0, &q, &[(crank, TAU)]).unwrap();
     let settings = Settings {

@@ -7,10 +7,13 @@ use mechanisms::{
 };
 use partita_math::dense::{self, Matrix};
 use partita_model::{Evaluator, Model};
-use partita_system::formulation::multipliers::Multipliers;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::equations::full::saddle::Saddle;
+use partita_system::formulation::full::FullState;
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{Correction, Formulation, Output, Sample};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Output, Sample};
 use partita_system::start;
 use partita_system::system::{project_dense, Tangent};
 use partita_system::ConstrainedSystem;
@@ -246,12 +249,12 @@ fn power_balance() {
 fn formulations_agree() {
     everywhere(9, |_, model, m| {
         let none = Correction::None;
-        let options = ProjectiveOptions { correction: none, ..ProjectiveOptions::default() };
-        let mut projective = Projective::new(model, m.rank, options);
+        let options = FormulationOptions { correction: none, ..FormulationOptions::default() };
+        let mut projective = Projective::new(model, m.rank, &options);
         let mut state = vec![0.0; projective.dim()];
         projective.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let x = sample(&mut projective, m.t, &state);
-        let mut multipliers = Multipliers::new(model, m.rank, none);
+        let mut multipliers = FullState::new(model, m.rank, Saddle::new(model.size().nv, m.rank), &options);
         let mut state = vec![0.0; multipliers.dim()];
         multipliers.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let y = sample(&mut multipliers, m.t, &state);

@@ -11,10 +11,11 @@ mod planar;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::turns;
 use partita_system::kinematics::velocity;
+use partita_system::positions::turns;
 use partita_system::{start, ConstrainedSystem};
 use planar::{chain, openness, upright_angle};
 use std::ops::ControlFlow;
@@ -38,7 +39,7 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
                 let mut r = Reduction::new(&model, found.rank);
                 start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
                 let v = velocity::with_rates(&mut r, 0.0, &q, &[(upright, -rate)]).unwrap();
-                let mut f = Projective::new(&model, found.rank, ProjectiveOptions::default());
+                let mut f = Projective::new(&model, found.rank, &FormulationOptions::default());
                 let settings = Settings {
                     t_end,
                     tableau: tableau::by_name("dop853").unwrap(),

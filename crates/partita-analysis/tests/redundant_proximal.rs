@@ -43,7 +43,7 @@ fn redundant_rows_do_not_shorten_the_steps() {
                 max_steps: 5000,
             };
             let mut end = f64::NAN;
-            let mut sink = |s: &partita_system::formulation::Output| {
+            let mut sink = |s: &partita_system::record::Output| {
                 end = s.q[first];
                 Ok(())
             };

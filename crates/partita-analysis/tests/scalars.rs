@@ -4,17 +4,17 @@
 mod mechanisms;
 
 use mechanisms::{apart, between, derivative, drawing, Moment, Wishes, STEP};
-use partita_math::dense;
-use partita_math::elimination::{Plan, PlanOptions};
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
-use partita_model::clusters::{self, Tangents};
+use partita_model::clusters::{Plan, Preference};
 use partita_model::force::Element;
 use partita_model::place::Coordinates;
+use partita_model::reduced::Reduced;
 use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::Functions;
 use partita_model::{Evaluator, Model};
 use partita_system::formulation::reduction::Reduction;
-use partita_system::{start, ConstrainedSystem};
+use partita_system::start;
+use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Arc;
@@ -115,6 +115,39 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     assert_eq!(elements.len(), 6, "{elements:?}");
 }
 
+/// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
+struct Chosen<'m> {
+    way: &'static str,
+    reduction: Reduction<'m, Model>,
+    plan: Option<Plan>,
+}
+
+/// Every way to the accelerations at one instant.
+fn ways<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
+    let mut dense = Reduction::dense(model, m.rank);
+    start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
+    let independent = dense.partition.independent.clone();
+    let mut all = vec![Chosen { way: "M_d", reduction: dense, plan: None }];
+    for (way, model) in ["partial velocities", "range space"].into_iter().zip(others) {
+        let mut reduction = Reduction::new(model, m.rank);
+        reduction.position(m.t, &m.q).unwrap();
+        reduction.refresh_scales(m.t, &m.q).unwrap();
+        reduction.set_partition(m.t, &independent).unwrap();
+        let mut kept = reduction.partition.rows.clone();
+        kept.sort_unstable();
+        all.push(Chosen { way, plan: Some(model.recursion(&kept)), reduction });
+    }
+    all
+}
+
+/// The same mechanism, gone through by partial velocities and by range space.
+fn by_clusters(model: &Model) -> [Model; 2] {
+    [Preference::PartialVelocities, Preference::RangeSpace].map(|way| {
+        let again = Model::new((*model.spec).clone(), Arc::new(OfState), model.coordinates());
+        again.unwrap().with_recursion(way)
+    })
+}
+
 /// Where everything is asked for: t, q, v, v', λ, Dᵀ and δ one after the other.
 struct Layout {
     nq: usize,
@@ -139,7 +172,7 @@ impl Layout {
     }
 
     /// Every function of an evaluation, by name.
-    fn everything<S: Scalar>(&self, e: &Evaluator<S>, x: &[S]) -> Vec<(&'static str, Vec<S>)> {
+    fn everything<S: Scalar>(&self, e: &Evaluator<S>, ways: &[Chosen], x: &[S]) -> Vec<(&'static str, Vec<S>)> {
         let (t, rest) = (x[0], &x[1..]);
         let (q, rest) = rest.split_at(self.nq);
         let (v, rest) = rest.split_at(self.nv);
@@ -164,7 +197,18 @@ impl Layout {
         e.rate(q, v, &mut qdot);
         let r = e.reactions(t, q, v, vdot, lambda, &mut s).unwrap();
         let wrenches = r.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
-        vec![
+        let mut reduced = Vec::new();
+        for chosen in ways {
+            let choice = chosen.reduction.choice();
+            let speeds: Vec<S> = choice.independent.iter().map(|&i| v[i]).collect();
+            let (mut s, mut x) = (e.scratch(), Reduced::default());
+            if let Some(plan) = &chosen.plan {
+                e.fit(plan, &mut s);
+            }
+            e.reduced(&choice, chosen.plan.as_ref(), t, q, &speeds, &mut s, &mut x).unwrap();
+            reduced.push((chosen.way, [x.v, x.vdot, x.multipliers].concat()));
+        }
+        let mut all = vec![
             ("Phi", phi),
             ("C", c),
             ("a", a),
@@ -179,7 +223,9 @@ impl Layout {
             ("N(q) v", qdot),
             ("reactions", wrenches),
             ("drives", r.drives.concat()),
-        ]
+        ];
+        all.extend(reduced);
+        all
     }
 }
 
@@ -191,12 +237,14 @@ fn flat<S>(all: Vec<(&'static str, Vec<S>)>) -> Vec<S> {
 fn dual_numbers_agree_with_differences() {
     everywhere(31, false, |rng, model, m| {
         let (layout, dual) = (Layout::new(model), model.over::<Dual>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let differences = derivative(STEP, |h| flat(layout.everything(model, &moved(h))));
+        let differences = derivative(STEP, |h| flat(layout.everything(model, &ways, &moved(h))));
         let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
-        let (plain, duals) = (layout.everything(model, &x), layout.everything(&dual, &duals));
+        let (plain, duals) = (layout.everything(model, &ways, &x), layout.everything(&dual, &ways, &duals));
         let mut differences = &differences[..];
         for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
             let (own, rest) = differences.split_at(values.len());
@@ -212,15 +260,17 @@ fn dual_numbers_agree_with_differences() {
 fn eight_lanes_are_eight_evaluations() {
     everywhere(32, false, |rng, model, m| {
         let (layout, lanes) = (Layout::new(model), model.over::<Lanes>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
         let mut along: Vec<f64> = x.iter().map(|_| between(rng, -0.05, 0.05)).collect();
         along[0] = along[0].abs(); // within the tables
         let at = |l: usize| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + l as f64 * d).collect() };
         let all: Vec<Vec<f64>> = (0..Lanes::COUNT).map(at).collect();
         let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| all[l][i])).collect();
-        let together = layout.everything(&lanes, &input);
+        let together = layout.everything(&lanes, &ways, &input);
         for (l, x) in all.iter().enumerate() {
-            for ((name, single), (_, together)) in layout.everything(model, x).iter().zip(&together) {
+            for ((name, single), (_, together)) in layout.everything(model, &ways, x).iter().zip(&together) {
                 let same = single.iter().zip(together).all(|(x, y)| x.to_bits() == y.0[l].to_bits());
                 assert!(same, "{name} in lane {l}");
             }
@@ -232,127 +282,20 @@ fn eight_lanes_are_eight_evaluations() {
 fn a_recording_is_the_evaluation() {
     everywhere(33, true, |rng, model, m| {
         let (layout, recorder) = (Layout::new(model), model.over::<Recorder>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
         let x = layout.input(rng, m);
-        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, x)))).unwrap();
+        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &ways, x)))).unwrap();
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         for _ in 0..3 {
             // both intervals of the tables
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
             made.evaluate(&x, &mut work, &mut out);
-            let expected = flat(layout.everything(model, &x));
+            let expected = flat(layout.everything(model, &ways, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
         }
     });
-}
-
-/// What is chosen once: independent velocities, the elimination of C_D, the plan of the recursion.
-struct Choice {
-    independent: Vec<usize>,
-    elimination: Plan,
-    recursion: clusters::Plan,
-}
-
-impl Choice {
-    /// None where the position is too near to a singular one for differences.
-    fn new(model: &Model, m: &Moment) -> Option<Self> {
-        let mut r = Reduction::new(model, m.rank);
-        start::choose_partition(&mut r, m.t, &m.q, None, None).ok()?;
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| m.v[i]).collect();
-        r.evaluate(m.t, &m.q, &speeds).ok()?;
-        if r.quality(m.t, &m.q).ok()?.sqrt_mu < 0.1 {
-            return None;
-        }
-        let (size, p) = (model.size(), &r.partition);
-        let marks = |n: usize, of: &[usize]| (0..n).map(|i| of.contains(&i)).collect::<Vec<bool>>();
-        let (rows, cols) = (marks(size.rows, &p.rows), marks(size.nv, &p.dependent));
-        let (ones, many) = (vec![1.0; size.rows], vec![1.0; size.nv]);
-        let made = Plan::new(model.pattern(), &r.c, &rows, &cols, &ones, &many, m.rank, PlanOptions::default());
-        let range = clusters::Preference::RangeSpace;
-        let recursion = Evaluator::plan(model, model.pattern(), &model.clusters(), &p.rows, range);
-        Some(Self { independent: p.independent.clone(), elimination: made.ok()?, recursion })
-    }
-
-    /// From (t, q, v) to v' by M_d and by the recursion, and to λ.                          (P1-P3, R1, 48)
-    fn reduced<S: Scalar>(&self, model: &Model, e: &Evaluator<S>, x: &[S]) -> Vec<(&'static str, Vec<S>)> {
-        let (size, pattern, plan) = (model.size(), model.pattern(), &self.elimination);
-        let (t, (q, v)) = (x[0], x[1..].split_at(size.nq));
-        let (k, rank) = (self.independent.len(), plan.rank());
-        let room = |n: usize| vec![S::zero(); n];
-        let mut s = e.scratch();
-        e.fit(&self.recursion, &mut s);
-        let (mut phi, mut c, mut a, mut b) = (room(size.rows), room(pattern.nnz()), room(size.rows), room(size.rows));
-        e.position(t, q, &mut s, &mut phi, &mut c, &mut a).unwrap();
-        e.velocity(t, v, &mut s, &mut b).unwrap();
-        // A and ξ side by side
-        let mut work = room(plan.factor_len());
-        plan.eliminate(&c, &mut work);
-        let mut right = room(rank * (k + 1));
-        for (i, &row) in plan.pivot_rows().iter().enumerate() {
-            for p in pattern.row(row) {
-                if let Some(j) = self.independent.iter().position(|&j| j == pattern.col_idx[p]) {
-                    right[i * (k + 1) + j] = -c[p];
-                }
-            }
-            right[i * (k + 1) + k] = -b[row];
-        }
-        plan.solve(&work, &mut right, k + 1);
-        let (mut dt, mut delta) = (room(size.nv * k), room(size.nv));
-        for (j, &i) in self.independent.iter().enumerate() {
-            dt[i * k + j] = S::one();
-        }
-        for (i, &col) in plan.pivot_cols().iter().enumerate() {
-            dt[col * k..(col + 1) * k].copy_from_slice(&right[i * (k + 1)..i * (k + 1) + k]);
-            delta[col] = right[i * (k + 1) + k];
-        }
-        let (mut md, mut hd) = (room(k * k), room(k));
-        e.project(t, q, v, (k, &dt, &delta), &mut s, &mut md, &mut hd).unwrap();
-        dense::cholesky_straight(&mut md, k);
-        dense::cholesky_solve(&md, k, &mut hd);
-        let vdot: Vec<S> = (0..size.nv).map(|i| dense::dot(&dt[i * k..(i + 1) * k], &hd) + delta[i]).collect();
-        let mut needed = room(size.nv);
-        e.inverse_dynamics(t, q, v, &vdot, &mut s, &mut needed).unwrap();
-        let mut lambda: Vec<S> = plan.pivot_cols().iter().map(|&i| needed[i]).collect();
-        plan.solve_transposed(&work, &mut lambda, 1);
-        let (mut other, tangents) = (room(size.nv), Tangents { dt: &[], delta: &delta, c: &c, b: &b });
-        e.accelerate(t, q, v, &self.recursion, &tangents, &mut s, &mut other).unwrap();
-        vec![("v'", vdot), ("v' by the recursion", other), ("multipliers", lambda)]
-    }
-}
-
-/// The whole chain from a state to accelerations and multipliers, by both ways.
-#[test]
-fn reduced_equations_over_every_scalar() {
-    let mut seen = 0;
-    everywhere(35, false, |rng, model, m| {
-        let Some(choice) = Choice::new(model, m) else { return };
-        seen += 1;
-        let x: Vec<f64> = std::iter::once(m.t).chain(m.q.iter().copied()).chain(m.v.iter().copied()).collect();
-        let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
-        let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let plain = choice.reduced(model, model, &x);
-        // condition of M and of C_D
-        assert!(apart(&plain[0].1, &plain[1].1) < 1e-9, "{:e}", apart(&plain[0].1, &plain[1].1));
-        let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
-        let duals = choice.reduced(model, &model.over::<Dual>().unwrap(), &duals);
-        let differences = derivative(STEP, |h| flat(choice.reduced(model, model, &moved(h))));
-        let mut differences = &differences[..];
-        for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
-            let (own, rest) = differences.split_at(values.len());
-            differences = rest;
-            assert!(values.iter().zip(duals).all(|(x, y)| x.to_bits() == y.re.to_bits()), "value of {name}");
-            let slopes: Vec<f64> = duals.iter().map(|x| x.eps).collect();
-            assert!(apart(own, &slopes) < RELATIVE, "derivative of {name}: {:e}", apart(own, &slopes));
-        }
-        let at: Vec<Vec<f64>> = (0..Lanes::COUNT).map(|l| moved(1e-3 * l as f64)).collect();
-        let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| at[l][i])).collect();
-        let lanes = flat(choice.reduced(model, &model.over::<Lanes>().unwrap(), &input));
-        for (l, x) in at.iter().enumerate() {
-            let single = flat(choice.reduced(model, model, x));
-            assert!(single.iter().zip(&lanes).all(|(x, y)| x.to_bits() == y.0[l].to_bits()));
-        }
-    });
-    assert!(seen > COUNT / 2, "{seen}");
 }
 
 /// Counts how often a function is asked.

@@ -30,6 +30,7 @@ use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
 use crate::step_size::{controller, ErrorNorm, StepController};
 use crate::tableau::Tableau;
+use std::fmt::Display;
 
 /// A step as long as the rest up to this factor goes to the end: no sliver is left behind.
 const STRETCH: f64 = 1.01;
@@ -310,17 +311,31 @@ impl Stepper {
         ode: &mut O,
         corrected: bool,
     ) -> Result<Conclusion, StepFailure<O::Error>> {
+        self.conclude_with(|t, y, dy, known| {
+            if known && !corrected {
+                return Ok(false);
+            }
+            ode.rhs(t, y, dy).map(|()| true)
+        })
+    }
+
+    /// As [`conclude`](Stepper::conclude), where `end(t, y, dy, known)` corrects the end y itself and leaves the slope there in
+    /// dy; `known` tells that dy holds the slope at y as it is, the last one evaluated. Its answer is whether it evaluated f.
+    ///
+    /// # Errors
+    /// See [`StepFailure`].
+    pub fn conclude_with<E: Display>(
+        &mut self,
+        end: impl FnOnce(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>,
+    ) -> Result<Conclusion, StepFailure<E>> {
         debug_assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
-        if self.tableau.fsal && !corrected {
-            self.phase = Phase::Concluded;
-            return Ok(Conclusion::Done);
-        }
         let (h, t, dim) = (self.attempted_h, self.t_new, self.dim);
         let begin = self.tableau.end_slot() * self.stride;
-        self.counters.evaluations += 1;
-        match ode.rhs(t, &self.y_new[..dim], &mut self.stages[begin..begin + dim]) {
-            Ok(()) => {}
+        let slope = &mut self.stages[begin..begin + dim];
+        match end(t, &mut self.y_new[..dim], slope, self.tableau.fsal) {
+            Ok(evaluated) => self.counters.evaluations += u64::from(evaluated),
             Err(RhsError::Retry(error)) => {
+                self.counters.evaluations += 1;
                 self.phase = Phase::Ready;
                 self.shorten_for_retry(h);
                 self.check_length(h, Some(error))?;

@@ -5,10 +5,10 @@ mod mechanisms;
 
 use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{
-    Correction, Formulation, FormulationCounters, Output, PartitionEvent, Review, Sample,
-};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::record::{Correction, Journal, Output, PartitionEvent, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 
 const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
@@ -17,8 +17,8 @@ const PENDULUM_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 /// The same for the four-bar, which is stiffer (its crank whips round once).
 const FOUR_BAR_STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
 
-fn options(correction: Correction, exchange: f64) -> ProjectiveOptions {
-    ProjectiveOptions { correction, exchange, ..ProjectiveOptions::default() }
+fn options(correction: Correction, exchange: f64) -> FormulationOptions {
+    FormulationOptions { correction, exchange, ..FormulationOptions::default() }
 }
 
 /// Errors over the steps, and how often the last run exchanged.
@@ -27,15 +27,15 @@ fn errors<E: Equations>(
     start: &(Vec<f64>, Vec<f64>),
     t_end: f64,
     steps: &[f64],
-    options: &ProjectiveOptions,
+    options: &FormulationOptions,
 ) -> (Vec<f64>, u64) {
     let at = times(0.1 * t_end, 10);
-    let exact = run(system, ProjectiveOptions::default(), start, &at, &reference(t_end));
+    let exact = run(system, FormulationOptions::default(), start, &at, &reference(t_end));
     let mut exchanges = 0;
     let errors = steps.iter().map(|&h| {
-        let mut f = Projective::new(system, system.size().rows, options.clone());
+        let mut f = Projective::new(system, system.size().rows, options);
         let samples = march(&mut f, &start.0, &start.1, &at, &grid(t_end, h));
-        exchanges = f.counters().exchanges;
+        exchanges = f.journal().counters.exchanges;
         distance(&samples, &exact)
     });
     (errors.collect(), exchanges)
@@ -76,7 +76,7 @@ fn order_of_a_four_bar() {
         let (errors, exchanges) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
         assert!(exchanges >= 3, "{exchanges}");
         assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {exchanges} exchanges"));
-        let crank = ProjectiveOptions { fixed: Some(vec![2]), ..options(correction, 1.25) };
+        let crank = FormulationOptions { independent: Some(vec![2]), ..options(correction, 1.25) };
         let (errors, exchanges) = self::errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &crank);
         assert_eq!(exchanges, 0);
         assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, crank angle"));
@@ -86,8 +86,8 @@ fn order_of_a_four_bar() {
 #[test]
 fn rods_and_angles_move_alike() {
     let at = times(0.25, 16);
-    let rods = run(&ByHand::new(FourBar), ProjectiveOptions::default(), &FourBar::start(), &at, &reference(4.0));
-    let angles = run(&ByHand::new(Angles), ProjectiveOptions::default(), &Angles::start(), &at, &reference(4.0));
+    let rods = run(&ByHand::new(FourBar), FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
+    let angles = run(&ByHand::new(Angles), FormulationOptions::default(), &Angles::start(), &at, &reference(4.0));
     // tolerance 2e-14, a few hundred steps, growth of errors by some hundreds in four seconds
     for (x, y) in rods.iter().zip(&angles) {
         for i in 0..3 {
@@ -147,8 +147,8 @@ struct Watched<'s, E: Equations> {
 }
 
 impl<'s, E: Equations> Watched<'s, E> {
-    fn new(system: &'s ByHand<E>, options: ProjectiveOptions, force: Option<f64>) -> Self {
-        Self { inner: Projective::new(system, system.size().rows, options), force, changes: 0, steps: 0 }
+    fn new(system: &'s ByHand<E>, options: FormulationOptions, force: Option<f64>) -> Self {
+        Self { inner: Projective::new(system, system.size().rows, &options), force, changes: 0, steps: 0 }
     }
 
     /// All velocities at y.
@@ -161,9 +161,6 @@ impl<'s, E: Equations> Watched<'s, E> {
 }
 
 impl<E: Equations> Formulation for Watched<'_, E> {
-    fn name(&self) -> &'static str {
-        "watched"
-    }
     fn dim(&self) -> usize {
         self.inner.dim()
     }
@@ -176,34 +173,42 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
         self.inner.derivative(t, y, dy)
     }
-    fn correct(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
-        self.inner.correct(t, y)
-    }
-    fn review(&mut self, t: f64, y: &[f64]) -> Review {
+    fn trial_end(
+        &mut self,
+        t: f64,
+        y: &mut [f64],
+        dy: &mut [f64],
+        known: bool,
+    ) -> Result<(Verdict, bool), SystemError> {
         self.steps += 1;
-        match self.force {
-            Some(_) => Review::Change,
-            None => self.inner.review(t, y),
-        }
+        let (verdict, evaluated) = self.inner.trial_end(t, y, dy, known)?;
+        Ok((if self.force.is_some() { Verdict::Change } else { verdict }, evaluated))
     }
-    fn change(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+        if verdict != Verdict::Change {
+            return self.inner.commit(verdict, step);
+        }
+        let Step { t, y, dy, turns, pace } = step;
         let before = (y.to_vec(), self.velocities(t, y));
         let independent = self.inner.reduction().partition.independent.clone();
         match self.force {
-            None => self.inner.change(t, y, dy)?,
+            None => {
+                self.inner.commit(verdict, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
+            }
             Some(least) => {
+                self.inner.commit(Verdict::Keep, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
                 let r = self.inner.reduction();
                 let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
                 r.full_acceleration(&mut vdot);
                 r.measure(t, &y[..nq], &mut rho)?;
-                let Some(&next) = r.partition.dependent.iter().find(|&&i| rho[i] > least) else { return Ok(()) };
+                let Some(&next) = r.partition.dependent.iter().find(|&&i| rho[i] > least) else { return Ok(false) };
                 r.set_partition(t, &[next])?;
                 (y[nq], dy[nq]) = (before.1[next], vdot[next]);
             }
         }
         let now = self.inner.reduction().partition.independent.clone();
         if now == independent {
-            return Ok(());
+            return Ok(true);
         }
         self.changes += 1;
         let nq = self.inner.reduction().size().nq;
@@ -214,10 +219,7 @@ impl<E: Equations> Formulation for Watched<'_, E> {
         // the others follow from them by another C_D: round-off times its condition
         let after = self.velocities(t, y);
         after.iter().zip(&before.1).for_each(|(x, y)| assert!((x - y).abs() < 1e-12 * (1.0 + y.abs()), "{x} {y}"));
-        Ok(())
-    }
-    fn recover(&mut self, t: f64, y: &mut [f64], dy: &mut [f64]) -> Result<(), SystemError> {
-        self.inner.recover(t, y, dy)
+        Ok(true)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.inner.state_at(t, y, out)
@@ -232,14 +234,8 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     ) -> Result<(), SystemError> {
         self.inner.describe(t, q, v, within, out)
     }
-    fn events(&self) -> &[PartitionEvent] {
-        self.inner.events()
-    }
-    fn counters(&self) -> FormulationCounters {
-        self.inner.counters()
-    }
-    fn rows(&self) -> Vec<usize> {
-        self.inner.rows()
+    fn journal(&self) -> Journal {
+        self.inner.journal()
     }
 }
 
@@ -249,16 +245,16 @@ fn changing_after_every_step_costs_nothing() {
     let system = ByHand::new(Pendulum::RESTING_PIVOT);
     let start = (vec![0.75f64.sqrt(), -0.5], vec![0.0, 0.0]);
     let at = times(0.5, 20);
-    let exact = run(&system, ProjectiveOptions::default(), &start, &at, &reference(10.0));
-    let still = ProjectiveOptions { fixed: Some(vec![0]), ..ProjectiveOptions::default() };
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(10.0));
+    let still = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
     let rest = distance(&run(&system, still, &start, &at, &grid(10.0, 0.005)), &exact);
-    let mut restless = Watched::new(&system, ProjectiveOptions::default(), Some(0.3));
+    let mut restless = Watched::new(&system, FormulationOptions::default(), Some(0.3));
     let error = distance(&march(&mut restless, &start.0, &start.1, &at, &grid(10.0, 0.005)), &exact);
     assert_eq!(restless.steps, 2000);
     assert!(restless.changes > 1000, "{}", restless.changes);
     assert!(error < 3.0 * rest, "{error:e} with {} changes, {rest:e} without", restless.changes);
     // and the order is kept
-    let mut finer = Watched::new(&system, ProjectiveOptions::default(), Some(0.3));
+    let mut finer = Watched::new(&system, FormulationOptions::default(), Some(0.3));
     let half = distance(&march(&mut finer, &start.0, &start.1, &at, &grid(10.0, 0.0025)), &exact);
     let p = (error / half).log2();
     assert!((p - 4.0).abs() < 0.3, "order {p}");
@@ -269,9 +265,9 @@ fn exchanging_at_every_opportunity_costs_nothing() {
     let system = ByHand::new(FourBar);
     let start = FourBar::start();
     let at = times(0.5, 8);
-    let exact = run(&system, ProjectiveOptions::default(), &start, &at, &reference(4.0));
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
     let error = |exchange: f64, fixed: Option<Vec<usize>>| {
-        let options = ProjectiveOptions { exchange, fixed, ..ProjectiveOptions::default() };
+        let options = FormulationOptions { exchange, independent: fixed, ..FormulationOptions::default() };
         let mut f = Watched::new(&system, options, None);
         let e = distance(&march(&mut f, &start.0, &start.1, &at, &grid(4.0, 0.005)), &exact);
         (e, f.changes)
@@ -292,12 +288,12 @@ fn trajectories_in_other_units() {
     let (q, v) = FourBar::start();
     let at = times(0.5, 4);
     let metres =
-        run(&ByHand::new(FourBar), ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &grid(2.0, 0.01));
+        run(&ByHand::new(FourBar), FormulationOptions::default(), &(q.clone(), v.clone()), &at, &grid(2.0, 0.01));
     for (length, angle) in [(1e3, 1.0), (1.0 / 0.0254, 180.0 / std::f64::consts::PI), (1e-3, 1e3)] {
         let s: Vec<f64> = (0..9).map(|i| if i % 3 == 2 { angle } else { length }).collect();
         let to = |x: &[f64]| x.iter().zip(&s).map(|(x, s)| x * s).collect::<Vec<_>>();
         let system = ByHand::new(InUnits(FourBar, s.clone()));
-        let mut other = run(&system, ProjectiveOptions::default(), &(to(&q), to(&v)), &at, &grid(2.0, 0.01));
+        let mut other = run(&system, FormulationOptions::default(), &(to(&q), to(&v)), &at, &grid(2.0, 0.01));
         for (x, y) in metres.iter().zip(&mut other) {
             assert_eq!(x.independent, y.independent);
             assert!((x.sigma - y.sigma).abs() < 1e-10 && (x.sqrt_mu - y.sqrt_mu).abs() < 1e-10);

@@ -5,9 +5,11 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times, Pendulum};
 use partita_integrate::simulate::Settings;
 use partita_system::equations::ByHand;
-use partita_system::formulation::multipliers::Multipliers;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::registry::by_name;
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Sample};
 
 const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 
@@ -22,13 +24,13 @@ fn shaken() -> (ByHand<Pendulum>, (Vec<f64>, Vec<f64>)) {
 fn order_with_a_moving_pivot() {
     let (system, start) = shaken();
     let at = times(0.2, 10);
-    let exact = run(&system, ProjectiveOptions::default(), &start, &at, &reference(2.0));
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(2.0));
     for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
-        let options = ProjectiveOptions { correction, ..ProjectiveOptions::default() };
+        let options = FormulationOptions { correction, ..FormulationOptions::default() };
         let errors = STEPS.map(|h| {
-            let mut f = Projective::new(&system, 1, options.clone());
+            let mut f = Projective::new(&system, 1, &options);
             let samples = march(&mut f, &start.0, &start.1, &at, &grid(2.0, h));
-            assert!(f.counters().exchanges >= 4);
+            assert!(f.journal().counters.exchanges >= 4);
             samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
             distance(&samples, &exact)
         });
@@ -54,16 +56,16 @@ fn power_balance() {
         sums.iter().for_each(|x| assert!((x - sums[0]).abs() < tolerance * moved, "{}", x - sums[0]));
     };
     // 2e-14 a step, some hundred steps, energies of some tens of joules
-    let mut projective = Projective::new(&system, 1, ProjectiveOptions::default());
+    let mut projective = Projective::new(&system, 1, &FormulationOptions::default());
     let samples = march(&mut projective, &q, &v, &at, &reference(2.0));
     check(&samples, 1e-11);
-    let mut multipliers = Multipliers::new(&system, 1, Correction::MassOrthogonal);
+    let mut multipliers = by_name("multipliers", &system, 1, &least_moves()).unwrap();
     check(&march(&mut multipliers, &q, &v, &at, &reference(2.0)), 1e-11);
     // at one instant: E' by differences of the exact motion against −λ a
     let h = 1e-3;
     let close = |t: f64| -> Vec<Sample> {
         let times = [t - 2.0 * h, t - h, t, t + h, t + 2.0 * h];
-        run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &times, &reference(t + 3.0 * h))
+        run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &times, &reference(t + 3.0 * h))
     };
     for t in [0.4, 0.9, 1.7] {
         let s = close(t);
@@ -87,8 +89,8 @@ fn a_uniformly_moving_pivot_is_a_resting_one() {
     let settings: Settings = reference(t_end);
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 3.0, 0.6 * 3.0]);
     let carried = vec![v[0] + 1.0, v[1]];
-    let x = run(&moving, ProjectiveOptions::default(), &(q.clone(), carried), &at, &settings);
-    let y = run(&resting, ProjectiveOptions::default(), &(q, v), &at, &settings);
+    let x = run(&moving, FormulationOptions::default(), &(q.clone(), carried), &at, &settings);
+    let y = run(&resting, FormulationOptions::default(), &(q, v), &at, &settings);
     for (x, y) in x.iter().zip(&y) {
         let [p, u, _] = moving.equations.pivot(x.t);
         assert!((x.q[0] - p - y.q[0]).abs() < 1e-9 && (x.q[1] - y.q[1]).abs() < 1e-9);
@@ -97,4 +99,8 @@ fn a_uniformly_moving_pivot_is_a_resting_one() {
         // the measure and the choice know nothing of a
         assert!((x.sigma - y.sigma).abs() < 1e-8);
     }
+}
+
+fn least_moves() -> FormulationOptions {
+    FormulationOptions { correction: Correction::MassOrthogonal, ..FormulationOptions::default() }
 }

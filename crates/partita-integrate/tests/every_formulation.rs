@@ -9,7 +9,8 @@ use partita_integrate::simulate::{simulate, Status};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry::{by_name, NAMES};
-use partita_system::formulation::{Correction, Formulation, Output, Sample};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Output, Sample};
 use partita_system::start;
 use std::ops::ControlFlow;
 
@@ -110,8 +111,8 @@ fn one_motion() {
                     assert!(open < 1e-12, "{what}, {name}, {correction:?}: open by {open:e}");
                 } else {
                     // what is not corrected is told
-                    let told = f.notes().iter().any(|n| n.contains("not exactly closed"));
-                    assert!(told || drift == Drift::Position, "{what}, {name}: {:?}", f.notes());
+                    let told = f.journal().notes.iter().any(|n| n.contains("not exactly closed"));
+                    assert!(told || drift == Drift::Position, "{what}, {name}: {:?}", f.journal().notes);
                 }
                 let forces = |x: &Sample, y: &Sample| {
                     let off = x.multipliers.iter().zip(&y.multipliers).map(|(x, y)| (x - y).abs());
@@ -247,5 +248,5 @@ fn nothing_is_thrown_back_at_a_dead_point() {
     let exact = run("projective", &system, &(q.clone(), v.clone()), Correction::Partition, &at, &reference(at[9]));
     let mut f = formulation("wehage-haug", &system, &(q.clone(), v.clone()), Correction::Partition);
     let off = distance(&march(&mut f, &q, &v, &at, &reference(at[9])), &exact);
-    assert!(off < 1e-9 && f.counters().exchanges >= 6, "{off:e}");
+    assert!(off < 1e-9 && f.journal().counters.exchanges >= 6, "{off:e}");
 }

@@ -6,12 +6,13 @@ use mechanisms::{distance, march, reference, times, Angles, Pendulum, GRAVITY, G
 use partita_integrate::simulate::{simulate, Status};
 use partita_math::elimination::Pattern;
 use partita_system::equations::{ByHand, Equations, HandScratch};
-use partita_system::formulation::explicit_closing::ExplicitClosing;
+use partita_system::formulation::motion::ExplicitClosing;
+use partita_system::formulation::motion::Projective;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Formulation, Sample};
+use partita_system::formulation::Formulation;
 use partita_system::kinematics::closing::{Block, BlockState, Closing};
 use partita_system::kinematics::{assembly, velocity};
+use partita_system::record::Sample;
 use partita_system::system::{Size, Tangent};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::ops::ControlFlow;
@@ -317,7 +318,7 @@ fn explicit(system: &Recognised, inputs: Option<Vec<usize>>, exchange: f64) -> E
 fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), exchange: f64, least_changes: u64) {
     let at = times(0.25, 10);
     let settings = reference(at[9]);
-    let mut projective = Projective::new(system, system.size().rows, ProjectiveOptions::default());
+    let mut projective = Projective::new(system, system.size().rows, &FormulationOptions::default());
     let exact = march(&mut projective, q, v, &at, &settings);
     let mut f = explicit(system, None, exchange);
     let samples = march(&mut f, q, v, &at, &settings);
@@ -331,14 +332,14 @@ fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), 
         x.measure.iter().zip(&y.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-7));
         assert!((energy(x) - energy(first)).abs() < 1e-8 * energy(first).abs().max(1.0));
     }
-    let changes = f.counters().exchanges;
+    let changes = f.journal().counters.exchanges;
     assert!(changes >= least_changes, "{changes}");
-    assert_eq!(f.events().len() as u64, 1 + changes);
-    for e in &f.events()[1..] {
+    assert_eq!(f.journal().events.len() as u64, 1 + changes);
+    for e in &f.journal().events[1..] {
         assert!(!e.entering.is_empty() && e.reason.contains("as inputs: the volume"), "{}", e.reason);
     }
-    assert_eq!(f.rows(), (0..system.size().rows).collect::<Vec<_>>());
-    assert!(f.notes().len() == 1 && f.notes()[0].contains("dyad of rods"), "{:?}", f.notes());
+    assert_eq!(f.journal().rows, (0..system.size().rows).collect::<Vec<_>>());
+    assert!(f.journal().notes.len() == 1 && f.journal().notes[0].contains("dyad of rods"), "{:?}", f.journal().notes);
 }
 
 #[test]
@@ -370,7 +371,7 @@ fn a_dead_point_of_fixed_inputs_ends_the_run() {
         simulate(&mut f, 0.0, &q, &v, &[], &settings, &mut |_| Ok(()), &mut |_| ControlFlow::Continue(())).unwrap();
     assert_ne!(outcome.status, Status::Finished, "{}", outcome.message);
     assert!(outcome.message.contains("dyad of rods 0 and 1"), "{}", outcome.message);
-    assert!(f.counters().exchanges == 0 && f.events().len() == 1);
+    assert!(f.journal().counters.exchanges == 0 && f.journal().events.len() == 1);
     // the crank itself goes round
     let mut f = explicit(&system, Some(vec![0]), 1.25);
     march(&mut f, &q, &v, &[5.0], &reference(5.0));

@@ -7,7 +7,8 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::Formulation;
 use partita_system::partition::{determinant, Selection};
@@ -31,9 +32,9 @@ fn pose(f: f64, w: f64) -> (Vec<f64>, Vec<f64>) {
     (q, v)
 }
 
-fn by(selection: Selection) -> ProjectiveOptions {
+fn by(selection: Selection) -> FormulationOptions {
     let window = (selection == Selection::Persistence).then_some(1.0);
-    ProjectiveOptions { selection, window, ..ProjectiveOptions::default() }
+    FormulationOptions { selection, window, ..FormulationOptions::default() }
 }
 
 #[test]
@@ -41,22 +42,22 @@ fn the_motion_does_not_depend_on_the_rule() {
     let (system, at) = (ByHand::new(FourBar), times(0.25, 16));
     // fast enough to go round
     let start = pose(0.8, 10.0);
-    let exact = run(&system, ProjectiveOptions::default(), &start, &at, &reference(4.0));
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
     for selection in Selection::ALL {
         let options = Options { rtol: 1e-10, atol: 1e-12.into(), ..Options::default() };
         let settings = Settings { t_end: 4.0, tableau: &DOP853, options, max_steps: 100_000 };
-        let mut f = Projective::new(&system, 8, by(selection));
+        let mut f = Projective::new(&system, 8, &by(selection));
         let samples = march(&mut f, &start.0, &start.1, &at, &settings);
         let error = distance(&samples, &exact);
         // some ten turns multiply what the tolerance leaves
         assert!(error < 1e-6, "{}: {error:e}", selection.name());
         assert!(samples.iter().all(|s| s.closure < 1e-13));
-        for e in f.events() {
+        for e in f.journal().events {
             assert_eq!((e.independent.len(), e.dependent.len()), (1, 8));
         }
-        let exchanges: usize = f.events().iter().skip(1).map(|e| e.entering.len()).sum();
-        assert_eq!(exchanges as u64, f.counters().exchanges);
-        if let Some(e) = f.events().get(1) {
+        let exchanges: usize = f.journal().events.iter().skip(1).map(|e| e.entering.len()).sum();
+        assert_eq!(exchanges as u64, f.journal().counters.exchanges);
+        if let Some(e) = f.journal().events.get(1) {
             assert!(e.reason.contains("the place of") && e.quality.sigma > 0.0, "{}", e.reason);
         }
     }
@@ -68,9 +69,9 @@ fn a_threshold_without_end_keeps_the_first_choice() {
     let q: Vec<f64> = pose(0.8, 0.0).0.iter().skip(2).step_by(3).copied().collect();
     let v = Angles::rates([q[0], q[1], q[2]], 10.0).to_vec();
     for selection in Selection::ALL {
-        let mut f = Projective::new(&system, 2, ProjectiveOptions { exchange: f64::INFINITY, ..by(selection) });
+        let mut f = Projective::new(&system, 2, &FormulationOptions { exchange: f64::INFINITY, ..by(selection) });
         march(&mut f, &q, &v, &at, &mechanisms::grid(1.0, 0.002));
-        assert_eq!((f.counters().exchanges, f.events().len()), (0, 1), "{}", selection.name());
+        assert_eq!((f.journal().counters.exchanges, f.journal().events.len()), (0, 1), "{}", selection.name());
     }
 }
 
@@ -210,19 +211,20 @@ fn persistence_finds_the_crank() {
     // crossing of zero is seen whatever the steps
     for h in [0.002, 0.01] {
         let at = times(0.5, 20);
-        let mut f = Projective::new(&system, 8, by(Selection::Persistence));
+        let mut f = Projective::new(&system, 8, &by(Selection::Persistence));
         let samples = march(&mut f, &q, &v, &at, &mechanisms::grid(10.0, h));
         let turns = (samples[19].q[2] - q[2]).abs() / TAU;
         assert!(turns > 10.0, "{turns}");
-        let last = f.events().last().unwrap();
+        let events = f.journal().events;
+        let last = events.last().unwrap();
         assert_eq!(last.independent, [2], "{f:?}", f = last);
         // the window of one second fills once; the crank may still have to wait till it is not much the worse
         assert!(last.t < 2.5, "{}", last.t);
         assert!(last.reason.starts_with("angle1 takes the place of"), "{}", last.reason);
         // the collective rule goes on exchanging
-        let mut collective = Projective::new(&system, 8, ProjectiveOptions::default());
+        let mut collective = Projective::new(&system, 8, &FormulationOptions::default());
         march(&mut collective, &q, &v, &at, &mechanisms::grid(10.0, h));
-        let later = collective.events().iter().filter(|e| e.t > last.t).count();
+        let later = collective.journal().events.iter().filter(|e| e.t > last.t).count();
         assert!(later > 30, "{later}");
     }
 }
@@ -232,17 +234,18 @@ fn persistence_finds_the_crank() {
 fn contradictions_are_refused() {
     let system = ByHand::new(FourBar);
     let (q, v) = FourBar::start();
-    let refusal = |options: ProjectiveOptions| {
-        let mut f = Projective::new(&system, 8, options);
+    let refusal = |options: FormulationOptions| {
+        let mut f = Projective::new(&system, 8, &options);
         f.start(0.0, &q, &v, &mut vec![0.0; f.dim()]).unwrap_err().to_string()
     };
-    let d = ProjectiveOptions::default;
-    assert!(refusal(ProjectiveOptions { selection: Selection::Persistence, ..d() }).contains("window"));
-    assert!(refusal(ProjectiveOptions { window: Some(1.0), ..d() }).contains("persistence"));
+    let d = FormulationOptions::default;
+    assert!(refusal(FormulationOptions { selection: Selection::Persistence, ..d() }).contains("window"));
+    assert!(refusal(FormulationOptions { window: Some(1.0), ..d() }).contains("persistence"));
     let weights = Some(vec![1.0; 9]);
-    assert!(refusal(ProjectiveOptions { selection: Selection::Determinant, weights, ..d() }).contains("weights"));
+    assert!(refusal(FormulationOptions { selection: Selection::Determinant, weights, ..d() }).contains("weights"));
     let fixed = Some(vec![2]);
-    assert!(refusal(ProjectiveOptions { selection: Selection::Greedy, fixed, ..d() }).contains("no rule chooses"));
+    assert!(refusal(FormulationOptions { selection: Selection::Greedy, independent: fixed, ..d() })
+        .contains("no rule chooses"));
 }
 
 /// A point on a circle beside three carts coupled rigidly, without forces.
@@ -298,8 +301,8 @@ fn an_impossible_choice_ends_the_run_by_name() {
     // ρ = (0.95, 0.3, 0.58, 0.58, 0.58), going round with 1 rad/s
     let (q, v) = ([0.3, -0.91f64.sqrt(), 0.0, 0.0, 0.0], [0.91f64.sqrt(), 0.3, 0.5, 0.5, 0.5]);
     for selection in Selection::ALL {
-        let mut f = Projective::new(&system, 3, by(selection));
-        let mut keep = |_: &partita_system::formulation::Output| Ok(());
+        let mut f = Projective::new(&system, 3, &by(selection));
+        let mut keep = |_: &partita_system::record::Output| Ok(());
         let settings = mechanisms::grid(20.0, 0.01);
         let outcome =
             simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();
@@ -311,9 +314,9 @@ fn an_impossible_choice_ends_the_run_by_name() {
         }
         assert_eq!(outcome.status, Status::Finished, "{}: {}", selection.name(), outcome.message);
         // one coordinate for each of the two motions, at any time
-        for e in f.events() {
+        for e in f.journal().events {
             assert_eq!(e.independent.iter().filter(|&&i| i < 2).count(), 1, "{}: {e:?}", selection.name());
         }
-        assert!(f.events().len() > 5, "{}", selection.name());
+        assert!(f.journal().events.len() > 5, "{}", selection.name());
     }
 }

@@ -4,11 +4,11 @@ mod mechanisms;
 
 use mechanisms::{distance, grid, march, reference, run, slope, times};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::multipliers::Multipliers;
+use partita_system::formulation::motion::Projective;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
 use partita_system::formulation::registry;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Sample};
 use partita_system::SystemError;
 
 type Done = Result<(), SystemError>;
@@ -136,12 +136,12 @@ fn the_sleigh_against_its_closed_form() {
     let energy: f64 = 0.5 * (MASS * u * u + about_edge * w * w);
     let (top, spin) = ((2.0 * energy / MASS).sqrt(), (2.0 * energy / about_edge).sqrt());
     let (kappa, beta) = (MASS * ARM * top / about_edge, (u / top).atanh());
-    let mut f = Projective::new(&system, 1, ProjectiveOptions::default());
+    let mut f = Projective::new(&system, 1, &FormulationOptions::default());
     let (q, v) = system.equations.start(u, w);
     let samples = march(&mut f, &q, &v, &times(0.1, 30), &reference(3.0));
     // x and y of the centre of mass take turns while the sleigh turns round
-    assert!(f.counters().exchanges >= 2, "{:?}", f.events());
-    assert_eq!(f.counters().corrections, 0, "there is no position to correct");
+    assert!(f.journal().counters.exchanges >= 2, "{:?}", f.journal().events);
+    assert_eq!(f.journal().counters.corrections, 0, "there is no position to correct");
     for s in &samples {
         let x = kappa * s.t + beta;
         let [u, w] = Sleigh::speeds(s);
@@ -165,17 +165,17 @@ fn order_and_energy_of_sleighs() {
         let system = ByHand::new(Sleigh { rod });
         let start = system.equations.start(-1.0, 2.5);
         let at = times(0.3, 10);
-        let exact = run(&system, ProjectiveOptions::default(), &start, &at, &reference(3.0));
+        let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(3.0));
         let energy = system.equations.energy(&exact[0]);
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
-            let options = ProjectiveOptions { correction, ..ProjectiveOptions::default() };
+            let options = FormulationOptions { correction, ..FormulationOptions::default() };
             let mut lost: f64 = 0.0;
             let errors = STEPS.map(|h| {
-                let mut f = Projective::new(&system, if rod { 3 } else { 1 }, options.clone());
+                let mut f = Projective::new(&system, if rod { 3 } else { 1 }, &options);
                 let samples = march(&mut f, &start.0, &start.1, &at, &grid(3.0, h));
                 samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
                 if rod && correction != Correction::None {
-                    assert!(f.counters().corrections > 0);
+                    assert!(f.journal().counters.corrections > 0);
                     samples.iter().for_each(|s| assert!(s.closure < 1e-14, "{}", s.closure));
                 }
                 lost = samples.iter().fold(0.0, |m: f64, s| m.max((system.equations.energy(s) - energy).abs()));
@@ -195,8 +195,8 @@ fn both_formulations_pull_the_rod_alike() {
     let system = ByHand::new(Sleigh { rod: true });
     let (q, v) = system.equations.start(-1.0, 2.5);
     let at = times(0.3, 10);
-    let x = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
-    let mut f = Multipliers::new(&system, 3, Correction::MassOrthogonal);
+    let x = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
+    let mut f = registry::by_name("multipliers", &system, 3, &least_moves()).unwrap();
     let y = march(&mut f, &q, &v, &at, &reference(3.0));
     assert!(distance(&x, &y) < 1e-10, "{:e}", distance(&x, &y));
     for (x, y) in x.iter().zip(&y) {
@@ -219,7 +219,7 @@ fn two_k_states_need_positions() {
     // the others take them, corrections included
     let (q, v) = system.equations.start(-1.0, 2.5);
     let at = times(0.3, 10);
-    let x = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
+    let x = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     for name in ["multipliers", "range-space", "proximal"] {
         for correction in [Correction::Partition, Correction::MassOrthogonal] {
             let options = FormulationOptions { correction, ..FormulationOptions::default() };
@@ -237,7 +237,7 @@ fn tangent_velocities_pull_the_rod_alike() {
     let system = ByHand::new(Sleigh { rod: true });
     let (q, v) = system.equations.start(-1.0, 2.5);
     let at = times(0.3, 10);
-    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
+    let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt"] {
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
             let options = FormulationOptions { correction, renew: 0.8, ..FormulationOptions::default() };
@@ -256,4 +256,8 @@ fn tangent_velocities_pull_the_rod_alike() {
     }
     let refused = registry::by_name("tangent-space", &system, 3, &FormulationOptions::default()).err().unwrap();
     assert!(refused.to_string().contains("constraint 2") && refused.to_string().contains("nonholonomic"), "{refused}");
+}
+
+fn least_moves() -> FormulationOptions {
+    FormulationOptions { correction: Correction::MassOrthogonal, ..FormulationOptions::default() }
 }

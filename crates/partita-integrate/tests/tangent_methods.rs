@@ -4,13 +4,13 @@ mod mechanisms;
 
 use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, Pendulum, GROUND, LENGTHS};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::gram_schmidt::GramSchmidt;
+use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::projective::ProjectiveOptions;
 use partita_system::formulation::registry;
-use partita_system::formulation::selector::Selector;
-use partita_system::formulation::tangent_space::TangentSpace;
-use partita_system::formulation::{Correction, Formulation, Sample};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Correction, Sample};
+use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
+use partita_system::tangent::frozen::Frozen;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ fn order_of_a_four_bar() {
     let system = ByHand::new(FourBar);
     let (q, v) = FourBar::start();
     let at = times(0.2, 10);
-    let exact = run(&system, ProjectiveOptions::default(), &FourBar::start(), &at, &reference(2.0));
+    let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(2.0));
     let mut last = Vec::new();
     for name in NAMES {
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
@@ -44,7 +44,7 @@ fn order_of_a_four_bar() {
                 // renewed early: near the end of a basis the higher terms of the error still show at these steps
                 let mut f = formulation(&system, name, correction, 0.8);
                 let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
-                assert!(f.events().len() >= 3, "{name}: {:?}", f.events());
+                assert!(f.journal().events.len() >= 3, "{name}: {:?}", f.journal().events);
                 for s in &samples {
                     assert!(s.velocity_closure < 1e-12, "{name}: {:e}", s.velocity_closure);
                     assert!(correction == Correction::None || s.closure < 1e-14, "{name}: {:e}", s.closure);
@@ -67,7 +67,7 @@ fn one_motion_with_every_form() {
     let system = ByHand::new(FourBar);
     let (q, v) = FourBar::start();
     let at = times(0.5, 8);
-    let exact = run(&system, ProjectiveOptions::default(), &FourBar::start(), &at, &reference(4.0));
+    let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
     for name in NAMES {
         let mut f = formulation(&system, name, Correction::Partition, 0.5);
         let samples = march(&mut f, &q, &v, &at, &reference(4.0));
@@ -83,7 +83,7 @@ fn one_motion_with_every_form() {
             let least = if name == "gram-schmidt" || name == "tangent-space" { 0.4 } else { 0.1 };
             assert!(x.sqrt_mu > least, "{name}: {}", x.sqrt_mu);
         }
-        let notes = f.notes();
+        let notes = f.journal().notes;
         assert!(notes.iter().any(|n| n.contains("renewed")), "{notes:?}");
     }
 }
@@ -95,17 +95,17 @@ fn renewing_is_free_of_error() {
     let (q, v) = FourBar::start();
     // swings down from 0.8 rad with the rocker: half a second keeps the first basis above 0.4
     let at = times(0.05, 10);
-    let exact = run(&system, ProjectiveOptions::default(), &FourBar::start(), &at, &reference(0.5));
+    let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(0.5));
     for name in ["svd", "gram-schmidt", "tangent-space"] {
         let errors = [0.0, 0.5, 1.0].map(|renew| {
             let mut f = formulation(&system, name, Correction::Partition, renew);
             let samples = march(&mut f, &q, &v, &at, &grid(0.5, 0.005));
             if renew == 0.0 {
-                assert_eq!(f.events().len(), 1);
+                assert_eq!(f.journal().events.len(), 1);
             }
             if renew == 1.0 {
                 // after most of the hundred steps (a basis oblique from the start may get better for a while)
-                assert!(f.events().len() > 30, "{}", f.events().len());
+                assert!(f.journal().events.len() > 30, "{}", f.journal().events.len());
             }
             distance(&samples, &exact)
         });
@@ -118,7 +118,7 @@ fn renewing_is_free_of_error() {
 #[test]
 fn decay_of_a_frozen_basis() {
     let system = ByHand::new(FourBar);
-    let mut x = Selector::new(&system, 8, Box::new(GramSchmidt));
+    let mut x = Frozen::new(&system, 8, Box::new(GramSchmidt), 0.5);
     let at = |degrees: f64| {
         let crank = 0.8 + degrees.to_radians();
         let [a, b] = Angles::close(crank);
@@ -130,11 +130,11 @@ fn decay_of_a_frozen_basis() {
         assert!((p[0] - GROUND).abs() < 1e-14 && p[1].abs() < 1e-14);
         q
     };
-    x.start(0.0, &at(0.0)).unwrap();
+    x.begin(0.0, &at(0.0)).unwrap();
     for (degrees, wanted) in [(0.0, 1.0), (10.0, 0.98), (40.0, 0.83), (80.0, 0.46), (120.0, 0.04)] {
         let q = at(degrees);
         x.evaluate(0.0, &q, &[1.0]).unwrap();
-        let found = x.quality(0.0, &q).unwrap().sqrt_mu;
+        let found = x.quality_here(0.0, &q).unwrap().sqrt_mu;
         assert!((found - wanted).abs() < 0.005, "{found} after {degrees} degrees");
     }
 }
@@ -144,7 +144,7 @@ fn decay_of_a_frozen_basis() {
 fn every_stage_is_closed() {
     let system = ByHand::new(FourBar);
     let (q, v) = FourBar::start();
-    let mut f = TangentSpace::new(&system, 8, 0.5).unwrap();
+    let mut f = TangentSpace::new(&system, 8, &FormulationOptions::default()).unwrap();
     let mut y = vec![0.0; f.dim()];
     assert_eq!((f.dim(), f.controlled()), (2, 2));
     f.start(0.0, &q, &v, &mut y).unwrap();
@@ -158,7 +158,7 @@ fn every_stage_is_closed() {
         phi.iter().for_each(|x| assert!(x.abs() < 1e-14, "{x:e} at {point:?}"));
         let moved: Vec<f64> = p.iter().zip(&q).map(|(p, q)| p - q).collect();
         let mut back = [0.0];
-        f.selector().select(&moved, &mut back);
+        f.tangent().values(&moved, &mut back);
         assert!((back[0] - point[0]).abs() < 1e-13, "{} for {}", back[0], point[0]);
         assert_eq!(dy[0], point[1]);
     }
@@ -170,7 +170,7 @@ const SHAKEN_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 /// Times at which the shaken pendulum is looked at, from its start, and what the compact form finds there.
 fn shaken(system: &ByHand<Pendulum>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
     let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
-    let exact = run(system, ProjectiveOptions::default(), start, &at, &reference(2.0));
+    let exact = run(system, FormulationOptions::default(), start, &at, &reference(2.0));
     (at, exact)
 }
 
@@ -252,7 +252,7 @@ fn tangent_velocities_of_the_user() {
             let errors = SHAKEN_STEPS.map(|h| {
                 let mut f = make();
                 let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
-                let told = f.notes();
+                let told = f.journal().notes;
                 assert_eq!(told.is_empty(), bias, "{told:?}");
                 distance(&samples, &exact)
             });
@@ -273,7 +273,7 @@ fn tangent_velocities_of_the_user() {
     let system = ByHand::new(Angles);
     let (q, v) = Angles::start();
     let at = times(0.25, 8);
-    let exact = run(&system, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
     let options = FormulationOptions { tangent: Some(Arc::new(AlongTheBars)), ..FormulationOptions::default() };
     let mut f = registry::by_name("user-tangent", &system, 2, &options).unwrap();
     let samples = march(&mut f, &q, &v, &at, &reference(2.0));
@@ -412,13 +412,13 @@ fn a_redundant_row() {
     let twice = ByHand::new(Twice(Pendulum::RESTING_PIVOT));
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
     let at = times(0.2, 10);
-    let exact = run(&once, ProjectiveOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
+    let exact = run(&once, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
     let tangent: Arc<dyn TangentMap> = Arc::new(AboutThePivot { pendulum: Pendulum::RESTING_PIVOT, bias: false });
     let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
     for name in NAMES.into_iter().chain(["user-tangent"]) {
         let mut f = registry::by_name(name, &twice, 1, &options).unwrap();
         let samples = march(&mut f, &q, &v, &at, &reference(2.0));
-        assert_eq!(f.rows().len(), 1);
+        assert_eq!(f.journal().rows.len(), 1);
         assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
         for (x, y) in samples.iter().zip(&exact) {
             // one of the rows carries it all

@@ -10,22 +10,6 @@ use partita_math::scalar::{Real, Scalar};
 use partita_math::spatial::{Space, Vec3};
 use std::convert::Infallible;
 
-/// Room for the recursion: DIM x DIM numbers a link.
-#[derive(Clone, Debug, Default)]
-pub struct Articulated<S> {
-    inertia: Vec<S>,
-    /// S (DIM x 3) and K = U D⁻¹ (DIM x 3) of each link.
-    axes: Vec<S>,
-    gain: Vec<S>,
-    /// D⁻¹ (3 x 3) of each link.
-    inverse: Vec<S>,
-    compliance: Vec<S>,
-    force: Vec<S>,
-    motion: Vec<S>,
-    /// Effort left over on each link.
-    left: Vec<[S; 3]>,
-}
-
 /// `X` of a link: its twist is `X` times its parent's. Rows and columns turns first.
 fn shift<G: Space>(arm: Vec3<G::S>, out: &mut [G::S]) {
     let (d, o) = (G::DIM, G::S::zero());

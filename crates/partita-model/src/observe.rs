@@ -132,6 +132,11 @@ impl TurnCounter {
         Self { turns, last: vec![None; model.placed.joints.len()] }
     }
 
+    /// Does joint `j` have angles whose turns are counted?
+    pub fn counts(&self, j: usize) -> bool {
+        self.turns[j].contains(&true)
+    }
+
     /// Add full turns to the angles of joint `j` at `t`; calls go forward in time.
     pub fn unwrap(&mut self, j: usize, t: f64, state: &mut JointState) {
         if !self.turns[j].contains(&true) {

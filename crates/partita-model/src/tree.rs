@@ -209,9 +209,9 @@ pub struct TreeScratch<G: Space> {
     /// Links that one coordinate carries.
     pub moves: Vec<bool>,
     /// Room for the articulated recursion.
-    pub articulated: crate::articulated::Articulated<G::S>,
+    pub articulated: crate::memory::Articulated<G::S>,
     /// Room for the recursion over clusters.
-    pub clusters: crate::clusters::ClusterScratch<G::S>,
+    pub clusters: crate::memory::ClusterScratch<G::S>,
 }
 
 impl<G: Space> Tree<G> {
@@ -222,43 +222,49 @@ impl<G: Space> Tree<G> {
             effort: vec![G::S::zero(); self.nv],
             partial: Vec::new(),
             moves: vec![false; self.links.len()],
-            articulated: crate::articulated::Articulated::default(),
-            clusters: crate::clusters::ClusterScratch::default(),
+            articulated: crate::memory::Articulated::default(),
+            clusters: crate::memory::ClusterScratch::default(),
         }
     }
 
     /// Poses of all links at q.
     pub fn poses(&self, q: &[G::S], s: &mut TreeScratch<G>) {
         for i in 1..self.links.len() {
-            let link = &self.links[i];
-            let (rot_p, centre_p) = (s.links[link.parent].rot, s.links[link.parent].centre);
-            let x = &mut s.links[i];
-            match link.motion {
-                LinkMotion::Turn(axis) => {
-                    x.arm_in = G::rotate(&rot_p, link.to_joint);
-                    x.axis = G::rotate_ang(&rot_p, axis);
-                    x.rot = G::turn(&rot_p, axis, q[link.q]);
-                    x.joint = centre_p + x.arm_in;
-                    x.arm_out = G::rotate(&x.rot, link.to_centre);
-                    x.centre = x.joint + x.arm_out;
-                }
-                LinkMotion::Slide(axis) => {
-                    x.direction = G::rotate(&rot_p, axis);
-                    x.rot = rot_p;
-                    let along = G::scale(x.direction, q[link.q]);
-                    x.arm_in = G::rotate(&rot_p, link.to_joint + link.to_centre) + along;
-                    x.centre = centre_p + x.arm_in;
-                    x.arm_out = G::rotate(&rot_p, link.to_centre);
-                    x.joint = x.centre - x.arm_out;
-                }
-                LinkMotion::Ball => {
-                    x.arm_in = G::rotate(&rot_p, link.to_joint);
-                    let p = [q[link.q], q[link.q + 1], q[link.q + 2], q[link.q + 3]];
-                    x.rot = G::turn_quaternion(&rot_p, p);
-                    x.joint = centre_p + x.arm_in;
-                    x.arm_out = G::rotate(&x.rot, link.to_centre);
-                    x.centre = x.joint + x.arm_out;
-                }
+            self.pose(i, q, s);
+        }
+    }
+
+    /// Pose of link i at q, those of the links before it known.
+    #[inline(always)]
+    pub fn pose(&self, i: usize, q: &[G::S], s: &mut TreeScratch<G>) {
+        let link = &self.links[i];
+        let (rot_p, centre_p) = (s.links[link.parent].rot, s.links[link.parent].centre);
+        let x = &mut s.links[i];
+        match link.motion {
+            LinkMotion::Turn(axis) => {
+                x.arm_in = G::rotate(&rot_p, link.to_joint);
+                x.axis = G::rotate_ang(&rot_p, axis);
+                x.rot = G::turn(&rot_p, axis, q[link.q]);
+                x.joint = centre_p + x.arm_in;
+                x.arm_out = G::rotate(&x.rot, link.to_centre);
+                x.centre = x.joint + x.arm_out;
+            }
+            LinkMotion::Slide(axis) => {
+                x.direction = G::rotate(&rot_p, axis);
+                x.rot = rot_p;
+                let along = G::scale(x.direction, q[link.q]);
+                x.arm_in = G::rotate(&rot_p, link.to_joint + link.to_centre) + along;
+                x.centre = centre_p + x.arm_in;
+                x.arm_out = G::rotate(&rot_p, link.to_centre);
+                x.joint = x.centre - x.arm_out;
+            }
+            LinkMotion::Ball => {
+                x.arm_in = G::rotate(&rot_p, link.to_joint);
+                let p = [q[link.q], q[link.q + 1], q[link.q + 2], q[link.q + 3]];
+                x.rot = G::turn_quaternion(&rot_p, p);
+                x.joint = centre_p + x.arm_in;
+                x.arm_out = G::rotate(&x.rot, link.to_centre);
+                x.centre = x.joint + x.arm_out;
             }
         }
     }
@@ -285,39 +291,45 @@ impl<G: Space> Tree<G> {
     /// Twists and bias accelerations (v' = 0) of all links at v.
     pub fn twists(&self, v: &[G::S], s: &mut TreeScratch<G>) {
         for i in 1..self.links.len() {
-            let link = &self.links[i];
-            let p = &s.links[link.parent];
-            let (w_p, u_p, alpha_p, acc_p) = (p.w, p.u, p.alpha, p.acc);
-            let x = &mut s.links[i];
-            match link.motion {
-                LinkMotion::Slide(_) => {
-                    let slide = G::scale(x.direction, v[link.v]);
-                    let carried = G::cross(w_p, x.arm_in);
-                    x.w = w_p;
-                    x.u = u_p + carried + slide;
-                    x.alpha = alpha_p;
-                    let coriolis = G::cross(w_p, slide);
-                    x.acc = acc_p + G::cross(alpha_p, x.arm_in) + G::cross(w_p, carried) + coriolis + coriolis;
-                }
-                LinkMotion::Turn(_) | LinkMotion::Ball => {
-                    let turn = match link.motion {
-                        LinkMotion::Turn(_) => G::scale_ang(x.axis, v[link.v]),
-                        _ => {
-                            G::scale_ang(G::body_axis(&x.rot, 0), v[link.v])
-                                + G::scale_ang(G::body_axis(&x.rot, 1), v[link.v + 1])
-                                + G::scale_ang(G::body_axis(&x.rot, 2), v[link.v + 2])
-                        }
-                    };
-                    x.w = w_p + turn;
-                    x.alpha = alpha_p + G::cross_ang(w_p, turn);
-                    let (inner, outer) = (G::cross(w_p, x.arm_in), G::cross(x.w, x.arm_out));
-                    x.u = u_p + inner + outer;
-                    x.acc = acc_p
-                        + G::cross(alpha_p, x.arm_in)
-                        + G::cross(w_p, inner)
-                        + G::cross(x.alpha, x.arm_out)
-                        + G::cross(x.w, outer);
-                }
+            self.twist(i, v, s);
+        }
+    }
+
+    /// Twist and bias acceleration of link i at v, those of the links before it known.
+    #[inline(always)]
+    pub fn twist(&self, i: usize, v: &[G::S], s: &mut TreeScratch<G>) {
+        let link = &self.links[i];
+        let p = &s.links[link.parent];
+        let (w_p, u_p, alpha_p, acc_p) = (p.w, p.u, p.alpha, p.acc);
+        let x = &mut s.links[i];
+        match link.motion {
+            LinkMotion::Slide(_) => {
+                let slide = G::scale(x.direction, v[link.v]);
+                let carried = G::cross(w_p, x.arm_in);
+                x.w = w_p;
+                x.u = u_p + carried + slide;
+                x.alpha = alpha_p;
+                let coriolis = G::cross(w_p, slide);
+                x.acc = acc_p + G::cross(alpha_p, x.arm_in) + G::cross(w_p, carried) + coriolis + coriolis;
+            }
+            LinkMotion::Turn(_) | LinkMotion::Ball => {
+                let turn = match link.motion {
+                    LinkMotion::Turn(_) => G::scale_ang(x.axis, v[link.v]),
+                    _ => {
+                        G::scale_ang(G::body_axis(&x.rot, 0), v[link.v])
+                            + G::scale_ang(G::body_axis(&x.rot, 1), v[link.v + 1])
+                            + G::scale_ang(G::body_axis(&x.rot, 2), v[link.v + 2])
+                    }
+                };
+                x.w = w_p + turn;
+                x.alpha = alpha_p + G::cross_ang(w_p, turn);
+                let (inner, outer) = (G::cross(w_p, x.arm_in), G::cross(x.w, x.arm_out));
+                x.u = u_p + inner + outer;
+                x.acc = acc_p
+                    + G::cross(alpha_p, x.arm_in)
+                    + G::cross(w_p, inner)
+                    + G::cross(x.alpha, x.arm_out)
+                    + G::cross(x.w, outer);
             }
         }
     }

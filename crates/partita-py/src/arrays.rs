@@ -1,8 +1,12 @@
 //! Arrays across the border.
 
 use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
+use numpy::{
+    IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray,
+};
+use partita_math::dense::Matrix;
 use pyo3::prelude::*;
+use std::borrow::Cow;
 
 use crate::failure::raise;
 
@@ -37,14 +41,39 @@ pub fn shaped<'py, T: numpy::Element + Clone + Default>(
     data: Vec<T>,
 ) -> Bound<'py, PyArrayDyn<T>> {
     match ArrayD::from_shape_vec(IxDyn(shape), data) {
-        Ok(a) => a.to_pyarray(py),
+        Ok(a) => a.into_pyarray(py),
         // a wrong count is a mistake of ours: an empty array shows it, a crash would not
         Err(_) => ArrayD::<T>::default(IxDyn(&[0])).to_pyarray(py),
     }
 }
 
+/// A matrix as an array.
+pub fn dense(py: Python<'_>, x: Matrix) -> Bound<'_, PyArrayDyn<f64>> {
+    array(py, &[x.rows(), x.cols()], x.into_vec())
+}
+
+/// Indices as an array of integers.
+pub fn indices<'py>(py: Python<'py>, x: &[usize]) -> Bound<'py, PyArrayDyn<i64>> {
+    shaped(py, &[x.len()], x.iter().map(|&i| i as i64).collect())
+}
+
+/// The entries of a vector, copied only where they do not lie side by side.
+pub fn entries_of<'x>(x: &'x PyReadonlyArray1<'_, f64>) -> Cow<'x, [f64]> {
+    x.as_slice().map_or_else(|_| Cow::Owned(any_vector(x)), Cow::Borrowed)
+}
+
+/// The entries of a matrix with one row a time, checked for its shape.
+pub fn rows_of<'x>(x: &'x PyReadonlyArray2<'_, f64>, nt: usize, width: usize, what: &str) -> PyResult<Cow<'x, [f64]>> {
+    let shape = x.shape();
+    if (shape[0], shape[1]) != (nt, width) {
+        let message = format!("{what} is {} x {}; it must be {nt} x {width}, a row for each time", shape[0], shape[1]);
+        return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
+    }
+    Ok(x.as_slice().map_or_else(|_| Cow::Owned(matrix(x).2), Cow::Borrowed))
+}
+
 /// Contiguous copy of a matrix, with its shape.
-pub fn matrix(x: &numpy::PyReadonlyArray2<'_, f64>) -> (usize, usize, Vec<f64>) {
+pub fn matrix(x: &PyReadonlyArray2<'_, f64>) -> (usize, usize, Vec<f64>) {
     let shape = x.shape();
     (shape[0], shape[1], x.as_array().iter().copied().collect())
 }

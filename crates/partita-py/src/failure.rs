@@ -106,6 +106,12 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
 pub fn analysis(py: Python<'_>, e: partita_analysis::AnalysisError) -> PyErr {
     match e {
         partita_analysis::AnalysisError::Description(e) => description(py, &e),
+        partita_analysis::AnalysisError::Argument { argument, message } => {
+            raise(py, "ArgumentError", &message, &[("argument", argument.into())])
+        }
+        partita_analysis::AnalysisError::Unknown { name, message } => {
+            raise(py, "UnknownNameError", &message, &[("name", name.into())])
+        }
         partita_analysis::AnalysisError::System(e) => system(py, e),
     }
 }

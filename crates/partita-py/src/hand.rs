@@ -11,6 +11,7 @@ use partita_system::equations::{ByHand, Equations};
 use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
 /// The callables of a system.
 struct Callables {
@@ -252,6 +253,22 @@ impl System {
             state::acceleration(py, &system, t, &q, &v)
         })
     }
+    /// S1-S5 and their reduction at one instant, by name.
+    #[pyo3(signature = (t, q, v))]
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.f.n, "q")?;
+            let v = v.map(|v| vector(&v, self.f.n, "v")).transpose()?;
+            let system = self.sized(py, t, &q)?;
+            state::at(py, &system, t, &q, v.as_deref())
+        })
+    }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
@@ -274,8 +291,9 @@ impl System {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
-            let system = self.sized(py, options.t0(), &q)?;
-            run::run(py, &system, &options, &t_eval, (&q, &v), run::tangent(self.f.n, tangent), progress, |_| Ok(None))
+            let system = self.sized(py, options.t0, &q)?;
+            let tangent = run::tangent(self.f.n, tangent);
+            run::run(py, Arc::new(system), &options, &t_eval, (&q, &v), tangent, progress, true)
         })
     }
 }

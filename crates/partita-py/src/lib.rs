@@ -26,8 +26,10 @@ fn version() -> &'static str {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<hand::System>()?;
+    m.add_class::<run::Account>()?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
+    m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;
     m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
     m.add_function(wrap_pyfunction!(toml::toml_line, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;

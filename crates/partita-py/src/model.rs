@@ -3,17 +3,18 @@
 use crate::arrays::{array, shaped, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, States};
+use crate::outputs::{self, Acting, Motion};
 use crate::run::{self, read_options};
-use crate::state::{self, Array, Levels};
+use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
+use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
-use partita_system::formulation::Output;
 use partita_system::kinematics::{assembly, projection::dense_rows};
+use partita_system::record::Output;
 use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -23,7 +24,7 @@ use std::sync::{Arc, OnceLock};
 /// A compiled mechanism: constant; states are handed in.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
-    inner: Inner,
+    inner: Arc<Inner>,
     structure: OnceLock<Structure>,
 }
 
@@ -61,7 +62,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
+            let closed = assembly::close(&*self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
             if closed.is_err() {
                 q = self.inner.initial();
             }
@@ -85,7 +86,7 @@ impl Model {
     /// The position level at q.
     fn position<'py>(&self, py: Python<'py>, t: f64, q: &PyReadonlyArray1<'py, f64>) -> PyResult<Levels<'_, Inner>> {
         let q = vector(q, self.nq(), "q")?;
-        let mut levels = Levels::new(&self.inner);
+        let mut levels = Levels::new(&*self.inner);
         levels.position(t, &q).map_err(|e| failure::system(py, e))?;
         Ok(levels)
     }
@@ -113,7 +114,7 @@ impl Model {
             let functions = Arc::new(Callables(functions));
             let inner = heard(py, long, move || Inner::new(spec, functions, coordinates))?
                 .map_err(|e| failure::description(py, &e))?;
-            Ok(Self { inner, structure: OnceLock::new() })
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
 
@@ -241,7 +242,7 @@ impl Model {
             let ask = move || {
                 let system = &own.get().inner;
                 let place = |q: &[f64]| system.place(t, q, &targets);
-                state::assemble(system, t, q, &targets, &rates, tolerance, place)
+                state::assemble(&**system, t, q, &targets, &rates, tolerance, place)
             };
             let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
@@ -285,7 +286,7 @@ impl Model {
         guarded(py, || {
             let n = self.nv();
             let (q, rest) = (vector(&q, self.nq(), "q")?, vec![0.0; n]);
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &rest).and_then(|()| levels.dynamics(t, &q, &rest));
             Ok(array(py, &[n, n], found.map_err(|e| failure::system(py, e))?.0))
         })
@@ -299,7 +300,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             let found = levels.velocity(t, &q, &v).and_then(|()| levels.dynamics(t, &q, &v));
             Ok(array(py, &[v.len()], found.map_err(|e| failure::system(py, e))?.1))
         })
@@ -314,7 +315,7 @@ impl Model {
         guarded(py, || {
             let c = self.position(py, t, &q)?.c;
             let rows: Vec<usize> = (0..self.rows()).collect();
-            let c = dense_rows(&self.inner, &c, &rows);
+            let c = dense_rows(&*self.inner, &c, &rows);
             Ok(array(py, &[self.rows(), self.nv()], c.into_vec()))
         })
     }
@@ -333,7 +334,7 @@ impl Model {
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
+            let mut levels = Levels::new(&*self.inner);
             levels.velocity(t, &q, &v).map_err(|e| failure::system(py, e))?;
             Ok(array(py, &[levels.b.len()], levels.b))
         })
@@ -347,13 +348,28 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
-            state::acceleration(py, &self.inner, t, &q, &v)
+            state::acceleration(py, &*self.inner, t, &q, &v)
+        })
+    }
+    /// S1-S5 and their reduction at one instant, by name.
+    #[pyo3(signature = (t, q, v))]
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        v: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
+            state::at(py, &*self.inner, t, &q, v.as_deref())
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
-            state::measure(py, &self.inner, t, &q)
+            state::measure(py, &*self.inner, t, &q)
         })
     }
 
@@ -371,25 +387,65 @@ impl Model {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = self.state(&q, &v)?;
-            let mut levels = Levels::new(&self.inner);
-            let energy = |x: &Output| {
-                levels.velocity(x.t, &x.q, &x.v)?;
-                self.inner.energy(x.t, &x.q, &x.v, &levels.scratch).map(Some)
-            };
-            run::run(py, &self.inner, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, energy)
+            let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
+            run::run(py, system, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, calls)
         })
     }
 
-    fn observe<'py>(
+    /// Poses and twists of the bodies `which` at nt samples.
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::bodies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Coordinates, velocities and points of the joints `which` at nt samples.
+    fn joints<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
+    }
+
+    /// Kinetic and potential energy at nt samples.
+    fn energies<'py>(
         &self,
         py: Python<'py>,
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::observe(py, &self.inner, &States::read(&self.inner, &t, &q, &v)?))
+        guarded(py, || outputs::energies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 
+    /// Wrench of one joint at nt samples.
+    fn reaction<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+        joint: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reaction(py, &self.inner, &motion, &acting, joint)
+        })
+    }
+
+    /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,
         py: Python<'py>,
@@ -400,8 +456,9 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::reactions(py, &self.inner, &motion, &acting)
         })
     }
 
@@ -416,8 +473,9 @@ impl Model {
         multipliers: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
-            let states = States::read(&self.inner, &t, &q, &v)?.with_forces(&self.inner, &vdot, &multipliers)?;
-            outputs::augmented_reactions(py, &self.inner, &states)
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::augmented_reactions(py, &self.inner, &motion, &acting)
         })
     }
 

@@ -1,159 +1,216 @@
-//! What a mechanism shows along sampled states: bodies, joints, energies, reactions.
+//! What a mechanism shows along sampled states, handed over as arrays.
 
-use crate::arrays::{any_vector, array, matrix};
+use crate::arrays::{array, entries_of, rows_of};
 use crate::failure::{self, raise};
-use crate::state::{Array, Levels};
+use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use partita_model::observe::TurnCounter;
+use partita_analysis::outputs::{self, Forces, States, Watch};
+use partita_analysis::run::{Assessed, Described};
 use partita_model::Model;
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, Size, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::borrow::Cow;
 
-/// States at some times, row by row; what was not asked for is empty.
-pub struct States {
-    t: Vec<f64>,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    vdot: Vec<f64>,
-    multipliers: Vec<f64>,
+/// Why outputs could not be computed: the mechanism's reason, or the user's wish to stop.
+pub enum Stop {
+    /// Of the system.
+    System(SystemError),
+    /// Ctrl-C.
+    Python(PyErr),
 }
 
-/// Entries of a matrix with one row a time.
-fn rows(x: &PyReadonlyArray2<'_, f64>, nt: usize, width: usize, what: &str) -> PyResult<Vec<f64>> {
-    let (height, columns, data) = matrix(x);
-    if (height, columns) != (nt, width) {
-        let message = format!("{what} is {height} x {columns}; it must be {nt} x {width}, a row for each time");
-        return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
+impl From<SystemError> for Stop {
+    fn from(e: SystemError) -> Self {
+        Self::System(e)
     }
-    Ok(data)
 }
 
-impl States {
-    /// t, q and v, their shapes checked.
+/// Compute with the interpreter free for others; Ctrl-C is heard between the rows.
+pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
+    let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
+    found.map_err(|stop| match stop {
+        Stop::System(e) => failure::system(py, e),
+        Stop::Python(e) => e,
+    })
+}
+
+fn tables(
+    py: Python<'_>,
+    f: impl FnOnce(Watch<Stop>) -> Result<Vec<Vec<f64>>, Stop> + Send,
+) -> PyResult<std::vec::IntoIter<Vec<f64>>> {
+    Ok(watched(py, f)?.into_iter())
+}
+
+/// What belongs to nt outputs of a system, by name.
+pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResult<Bound<'_, PyDict>> {
+    let tables = [x.vdot, x.multipliers, x.independent, x.closure, x.velocity_closure].into_iter();
+    let shapes: [(&str, &[usize]); 5] = [
+        ("vdot", &[size.nv]),
+        ("multipliers", &[size.rows]),
+        ("independent", &[x.k]),
+        ("closure", &[]),
+        ("velocity_closure", &[]),
+    ];
+    let d = named(py, nt, tables, &shapes)?;
+    d.set_item("notes", x.notes)?;
+    Ok(d)
+}
+
+/// Measures and qualities at nt outputs of a system, by name.
+pub fn assessed(py: Python<'_>, nt: usize, size: Size, x: Assessed) -> PyResult<Bound<'_, PyDict>> {
+    let shapes: [(&str, &[usize]); 3] = [("measure", &[size.nv]), ("sigma", &[]), ("sqrt_mu", &[])];
+    named(py, nt, [x.measure, x.sigma, x.sqrt_mu].into_iter(), &shapes)
+}
+
+/// t, q and v at the outputs, their shapes checked.
+pub struct Motion<'x> {
+    t: Cow<'x, [f64]>,
+    q: Cow<'x, [f64]>,
+    v: Cow<'x, [f64]>,
+}
+
+/// v' and λ there.
+pub struct Acting<'x> {
+    vdot: Cow<'x, [f64]>,
+    multipliers: Cow<'x, [f64]>,
+}
+
+impl<'x> Motion<'x> {
+    /// From arrays with a row for each time.
     pub fn read(
         m: &Model,
-        t: &PyReadonlyArray1<'_, f64>,
-        q: &PyReadonlyArray2<'_, f64>,
-        v: &PyReadonlyArray2<'_, f64>,
+        t: &'x PyReadonlyArray1<'_, f64>,
+        q: &'x PyReadonlyArray2<'_, f64>,
+        v: &'x PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
-        let (t, size) = (any_vector(t), m.size());
-        let (q, v) = (rows(q, t.len(), size.nq, "q")?, rows(v, t.len(), size.nv, "v")?);
-        Ok(Self { t, q, v, vdot: Vec::new(), multipliers: Vec::new() })
+        let (t, size) = (entries_of(t), m.size());
+        let (q, v) = (rows_of(q, t.len(), size.nq, "q")?, rows_of(v, t.len(), size.nv, "v")?);
+        Ok(Self { t, q, v })
     }
 
-    /// Accelerations and multipliers besides.
-    pub fn with_forces(
-        mut self,
-        m: &Model,
-        vdot: &PyReadonlyArray2<'_, f64>,
-        multipliers: &PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<Self> {
-        let (nt, size) = (self.t.len(), m.size());
-        self.vdot = rows(vdot, nt, size.nv, "vdot")?;
-        self.multipliers = rows(multipliers, nt, size.rows, "multipliers")?;
-        Ok(self)
-    }
-
-    fn row<'x>(&self, x: &'x [f64], i: usize) -> &'x [f64] {
-        let width = x.len() / self.t.len();
-        &x[i * width..(i + 1) * width]
-    }
-
-    /// t, q and v of sample i.
-    fn at(&self, i: usize) -> (f64, &[f64], &[f64]) {
-        (self.t[i], self.row(&self.q, i), self.row(&self.v, i))
-    }
-
-    /// v' and λ of sample i.
-    fn forces_at(&self, i: usize) -> (&[f64], &[f64]) {
-        (self.row(&self.vdot, i), self.row(&self.multipliers, i))
+    fn states(&self) -> States<'_> {
+        States { t: &self.t, q: &self.q, v: &self.v }
     }
 }
 
-/// Poses and velocities of bodies and joints, and the energies.
-pub fn observe<'py>(py: Python<'py>, m: &Model, states: &States) -> PyResult<Bound<'py, PyDict>> {
-    let (nt, nb, nj) = (states.t.len(), m.spec.bodies.len(), m.spec.joints.len());
-    let mut levels = Levels::new(m);
-    let (mut position, mut rotation, mut velocity, mut spin) = (vec![], vec![], vec![], vec![]);
-    let (mut jq, mut jv, mut point) = (vec![], vec![], vec![]);
-    let (mut kinetic, mut potential) = (vec![], vec![]);
-    let mut tracker = TurnCounter::new(m);
-    for i in 0..nt {
-        let (t, q, v) = states.at(i);
-        levels.velocity(t, q, v).map_err(|e| failure::system(py, e))?;
-        let s = &mut levels.scratch;
-        let (k, p) = m.energy(t, q, v, s).map_err(|e| failure::system(py, e))?;
-        kinetic.push(k);
-        potential.push(p);
-        m.look(q, v, s);
-        for body in 0..nb {
-            let x = m.body_state(body, s);
-            position.extend(x.position.0);
-            rotation.extend(x.rotation.0.concat());
-            velocity.extend(x.velocity.0);
-            spin.extend(x.angular_velocity.0);
-        }
-        for j in 0..nj {
-            let mut x = m.joint_state(j, q, v, s);
-            tracker.unwrap(j, t, &mut x);
-            jq.extend(x.position);
-            jv.extend(x.velocity);
-            point.extend(x.point);
+impl<'x> Acting<'x> {
+    /// From arrays with a row for each time of `motion`.
+    pub fn read(
+        m: &Model,
+        motion: &Motion,
+        vdot: &'x PyReadonlyArray2<'_, f64>,
+        multipliers: &'x PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let (nt, size) = (motion.t.len(), m.size());
+        let (vdot, lambda) = (rows_of(vdot, nt, size.nv, "vdot")?, rows_of(multipliers, nt, size.rows, "multipliers")?);
+        Ok(Self { vdot, multipliers: lambda })
+    }
+
+    fn forces(&self) -> Forces<'_> {
+        Forces { vdot: &self.vdot, multipliers: &self.multipliers }
+    }
+}
+
+fn known(py: Python<'_>, which: &[usize], count: usize, what: &str) -> PyResult<()> {
+    match which.iter().find(|&&i| i >= count) {
+        None => Ok(()),
+        Some(i) => {
+            let message = format!("there is no {what} {i}; there are {count}, numbered from 0");
+            Err(raise(py, "ArgumentError", &message, &[("argument", what.into())]))
         }
     }
-    let width = |x: &Vec<f64>| x.len().checked_div(nt).unwrap_or(0);
+}
+
+/// Name and array of each table; `shape` gives its axes after time.
+fn named<'py>(
+    py: Python<'py>,
+    nt: usize,
+    tables: impl Iterator<Item = Vec<f64>>,
+    shapes: &[(&str, &[usize])],
+) -> PyResult<Bound<'py, PyDict>> {
     let d = PyDict::new(py);
-    d.set_item("body_position", array(py, &[nt, nb, 3], position))?;
-    d.set_item("body_rotation", array(py, &[nt, nb, 3, 3], rotation))?;
-    d.set_item("body_velocity", array(py, &[nt, nb, 3], velocity))?;
-    d.set_item("body_angular_velocity", array(py, &[nt, nb, 3], spin))?;
-    d.set_item("joint_position", array(py, &[nt, width(&jq)], jq))?;
-    d.set_item("joint_velocity", array(py, &[nt, width(&jv)], jv))?;
-    d.set_item("joint_point", array(py, &[nt, nj, 3], point))?;
-    d.set_item("kinetic", array(py, &[nt], kinetic))?;
-    d.set_item("potential", array(py, &[nt], potential))?;
+    for (data, (name, shape)) in tables.zip(shapes) {
+        d.set_item(name, array(py, &[&[nt], *shape].concat(), data))?;
+    }
     Ok(d)
+}
+
+/// Poses and twists of the bodies `which`.
+pub fn bodies<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> PyResult<Bound<'py, PyDict>> {
+    known(py, which, m.spec.bodies.len(), "body")?;
+    let (states, nb) = (x.states(), which.len());
+    let found = tables(py, |watch| outputs::bodies(m, &states, which, watch))?;
+    let shapes: [(&str, &[usize]); 4] = [
+        ("body_position", &[nb, 3]),
+        ("body_rotation", &[nb, 3, 3]),
+        ("body_velocity", &[nb, 3]),
+        ("body_angular_velocity", &[nb, 3]),
+    ];
+    named(py, states.len(), found, &shapes)
+}
+
+/// Coordinates, velocities and points of the joints `which`.
+pub fn joints<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> PyResult<Bound<'py, PyDict>> {
+    known(py, which, m.spec.joints.len(), "joint")?;
+    let (states, nj) = (x.states(), which.len());
+    let found = tables(py, |watch| outputs::joints(m, &states, which, watch))?;
+    let shape = |j: &usize| &m.placed.joints[*j].shape;
+    let nq = which.iter().flat_map(|j| &shape(j).motions).map(partita_model::joint::Motion::coordinates).sum();
+    let nv = which.iter().map(|j| shape(j).freedoms()).sum();
+    let shapes: [(&str, &[usize]); 3] =
+        [("joint_position", &[nq]), ("joint_velocity", &[nv]), ("joint_point", &[nj, 3])];
+    named(py, states.len(), found, &shapes)
+}
+
+/// Kinetic and potential energy.
+pub fn energies<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<Bound<'py, PyDict>> {
+    let states = x.states();
+    let found = tables(py, |watch| outputs::energies(m, &states, watch))?;
+    named(py, states.len(), found, &[("kinetic", &[]), ("potential", &[])])
+}
+
+/// Wrench of one joint, effort of its drives and its axes.
+pub fn reaction<'py>(
+    py: Python<'py>,
+    m: &Model,
+    x: &Motion,
+    acting: &Acting,
+    joint: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    known(py, &[joint], m.spec.joints.len(), "joint")?;
+    let (states, forces) = (x.states(), acting.forces());
+    let found = tables(py, |watch| outputs::reaction(m, &states, &forces, joint, watch))?;
+    let nv = m.placed.joints[joint].shape.freedoms();
+    let shapes: [(&str, &[usize]); 4] =
+        [("force", &[3]), ("moment", &[3]), ("drive", &[nv]), ("joint_rotation", &[3, 3])];
+    named(py, states.len(), found, &shapes)
 }
 
 /// Wrenches of all joints and efforts of the drives, by the recursion along the tree.
-pub fn reactions<'py>(py: Python<'py>, m: &Model, states: &States) -> PyResult<Bound<'py, PyDict>> {
-    let (nt, nj) = (states.t.len(), m.spec.joints.len());
-    let mut s = m.scratch();
-    let (mut force, mut moment, mut drive, mut frame, mut residual) = (vec![], vec![], vec![], vec![], vec![]);
-    for i in 0..nt {
-        let ((t, q, v), (vdot, lambda)) = (states.at(i), states.forces_at(i));
-        let r = m.reactions(t, q, v, vdot, lambda, &mut s).map_err(|e| failure::system(py, e))?;
-        for (j, w) in r.joints.iter().enumerate() {
-            force.extend(w.force.0);
-            moment.extend(w.moment.0);
-            frame.extend(m.joint_frame(j, &s).0.concat());
-        }
-        drive.extend(r.drives.concat());
-        residual.push(r.residual);
-    }
-    let width = drive.len().checked_div(nt).unwrap_or(0);
-    let d = PyDict::new(py);
-    d.set_item("force", array(py, &[nt, nj, 3], force))?;
-    d.set_item("moment", array(py, &[nt, nj, 3], moment))?;
-    d.set_item("drive", array(py, &[nt, width], drive))?;
-    d.set_item("joint_rotation", array(py, &[nt, nj, 3, 3], frame))?;
-    d.set_item("residual", array(py, &[nt], residual))?;
-    Ok(d)
+pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<Bound<'py, PyDict>> {
+    let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
+    let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
+    let nv = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
+    let shapes: [(&str, &[usize]); 5] = [
+        ("force", &[nj, 3]),
+        ("moment", &[nj, 3]),
+        ("drive", &[nv]),
+        ("joint_rotation", &[nj, 3, 3]),
+        ("residual", &[]),
+    ];
+    named(py, states.len(), found, &shapes)
 }
 
 /// Forces and moments of all joints, by augmented joint coordinates.
-pub fn augmented_reactions<'py>(py: Python<'py>, m: &Model, states: &States) -> PyResult<(Array<'py>, Array<'py>)> {
-    let (nt, nj) = (states.t.len(), m.spec.joints.len());
-    let mut s = m.scratch();
-    let (mut force, mut moment) = (Vec::with_capacity(3 * nt * nj), Vec::with_capacity(3 * nt * nj));
-    for i in 0..nt {
-        let ((t, q, v), (vdot, lambda)) = (states.at(i), states.forces_at(i));
-        let found = m.augmented_reactions(t, q, v, vdot, lambda, &mut s);
-        for w in found.map_err(|e| failure::system(py, e))? {
-            force.extend(w.force.0);
-            moment.extend(w.moment.0);
-        }
-    }
-    Ok((array(py, &[nt, nj, 3], force), array(py, &[nt, nj, 3], moment)))
+pub fn augmented_reactions<'py>(
+    py: Python<'py>,
+    m: &Model,
+    x: &Motion,
+    acting: &Acting,
+) -> PyResult<(Array<'py>, Array<'py>)> {
+    let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
+    let mut found = tables(py, |watch| outputs::augmented(m, &states, &forces, watch))?;
+    let mut next = || array(py, &[states.len(), nj, 3], found.next().unwrap_or_default());
+    Ok((next(), next()))
 }

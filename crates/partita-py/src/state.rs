@@ -1,64 +1,17 @@
 //! What any system answers at one state.
 
-use crate::arrays::array;
+use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
+use partita_analysis::instant;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// An array for Python.
 pub type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
-
-/// Room for the position and the velocity level of a system.
-pub struct Levels<'s, S: ConstrainedSystem> {
-    system: &'s S,
-    /// Scratch of the system, at the state last taken.
-    pub scratch: S::Scratch,
-    /// Φ.
-    pub phi: Vec<f64>,
-    /// C in pattern order.
-    pub c: Vec<f64>,
-    /// a.
-    pub a: Vec<f64>,
-    /// b.
-    pub b: Vec<f64>,
-}
-
-impl<'s, S: ConstrainedSystem> Levels<'s, S> {
-    /// Nothing evaluated yet.
-    pub fn new(system: &'s S) -> Self {
-        let size = system.size();
-        Self {
-            system,
-            scratch: system.scratch(),
-            phi: vec![0.0; size.holonomic],
-            c: vec![0.0; system.pattern().nnz()],
-            a: vec![0.0; size.rows],
-            b: vec![0.0; size.rows],
-        }
-    }
-
-    /// Φ, C and a at (t, q).
-    pub fn position(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
-    }
-
-    /// The same, and b at v.
-    pub fn velocity(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
-        self.position(t, q)?;
-        self.system.velocity(t, q, v, &mut self.scratch, &mut self.b)
-    }
-
-    /// M and h, after `velocity` at the same state.
-    pub fn dynamics(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
-        let n = v.len();
-        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
-        self.system.dynamics(t, q, v, &mut self.scratch, &mut mass, &mut h)?;
-        Ok((mass, h))
-    }
-}
 
 /// The reduction with the best partition at (t, q).
 fn chosen<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<Reduction<'s, S>, SystemError> {
@@ -128,6 +81,43 @@ pub fn acceleration<'py, S: ConstrainedSystem>(
     };
     let (vdot, lambda) = compute().map_err(|e| failure::system(py, e))?;
     Ok((array(py, &[vdot.len()], vdot), array(py, &[lambda.len()], lambda)))
+}
+
+/// Everything of S1-S5 and P1-P4 at one instant, by name.
+pub fn at<'py, S: ConstrainedSystem>(
+    py: Python<'py>,
+    system: &S,
+    t: f64,
+    q: &[f64],
+    v: Option<&[f64]>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let i = instant::at(system, t, q, v).map_err(|e| failure::system(py, e))?;
+    let d = PyDict::new(py);
+    let s = i.split;
+    for (name, x) in [("M", i.mass), ("C", i.c), ("A", s.a), ("D", s.d), ("M_d", i.md)] {
+        d.set_item(name, dense(py, x))?;
+    }
+    let vectors = [
+        ("v", i.v),
+        ("h", i.h),
+        ("a", i.a),
+        ("b", i.b),
+        ("eta", i.eta),
+        ("xi", i.xi),
+        ("h_d", i.hd),
+        ("vdot", i.vdot),
+        ("multipliers", i.multipliers),
+        ("rho", i.rho),
+    ];
+    for (name, x) in vectors {
+        d.set_item(name, array(py, &[x.len()], x))?;
+    }
+    for (name, x) in [("independent", s.independent), ("dependent", s.dependent), ("rows", s.rows)] {
+        d.set_item(name, indices(py, &x))?;
+    }
+    d.set_item("sigma", i.sigma)?;
+    d.set_item("sqrt_mu", i.sqrt_mu)?;
+    Ok(d)
 }
 
 /// ρ at a position.

@@ -1,6 +1,7 @@
 //! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`].
 
 mod closing;
+pub mod full;
 
 use crate::kinematics::closing::Closing;
 use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};

@@ -6,9 +6,12 @@ pub mod equations;
 pub mod formulation;
 pub mod kinematics;
 pub mod partition;
-pub mod reaction;
+pub mod positions;
+pub mod record;
+pub mod singular;
 pub mod start;
 pub mod system;
+pub mod tangent;
 
 pub use partition::Partition;
 pub use system::{ConstrainedSystem, Size, SystemError};

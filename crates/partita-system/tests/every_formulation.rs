@@ -11,8 +11,8 @@ use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::{FormulationOptions, TangentMap};
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::{by_name, unread, NAMES};
-use partita_system::formulation::Correction;
 use partita_system::partition::Selection;
+use partita_system::record::Correction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
@@ -120,7 +120,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     for &(name, needs, full) in TABLE {
         let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
-        assert_eq!(f.name(), name);
+        assert_eq!(f.journal().name, name);
         let mut y = vec![0.0; f.dim()];
         f.start(t, q, v, &mut y).unwrap();
         let mut out = sample(&mut f, t, &y);
@@ -136,7 +136,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
         assert_eq!(out.measure.len(), size.nv);
         assert!(out.sigma > 0.0 && out.sqrt_mu > 0.0 && out.independent.len() == size.nv - rank);
         // a row that the multipliers use is a row that is reported as kept
-        assert!((0..size.rows).all(|i| out.multipliers[i] == 0.0 || f.rows().contains(&i)), "{what}, {name}");
+        assert!((0..size.rows).all(|i| out.multipliers[i] == 0.0 || f.journal().rows.contains(&i)), "{what}, {name}");
         if !full {
             // a state off the closed position: computed velocities satisfy S4 there too
             for (i, y) in y.iter_mut().enumerate() {
@@ -405,7 +405,7 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
         // v' = (−b0, (b0 − b1) / angle, h2)
         let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
         assert_eq!(dy[5], 0.5);
-        (off, f.counters().iterations, f.notes())
+        (off, f.journal().counters.iterations, f.journal().notes)
     };
     let (off, iterations, notes) = ask(0.5);
     assert!(off < 1e-12 && iterations <= 4 && notes.is_empty(), "{off:e} {iterations} {notes:?}");

@@ -9,10 +9,10 @@ mod instants;
 use instants::{between, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_system::equations::ByHand;
-use partita_system::formulation::chooser;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::{complete_pivoting, Selection};
 use partita_system::start;
+use partita_system::tangent::chooser;
 
 const BASE: f64 = 1.5;
 const PLATFORM: f64 = 0.5;

@@ -3,21 +3,23 @@
 
 mod instants;
 
-use instants::{between, inverse, sample, vector, Given, Instant};
+use instants::{between, commit, inverse, sample, vector, Given, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor::FactorError;
 use partita_system::equations::ByHand;
-use partita_system::formulation::gram_schmidt::GramSchmidt;
+use partita_system::formulation::motion::TangentVelocities;
+use partita_system::formulation::motion::UserTangent;
 use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::qr::OrthogonalTriangular;
 use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::by_name;
-use partita_system::formulation::selector::{Basis, Selector};
-use partita_system::formulation::svd::SingularValues;
-use partita_system::formulation::tangent::TangentVelocities;
-use partita_system::formulation::user_tangent::UserTangent;
-use partita_system::formulation::zero_eigenvalue::ZeroEigenvalue;
-use partita_system::formulation::{Correction, Formulation};
+use partita_system::formulation::{Formulation, Verdict};
+use partita_system::record::Correction;
+use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
+use partita_system::tangent::basis::qr::OrthogonalTriangular;
+use partita_system::tangent::basis::svd::SingularValues;
+use partita_system::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
+use partita_system::tangent::basis::Basis;
+use partita_system::tangent::frozen::Frozen;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -84,10 +86,10 @@ fn identities_of_the_selector() {
             let e = &system.equations;
             let (n, m) = (e.mass.rows(), e.c.rows());
             let k = n - m;
-            let mut x = Selector::new(system, m, rule);
-            x.start(0.0, q).unwrap();
+            let mut x = Frozen::new(system, m, rule, 0.5);
+            x.begin(0.0, q).unwrap();
             let mut u = vec![0.0; k];
-            x.select(v, &mut u);
+            x.values(v, &mut u);
             x.evaluate(0.0, q, &u).unwrap();
             // S is orthonormal in units of its own: as covectors its rows may lie close together, which σ tells
             let sigma = x.fresh().sigma;
@@ -96,11 +98,11 @@ fn identities_of_the_selector() {
                 assert!((sum - value).abs() <= ROUND_OFF * (terms + size), "{name}, {what}: {sum:e} for {value:e}");
             };
             let (mut vdot, mut udot) = (vec![0.0; n], vec![0.0; k]);
-            x.r.full_acceleration(&mut vdot);
+            x.d.full_acceleration(&mut vdot);
             x.tangent_acceleration(&mut udot);
             let (d, minv) = (x.tangent_matrix(), inverse(&e.mass));
             for j in 0..k {
-                let w = |i: usize| x.r.dt[i * k + j];
+                let w = |i: usize| x.d.dt[i * k + j];
                 let row = |l: usize| &x.orthonormal()[l * n..(l + 1) * n];
                 (0..k).for_each(|l| near(row(l), &w, f64::from(l == j), 1.0, "orthonormal S and D"));
                 (0..m).for_each(|l| near(e.c.row(l), &w, 0.0, 0.0, "C D"));
@@ -133,7 +135,7 @@ fn every_rule_moves_alike() {
         let out = sample(&mut reference, 0.0, &y);
         for rule in rules() {
             let name = rule.name();
-            let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
+            let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
             let mut y = vec![0.0; f.dim()];
             assert_eq!(f.dim(), n + (n - m) + 1);
             f.start(0.0, q, v, &mut y).unwrap();
@@ -166,26 +168,26 @@ fn renewing_keeps_the_motion() {
         let e = &system.equations;
         let (n, m) = (e.mass.rows(), e.c.rows());
         for rule in rules() {
-            let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
+            let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
             let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
             f.start(0.0, q, v, &mut y).unwrap();
             let before = sample(&mut f, 0.0, &y);
             f.derivative(0.0, &y, &mut dy).unwrap();
-            f.change(0.0, &mut y, &mut dy).unwrap();
+            commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
             let after = sample(&mut f, 0.0, &y);
-            assert_eq!(f.events().len(), 2);
-            assert!(f.events()[1].reason.contains("renewed"), "{}", f.events()[1].reason);
+            assert_eq!(f.journal().events.len(), 2);
+            assert!(f.journal().events[1].reason.contains("renewed"), "{}", f.journal().events[1].reason);
             let off = length(&e.mass, &minus(&before.v, &after.v)) / length(&e.mass, &before.v);
-            assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.name());
+            assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.journal().name);
             let mut anew = vec![0.0; f.dim()];
             f.derivative(0.0, &y, &mut anew).unwrap();
             let (size, k) = (length(&e.mass, &before.vdot), n - m);
-            let s = f.selector();
+            let s = f.tangent();
             for j in 0..k {
                 // |S_j v'| <= |S_j| |v'|
                 let row = s.selector().row(j);
                 let bound = length(&inverse(&e.mass), row) * size;
-                assert!((anew[n + j] - dy[n + j]).abs() < 1e-10 * bound, "{}", f.name());
+                assert!((anew[n + j] - dy[n + j]).abs() < 1e-10 * bound, "{}", f.journal().name);
             }
         }
     });
@@ -196,23 +198,23 @@ fn renewing_keeps_the_motion() {
 fn gram_schmidt_is_best_where_it_is_frozen() {
     on_random_systems(4, |_, system, q, v| {
         let m = system.equations.c.rows();
-        let mut x = Selector::new(system, m, Box::new(GramSchmidt));
-        x.start(0.0, q).unwrap();
+        let mut x = Frozen::new(system, m, Box::new(GramSchmidt), 0.5);
+        x.begin(0.0, q).unwrap();
         let k = x.r.k();
         let mut u = vec![0.0; k];
-        x.select(v, &mut u);
+        x.values(v, &mut u);
         x.evaluate(0.0, q, &u).unwrap();
         for e in 0..k * k {
             let one = f64::from(e % k == e / k);
-            assert!((x.r.md[e] - one).abs() < 1e-10, "{:e}", x.r.md[e] - one);
+            assert!((x.d.md[e] - one).abs() < 1e-10, "{:e}", x.d.md[e] - one);
         }
-        for quality in [x.fresh(), x.quality(0.0, q).unwrap()] {
+        for quality in [x.fresh(), x.quality_here(0.0, q).unwrap()] {
             assert!(quality.sqrt_mu > 1.0 - 1e-10 && quality.sigma > 1.0 - 1e-10, "{quality:?}");
         }
         // other rules are oblique in the mass metric, never better
         for rule in rules() {
-            let mut x = Selector::new(system, m, rule);
-            x.start(0.0, q).unwrap();
+            let mut x = Frozen::new(system, m, rule, 0.5);
+            x.begin(0.0, q).unwrap();
             assert!(x.fresh().sqrt_mu <= 1.0 && x.fresh().sqrt_mu > 0.0);
         }
     });
@@ -229,8 +231,8 @@ fn rows_of_the_identity_are_a_partition() {
         let u: Vec<f64> = independent.iter().map(|&i| v[i]).collect();
         r.evaluate(0.0, q, &u).unwrap();
         let wanted = r.quality(0.0, q).unwrap();
-        let mut x = Selector::new(system, m, Box::new(Picked(independent)));
-        x.start(0.0, q).unwrap();
+        let mut x = Frozen::new(system, m, Box::new(Picked(independent)), 0.5);
+        x.begin(0.0, q).unwrap();
         x.evaluate(0.0, q, &u).unwrap();
         let (d, k) = (x.tangent_matrix(), n - m);
         for i in 0..n {
@@ -241,7 +243,7 @@ fn rows_of_the_identity_are_a_partition() {
             }
             assert!((x.r.v[i] - r.v[i]).abs() < 1e-10 * r.scales()[i] * (1.0 + (r.v[i] / r.scales()[i]).abs()));
         }
-        let found = x.quality(0.0, q).unwrap();
+        let found = x.quality_here(0.0, q).unwrap();
         assert!((found.sigma - wanted.sigma).abs() < 1e-10, "{} {}", found.sigma, wanted.sigma);
         assert!((found.sqrt_mu - wanted.sqrt_mu).abs() < 1e-10, "{} {}", found.sqrt_mu, wanted.sqrt_mu);
     });
@@ -254,8 +256,8 @@ fn a_basis_that_does_not_fit_is_blamed_itself() {
     let c = Matrix::from_rows(&[&[1.0, 0.0, 0.0]]);
     let still = Instant { mass: Matrix::identity(3), c, h: vec![0.0; 3], a: vec![0.0], b: vec![0.0] };
     let system = still.by_hand();
-    let mut x = Selector::new(&system, 1, Box::new(Picked(vec![0, 1])));
-    let refused = x.start(0.0, &[0.0; 3]).unwrap_err();
+    let mut x = Frozen::new(&system, 1, Box::new(Picked(vec![0, 1])), 0.5);
+    let refused = x.begin(0.0, &[0.0; 3]).unwrap_err();
     let words = refused.to_string();
     assert!(refused.is_local() && words.contains("\"picked\"") && words.contains("regular"), "{words}");
 }
@@ -287,17 +289,17 @@ fn a_basis_that_cannot_be_renewed_stays() {
             return; // one covector always fits
         }
         let rule = Box::new(Once(std::sync::atomic::AtomicBool::new(false)));
-        let mut f = TangentVelocities::new(system, m, rule, Correction::None, 0.5);
+        let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
         let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
         f.start(0.0, q, v, &mut y).unwrap();
         f.derivative(0.0, &y, &mut dy).unwrap();
         let (before, slope) = (y.clone(), dy.clone());
-        f.change(0.0, &mut y, &mut dy).unwrap();
+        commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
         assert_eq!((&y, &dy), (&before, &slope));
         f.derivative(0.0, &y, &mut dy).unwrap();
         assert_eq!(dy, slope);
-        assert_eq!(f.events().len(), 1);
-        assert!(f.notes().iter().any(|n| n.contains("the old one was kept")), "{:?}", f.notes());
+        assert_eq!(f.journal().events.len(), 1);
+        assert!(f.journal().notes.iter().any(|n| n.contains("the old one was kept")), "{:?}", f.journal().notes);
     });
 }
 
@@ -323,7 +325,8 @@ fn tangent_velocities_of_the_user() {
         let good = Given { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
         let scales = r.scales().to_vec();
         let start = |map: &Given, v: &[f64]| {
-            let mut f = UserTangent::new(system, m, Arc::new(map.clone()), Correction::None);
+            let options = FormulationOptions { tangent: Some(Arc::new(map.clone())), ..uncorrected() };
+            let mut f = UserTangent::new(system, m, &options).unwrap();
             let mut y = vec![0.0; f.dim()];
             f.start(0.0, q, v, &mut y).map(|()| (f, y))
         };
@@ -337,7 +340,7 @@ fn tangent_velocities_of_the_user() {
         assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));
         assert!(length(&mc, &minus(&s.multipliers, &out.multipliers)) < 1e-9 * length(&mc, &out.multipliers));
         assert!(s.sqrt_mu > 1.0 - 1e-9 && s.sigma > 1e-3, "{} {}", s.sqrt_mu, s.sigma);
-        assert!(f.notes().is_empty());
+        assert!(f.journal().notes.is_empty());
         // one column, the offset, the bias, the velocity: each pushed off the constraints by a natural amount
         let off = rng.usize(0..n);
         let mut bad = good.clone();

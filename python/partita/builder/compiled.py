@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..errors import ArgumentError
-from ..state import Layout
+from ..instant import Instant
+from ..state import Layout, finite_time
 from .checks import Element
 from .records import Description
 from .spec import Writer
@@ -79,6 +80,28 @@ class Equations:
         locked.
         """
         return self._core.measure(t, self._q(q))
+
+    def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
+        """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
+
+        For looking at, teaching and checking; dense, O(nv^3). `q` shall satisfy the constraints, and so shall `v`;
+        None: at rest, as far as prescribed motion lets the mechanism.
+
+        Raises `SingularityError` in a singular position.
+
+        >>> import numpy as np
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> state = m.assemble(rates={"A": 2.0})
+        >>> i = m.compile().at(state.q, state.v)
+        >>> i.D.shape, bool(np.abs(i.D @ i.C.T).max() < 1e-12)
+        ((1, 3), True)
+        >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
+        True
+        """
+        place, time = self._q(q), finite_time(t)
+        speeds = None if v is None else self._v(v)
+        return Instant.from_core(time, place, self._core.at(time, place, speeds))
 
     def _q(self, q: ArrayLike) -> Array:
         return checked("q", q, self._core.nq, self._names)

@@ -23,8 +23,10 @@ before joints, joints before drives and forces, and among themselves in the orde
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -53,9 +55,23 @@ def read(path: Path, make: Maker) -> Any:
 
 def parse(text: str, make: Maker, path: str = "text") -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
-    content, begins = _core.parse_toml(text, path)
-    file = _File(path, text, json.loads(content), json.loads(begins))
-    return file.mechanism(make)
+    with _growing():
+        content, begins = _core.parse_toml(text, path)
+        file = _File(path, text, json.loads(content), json.loads(begins))
+        return file.mechanism(make)
+
+
+@contextmanager
+def _growing() -> Iterator[None]:
+    """Without search for circular garbage: what is read makes none, and searching through all of it, again and again,
+    would be a third of the time."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def write(mechanism: Builder, path: Path) -> None:

@@ -281,4 +281,4 @@ def simulate(
     raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
-    return Result.from_run(raw, model=model.core, summary=model.summary, mechanism=self, options=chosen)
+    return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)

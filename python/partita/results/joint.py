@@ -2,32 +2,79 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
+from .source import Arrays, Source, Span
 
 FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-@dataclass(frozen=True)
-class JointWrench:
-    """Reaction in world axes with what is needed to express it elsewhere; sizes for nt outputs."""
+class JointPlace(NamedTuple):
+    """Which joint it is: its number, and where its coordinates stand among those of all joints (first, count)."""
 
-    force: FloatArray  # (nt, 3) [N]
-    moment: FloatArray  # (nt, 3) [N m]
-    rotation: FloatArray  # (nt, 3, 3) columns: axes of the joint in the world
-    determined_world: NDArray[np.bool_]  # (6,)
-    determined_joint: NDArray[np.bool_]  # (6,)
+    number: int
+    q: Span
+    v: Span
 
 
-@dataclass(frozen=True)
+class JointData(Protocol):
+    """What is known of a joint, or computed when it is first asked for."""
+
+    @property
+    def motion(self) -> Arrays:
+        """`joint_position`, `joint_velocity`, `joint_point` at every output."""
+
+    @property
+    def reaction(self) -> Arrays:
+        """`force`, `moment`, `drive`, `joint_rotation` at every output."""
+
+    @property
+    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(6,) in world axes and (6,) in the joint's."""
+
+
+class AskedJoint:
+    """A joint of a result: everything comes from the result's source."""
+
+    def __init__(self, source: Source, place: JointPlace) -> None:
+        self._source, self._place = source, place
+
+    @property
+    def motion(self) -> Arrays:
+        return self._source.joint(*self._place)
+
+    @property
+    def reaction(self) -> Arrays:
+        return self._source.reaction(self._place.number, self._place.v)
+
+    @property
+    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        world, joint = self._source.determined
+        return world[self._place.number], joint[self._place.number]
+
+    def __reduce__(self) -> tuple[Callable[..., KnownJoint], tuple[Any, ...]]:
+        return KnownJoint, (dict(self.motion), dict(self.reaction), self.determined)
+
+
+class KnownJoint(NamedTuple):
+    """A joint that was read before: plain arrays."""
+
+    motion: Arrays
+    reaction: Arrays
+    determined: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+
+
 class JointResult:
     """Motion and reaction of one joint over the nt outputs of a run.
+
+    Nothing is computed before it is read: the motion of this joint at the first `position`, `velocity` or `point`, its
+    reaction at the first `force`, `moment` or `drive`, each for all outputs at once.
 
     The reaction is the action of the joint's constraints on its *child* body, a drive's effort included,
     reduced to the joint's point on the child. `force` and `moment` stand in world axes unless `in_frame`
@@ -37,33 +84,56 @@ class JointResult:
     matter of elasticity. `determined` says of each component whether it is unique. It is judged at the
     output farthest from a singular position, since *in* a singular position more becomes indeterminate
     for an instant. Components that are not determined are one possible answer among infinitely many.
+
+    Attributes:
+        name, kind: of the joint.
+        parent, child: names of its bodies.
+        axes: "world", "joint" or "own": those of `force`, `moment` and `determined`.
     """
 
-    name: str
-    kind: str
-    parent: str
-    child: str
-    position: FloatArray
-    """(nt, nq of the joint): its coordinates [m or rad; quaternions scalar first], zero as drawn."""
-    velocity: FloatArray
-    """(nt, dof): their velocities [m/s or rad/s]."""
-    drive: FloatArray
-    """(nt, dof): effort of a drive along each freedom [N or N m]; zero where nothing drives."""
-    point: FloatArray
-    """(nt, 3): the joint's point on the child, always in world axes [m]."""
-    wrench: JointWrench
-    axes: str = "world"
-    _turn: FloatArray | None = None
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        parent: str,
+        child: str,
+        data: JointData,
+        axes: str = "world",
+        turn: FloatArray | None = None,
+    ) -> None:
+        self.name, self.kind, self.parent, self.child = name, kind, parent, child
+        self.axes = axes
+        self._data, self._turn = data, turn
+
+    @property
+    def position(self) -> FloatArray:
+        """(nt, nq of the joint): its coordinates [m or rad; quaternions scalar first], zero as drawn."""
+        return self._data.motion["joint_position"]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(nt, dof): their velocities [m/s or rad/s]."""
+        return self._data.motion["joint_velocity"]
+
+    @property
+    def point(self) -> FloatArray:
+        """(nt, 3): the joint's point on the child, always in world axes [m]."""
+        return self._data.motion["joint_point"]
+
+    @property
+    def drive(self) -> FloatArray:
+        """(nt, dof): effort of a drive along each freedom [N or N m]; zero where nothing drives."""
+        return self._data.reaction["drive"]
 
     @property
     def force(self) -> FloatArray:
         """(nt, 3): force on the child [N], in the axes named by `axes`."""
-        return self._expressed(self.wrench.force)
+        return self._expressed(self._data.reaction["force"])
 
     @property
     def moment(self) -> FloatArray:
         """(nt, 3): moment on the child about the joint's point [N m], in the axes named by `axes`."""
-        return self._expressed(self.wrench.moment)
+        return self._expressed(self._data.reaction["moment"])
 
     @property
     def determined(self) -> NDArray[np.bool_]:
@@ -72,14 +142,12 @@ class JointResult:
         In world and joint axes the answer is exact. In axes of your own, `True` is certain; `False` may
         also mean that the component mixes a unique and a non-unique one of the world's and joint's axes.
         """
-        if self.axes == "world":
-            return self.wrench.determined_world
+        world, joint = self._data.determined
+        if self.axes == "world" or self._turn is None:
+            return world
         if self.axes == "joint":
-            return self.wrench.determined_joint
-        assert self._turn is not None
-        from_world = _mixed(self.wrench.determined_world, self._turn)
-        from_joint = _mixed(self.wrench.determined_joint, _transposed(self.wrench.rotation) @ self._turn)
-        return from_world | from_joint
+            return joint
+        return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
 
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
         """The same joint with `force`, `moment` and `determined` along other axes.
@@ -92,13 +160,21 @@ class JointResult:
         """
         if isinstance(axes, str):
             if axes == "world":
-                return replace(self, axes="world", _turn=None)
+                return self._seen_along("world", None)
             if axes == "joint":
-                return replace(self, axes="joint", _turn=self.wrench.rotation)
+                return self._seen_along("joint", self._rotation)
             raise ArgumentError(
                 f'in_frame: unknown frame {axes!r}; use "world", "joint" or a 3x3 rotation matrix', argument="axes"
             )
-        return replace(self, axes="own", _turn=_rotation(axes, len(self.point)))
+        return self._seen_along("own", _rotation(axes, len(self.point)))
+
+    @property
+    def _rotation(self) -> FloatArray:
+        """(nt, 3, 3): columns are the axes of the joint in the world."""
+        return self._data.reaction["joint_rotation"]
+
+    def _seen_along(self, axes: str, turn: FloatArray | None) -> JointResult:
+        return JointResult(self.name, self.kind, self.parent, self.child, self._data, axes, turn)
 
     def _expressed(self, vectors: FloatArray) -> FloatArray:
         if self._turn is None:
@@ -108,7 +184,7 @@ class JointResult:
     def __repr__(self) -> str:
         unique = [c for c, yes in zip(COMPONENTS, self.determined, strict=True) if yes]
         return (
-            f"<joint {self.name!r}: {self.kind}, {self.parent} -> {self.child}, {len(self.position)} outputs, "
+            f"<joint {self.name!r}: {self.kind}, {self.parent} -> {self.child}, {len(self.point)} outputs, "
             f"reaction in {self.axes} axes, determined: {', '.join(unique) or 'none'}>"
         )
 

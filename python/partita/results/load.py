@@ -16,9 +16,9 @@ from ..errors import FileFormatError, MissingFileError
 from .record import Record
 from .result import Result
 from .save_json import VERSION
-from .source import OBSERVED, REACTIONS, StoredSource
+from .source import ENERGIES, OBSERVED, REACTIONS, StoredSource
 
-STORED = (*OBSERVED, *REACTIONS, "determined_world", "determined_joint")
+STORED = (*ENERGIES, *OBSERVED, *REACTIONS, "determined_world", "determined_joint")
 
 
 def load(path: str | os.PathLike[str]) -> Result:
@@ -62,7 +62,7 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
         return (nj, 6)
-    if key == "residual":
+    if key in ("residual", *ENERGIES):
         return (nt,)
     return (nt, nj, 3, 3) if key == "joint_rotation" else (nt, nj, 3)
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FLOATS_1D = ("t", "closure", "velocity_closure", "sigma", "sqrt_mu", "kinetic", "potential", "work")
-FLOATS_2D = ("q", "v", "vdot", "multipliers", "measure")
+from .tables import Tables
+
 ACCOUNT = ("summary", "partitions", "notes", "counters", "status", "success", "message", "options", "spec")
 
 
@@ -18,8 +19,7 @@ ACCOUNT = ("summary", "partitions", "notes", "counters", "status", "success", "m
 class Record:
     """Arrays of a run and its account; what every writer stores and every reader restores."""
 
-    arrays: dict[str, NDArray[Any]]
-    """The `FLOATS_1D`, the `FLOATS_2D` and `independent` (nt, k) of integers."""
+    arrays: Tables
     summary: dict[str, Any] = field(default_factory=dict)
     partitions: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -28,7 +28,13 @@ class Record:
     success: bool = True
     message: str = ""
     options: dict[str, Any] = field(default_factory=dict)
-    spec: dict[str, Any] | None = None
+    description: str | None = None
+    """The mechanism as built, as JSON; None for a `System`."""
+
+    @cached_property
+    def spec(self) -> dict[str, Any] | None:
+        """The description as plain data, kept so that a stored result can still be drawn."""
+        return None if self.description is None else json.loads(self.description)
 
     @classmethod
     def from_raw(
@@ -36,11 +42,11 @@ class Record:
         raw: Mapping[str, Any],
         summary: Mapping[str, Any],
         options: Mapping[str, Any],
-        spec: dict[str, Any] | None,
+        description: str | None,
     ) -> Record:
         """From the dictionary that the core returns."""
         return cls(
-            arrays=checked(raw),
+            arrays=Tables(raw, raw.get("journal")),
             summary=dict(summary),
             partitions=[{key: plain(value) for key, value in entry.items()} for entry in raw.get("partitions", ())],
             notes=[str(note) for note in raw.get("notes", ())],
@@ -49,35 +55,24 @@ class Record:
             success=bool(raw.get("success", True)),
             message=str(raw.get("message", "")),
             options=dict(options),
-            spec=spec,
+            description=description,
         )
 
     def account(self) -> dict[str, Any]:
         """Everything but the arrays, ready for JSON."""
-        return {key: plain(getattr(self, key)) for key in ACCOUNT}
+        return {key: plain(getattr(self, key)) for key in ACCOUNT} | {"notes": self.all_notes}
+
+    @property
+    def all_notes(self) -> list[str]:
+        """Notes of the run and of its outputs."""
+        return list(dict.fromkeys([*self.notes, *self.arrays.notes]))
 
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
-        return cls(arrays=checked(arrays), **{key: account[key] for key in ACCOUNT})
-
-
-def checked(raw: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Arrays of a run with their types and ranks; those a file or a system left out are empty."""
-    arrays: dict[str, NDArray[Any]] = {"t": np.atleast_1d(np.asarray(raw.get("t", ()), dtype=float))}
-    nt = len(arrays["t"])
-    for key in FLOATS_1D[1:]:
-        arrays[key] = np.asarray(raw.get(key, ()), dtype=float).reshape(-1)
-    for key in FLOATS_2D:
-        arrays[key] = rows_of(raw.get(key, ()), nt, float)
-    arrays["independent"] = rows_of(raw.get("independent", ()), nt, np.int64)
-    return arrays
-
-
-def rows_of(values: Any, nt: int, dtype: Any) -> NDArray[Any]:
-    """`values` as (nt, width); width 0 for nothing at all."""
-    array = np.asarray(values, dtype=dtype)
-    return array if array.ndim == 2 else array.reshape(nt, -1 if nt and array.size else 0)
+        spec = account["spec"]
+        told = {key: account[key] for key in ACCOUNT if key != "spec"}
+        return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
 
 
 def plain(value: Any) -> Any:
@@ -96,10 +91,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
     return str(value)
-
-
-def spec_of(mechanism: Any) -> dict[str, Any] | None:
-    """The plain description of a mechanism, kept so that a stored result can still be drawn."""
-    if mechanism is None:
-        return None
-    return dict(plain(mechanism.to_spec()))

@@ -15,11 +15,11 @@ from ..errors import ArgumentError
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .energy import EnergyResult
-from .joint import JointResult, JointWrench
+from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
-from .record import Record, spec_of
-from .source import Arrays, ModelSource, Source
+from .record import Record
+from .source import BODIES, Arrays, ModelSource, Source
 
 if TYPE_CHECKING:
     import pandas
@@ -32,9 +32,11 @@ FloatArray = NDArray[np.float64]
 class Result:
     """Motion and forces of one run, over nt outputs; SI units and radians, names in `names`.
 
-    Arrays of the run itself are plain attributes. Bodies, joints and reactions are computed by the
-    compiled model when first asked for and kept. A result that was stopped (`success` False, or by
-    Ctrl-C) holds every output reached; `status` and `message` say why it ended.
+    A run keeps times, coordinates and velocities. Accelerations, multipliers and closures are computed together when
+    one of them is first asked for, so are measures and qualities; bodies, joints and reactions one by one; all are
+    kept. A result that was stopped (`success` False, or by Ctrl-C) holds every output reached; `status` and `message`
+    say why it ended. A pickled result takes along all that can be asked of it, as a stored one does, and needs no
+    model where it is read.
 
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
@@ -49,22 +51,6 @@ class Result:
         """(nt, nq): coordinates [m, rad; quaternions scalar first]."""
         self.v: FloatArray = arrays["v"]
         """(nt, nv): velocities [m/s, rad/s]."""
-        self.vdot: FloatArray = arrays["vdot"]
-        """(nt, nv): accelerations [m/s^2, rad/s^2]."""
-        self.multipliers: FloatArray = arrays["multipliers"]
-        """(nt, rows): lambda in M v' = h + C^T lambda [N, N m]; prefer `joint(name)` for reactions."""
-        self.closure: FloatArray = arrays["closure"]
-        """(nt,): max |Phi| over the constraints."""
-        self.velocity_closure: FloatArray = arrays["velocity_closure"]
-        """(nt,): max |C v + a| over the constraints."""
-        self.measure: FloatArray = arrays["measure"]
-        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
-        self.sigma: FloatArray = arrays["sigma"]
-        """(nt,): quality of the choice of independent coordinates; small near singular positions."""
-        self.sqrt_mu: FloatArray = arrays["sqrt_mu"]
-        """(nt,): a second quality of the choice, in the mass metric."""
-        self.independent: NDArray[np.int64] = arrays["independent"]
-        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
         self.status = record.status
         self.success = record.success
         self.message = record.message
@@ -72,9 +58,9 @@ class Result:
         self.options = dict(record.options)
         self.summary = dict(record.summary)
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
-        self.spec = record.spec
-        """Plain description of the mechanism as built (a dictionary), or None for a `System`."""
-        self.names = Names.from_summary(record.summary, self.q.shape[1], self.v.shape[1], self.multipliers.shape[1])
+
+    def __copy__(self) -> Result:
+        return Result(self._record, self._source)
 
     @classmethod
     def from_run(
@@ -83,15 +69,69 @@ class Result:
         *,
         model: Any,
         summary: Mapping[str, Any],
-        mechanism: Any = None,
+        spec: str | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
-        `mechanism` is None for a hand-written `System`: such a result has no bodies and joints.
+        `spec` is the description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints.
         """
-        record = Record.from_raw(raw, summary, options or {}, spec_of(mechanism))
-        return cls(record, None if mechanism is None else ModelSource(model, record.arrays))
+        record = Record.from_raw(raw, summary, options or {}, spec)
+        if spec is None:
+            return cls(record, None)
+        counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
+        return cls(record, ModelSource(model, record.arrays, *counts))
+
+    @cached_property
+    def names(self) -> Names:
+        """Names along the axes of the arrays: of coordinates, velocities, multipliers, joints and bodies."""
+        rows = int(self.summary.get("rows", 0))
+        return Names.from_summary(self.summary, self.q.shape[1], self.v.shape[1], rows)
+
+    @property
+    def vdot(self) -> FloatArray:
+        """(nt, nv): accelerations [m/s^2, rad/s^2]; NaN where a singular position leaves them open."""
+        return self._record.arrays["vdot"]
+
+    @property
+    def multipliers(self) -> FloatArray:
+        """(nt, rows): lambda in M v' = h + C^T lambda [N, N m]; prefer `joint(name)` for reactions."""
+        return self._record.arrays["multipliers"]
+
+    @property
+    def closure(self) -> FloatArray:
+        """(nt,): max |Phi| over the constraints."""
+        return self._record.arrays["closure"]
+
+    @property
+    def velocity_closure(self) -> FloatArray:
+        """(nt,): max |C v + a| over the constraints."""
+        return self._record.arrays["velocity_closure"]
+
+    @property
+    def measure(self) -> FloatArray:
+        """(nt, nv): projective measure rho of every coordinate: 1 = the loops do not hinder it, 0 = locked."""
+        return self._record.arrays["measure"]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(nt,): quality of the choice of independent coordinates; small near singular positions."""
+        return self._record.arrays["sigma"]
+
+    @property
+    def sqrt_mu(self) -> FloatArray:
+        """(nt,): a second quality of the choice, in the mass metric."""
+        return self._record.arrays["sqrt_mu"]
+
+    @property
+    def independent(self) -> NDArray[np.int64]:
+        """(nt, k): which columns of `v` were independent; `partitions` tells it in names."""
+        return self._record.arrays["independent"]
+
+    @property
+    def spec(self) -> dict[str, Any] | None:
+        """Plain description of the mechanism as built, or None for a `System`."""
+        return self._record.spec
 
     @property
     def title(self) -> str:
@@ -107,7 +147,7 @@ class Result:
     def notes(self) -> tuple[str, ...]:
         """What the compiler and the run had to tell: rows dropped, repairs, passages."""
         removed = (f"row {r['row']} removed: {r['why']}" for r in self.summary.get("removed", ()))
-        return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.notes]))
+        return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.all_notes]))
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -117,7 +157,7 @@ class Result:
     @property
     def has_energy(self) -> bool:
         """Whether energies are known (not for a hand-written `System`)."""
-        return len(self._record.arrays["kinetic"]) == len(self.t) and self._source is not None
+        return self._source is not None
 
     @property
     def energy(self) -> EnergyResult:
@@ -125,49 +165,29 @@ class Result:
 
         Empty arrays for a `System`: from its matrices the potential energy is not known. See `has_energy`.
         """
-        arrays = self._record.arrays
-        return EnergyResult(arrays["kinetic"], arrays["potential"], arrays["work"])
+        if self._source is None:
+            return EnergyResult(*(np.zeros(0) for _ in range(3)))
+        found = self._source.energies
+        return EnergyResult(found["kinetic"], found["potential"], self._record.arrays["work"])
 
     def joint(self, name: str) -> JointResult:
         """Motion and reaction of the joint `name`, tree or cut alike.
 
-        Raises `UnknownNameError` with the nearest names. The first call computes all joints at once.
+        Raises `UnknownNameError` with the nearest names. What is read of it is computed then, for this joint alone.
         """
         source = self._source_for("joint", name)
         j = index_of(name, self.names.joints, "joint")
         about = self.summary["joints"][j]
-        (q0, nq), (v0, nv) = about["q"], about["v"]
-        seen, forces = source.observed, source.reactions
-        world, joint = source.determined
-        wrench = JointWrench(
-            forces["force"][:, j], forces["moment"][:, j], forces["joint_rotation"][:, j], world[j], joint[j]
-        )
-        return JointResult(
-            name=name,
-            kind=about["kind"],
-            parent=about["parent"],
-            child=about["child"],
-            position=seen["joint_position"][:, q0 : q0 + nq],
-            velocity=seen["joint_velocity"][:, v0 : v0 + nv],
-            drive=forces["drive"][:, v0 : v0 + nv],
-            point=seen["joint_point"][:, j],
-            wrench=wrench,
-        )
+        data = AskedJoint(source, JointPlace(j, tuple(about["q"]), tuple(about["v"])))
+        return JointResult(name, about["kind"], about["parent"], about["child"], data)
 
     def body(self, name: str) -> BodyResult:
         """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
         source = self._source_for("body", name)
         if name == "ground":
             return resting(name, len(self.t))
-        b = index_of(name, self.names.bodies, "body")
-        seen = source.observed
-        return BodyResult(
-            name,
-            seen["body_position"][:, b],
-            seen["body_rotation"][:, b],
-            seen["body_velocity"][:, b],
-            seen["body_angular_velocity"][:, b],
-        )
+        seen = source.body(index_of(name, self.names.bodies, "body"))
+        return BodyResult(name, *(seen[key] for key in BODIES))
 
     @property
     def observed(self) -> Arrays:
@@ -222,6 +242,13 @@ class Result:
                 argument=kind,
             )
         return self._source
+
+    @property
+    def arrays(self) -> Arrays:
+        """All arrays over time that have a number or a row for each output, energies included; for writers of files."""
+        if self._source is None:
+            return {key: a for key, a in self._record.arrays.items() if key != "work"}
+        return {**self._record.arrays, **self._source.energies}
 
     @property
     def record(self) -> Record:

@@ -1,7 +1,8 @@
-"""Where a result gets bodies, joints and reactions from: the compiled model, or a file."""
+"""Where a result gets bodies, joints, reactions and energies from: the compiled model, or a file."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Protocol
@@ -10,20 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 Arrays = Mapping[str, NDArray[Any]]
+Span = tuple[int, int]
 
-OBSERVED = (
-    "body_position", "body_rotation", "body_velocity", "body_angular_velocity",
-    "joint_position", "joint_velocity", "joint_point",
-)  # fmt: skip
+BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velocity")
+JOINTS = ("joint_position", "joint_velocity", "joint_point")
+OBSERVED = (*BODIES, *JOINTS)
 REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual")
+ENERGIES = ("kinetic", "potential")
 
 
 class Source(Protocol):
     """What a result needs to know beyond the arrays of the run itself."""
 
+    def body(self, i: int) -> Arrays:
+        """The `BODIES` arrays of one body, without the axis of the bodies."""
+
+    def joint(self, j: int, q: Span, v: Span) -> Arrays:
+        """The `JOINTS` arrays of one joint, whose coordinates are at `q` (first, count) among those of all joints."""
+
+    def reaction(self, j: int, v: Span) -> Arrays:
+        """`force`, `moment`, `drive` and `joint_rotation` of one joint."""
+
     @property
     def observed(self) -> Arrays:
-        """Positions and velocities of bodies and joints at every output (the `OBSERVED` arrays)."""
+        """Positions and velocities of all bodies and joints at every output (the `OBSERVED` arrays)."""
 
     @property
     def reactions(self) -> Arrays:
@@ -37,30 +48,52 @@ class Source(Protocol):
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which reaction components are unique: (nj, 6) in world axes, (nj, 6) in joint axes."""
 
+    @property
+    def energies(self) -> Arrays:
+        """`kinetic` and `potential` energy at every output."""
+
 
 class ModelSource:
-    """Asks the compiled model, once, when first needed: O(outputs x bodies) each."""
+    """Asks the compiled model for one body, joint or reaction when it is first needed, at all outputs at once, and
+    keeps the answer. It costs what it depends on: the links down to the ground, the bodies held."""
 
-    def __init__(self, model: Any, run: Arrays) -> None:
+    def __init__(self, model: Any, run: Arrays, bodies: int, joints: int) -> None:
         self._model = model
         self._run = run
+        self._counts = bodies, joints
+        self._bodies: dict[int, Arrays] = {}
+        self._joints: dict[int, Arrays] = {}
+        self._reactions: dict[int, Arrays] = {}
+
+    def body(self, i: int) -> Arrays:
+        if i not in self._bodies:
+            self._bodies[i] = alone(self._model.bodies(*self._motion, [i]), BODIES)
+        return self._bodies[i]
+
+    def joint(self, j: int, q: Span, v: Span) -> Arrays:
+        if j not in self._joints:
+            self._joints[j] = alone(self._model.joints(*self._motion, [j]), ("joint_point",))
+        return self._joints[j]
+
+    def reaction(self, j: int, v: Span) -> Arrays:
+        if j not in self._reactions:
+            self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
+        return self._reactions[j]
 
     @cached_property
     def observed(self) -> Arrays:
-        run = self._run
-        return {key: np.asarray(a) for key, a in self._model.observe(run["t"], run["q"], run["v"]).items()}
+        bodies, joints = (list(range(count)) for count in self._counts)
+        return {**self._model.bodies(*self._motion, bodies), **self._model.joints(*self._motion, joints)}
 
     @cached_property
     def reactions(self) -> Arrays:
-        run = self._run
-        found = self._model.reactions(run["t"], run["q"], run["v"], run["vdot"], run["multipliers"])
-        return {key: np.asarray(a) for key, a in found.items()}
+        found: Arrays = self._model.reactions(*self._motion, *self._acting)
+        return found
 
     @cached_property
     def augmented(self) -> Arrays | None:
-        run = self._run
-        force, moment = self._model.augmented_reactions(run["t"], run["q"], run["v"], run["vdot"], run["multipliers"])
-        return {"force": np.asarray(force), "moment": np.asarray(moment)}
+        force, moment = self._model.augmented_reactions(*self._motion, *self._acting)
+        return {"force": force, "moment": moment}
 
     @cached_property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -69,12 +102,45 @@ class ModelSource:
         world, joint = (np.asarray(self._model.determined(t, q, axes), dtype=bool) for axes in (False, True))
         return world, joint
 
+    @cached_property
+    def energies(self) -> Arrays:
+        found: Arrays = self._model.energies(*self._motion)
+        return found
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ModelSource:
+        return ModelSource(self._model, copy.deepcopy(self._run, memo), *self._counts)  # a model never changes
+
+    def __reduce__(self) -> tuple[type[StoredSource], tuple[Arrays]]:
+        return StoredSource, (complete(self),)  # all that it knows, so that it can be read where no model is
+
+    @property
+    def _motion(self) -> tuple[NDArray[Any], ...]:
+        return self._run["t"], self._run["q"], self._run["v"]
+
+    @property
+    def _acting(self) -> tuple[NDArray[Any], ...]:
+        return self._run["vdot"], self._run["multipliers"]
+
 
 class StoredSource:
     """Reads the same from arrays that a file brought along."""
 
     def __init__(self, arrays: Arrays) -> None:
         self._arrays = arrays
+
+    def body(self, i: int) -> Arrays:
+        return {key: self._arrays[key][:, i] for key in BODIES}
+
+    def joint(self, j: int, q: Span, v: Span) -> Arrays:
+        return {
+            "joint_position": columns(self._arrays["joint_position"], q),
+            "joint_velocity": columns(self._arrays["joint_velocity"], v),
+            "joint_point": self._arrays["joint_point"][:, j],
+        }
+
+    def reaction(self, j: int, v: Span) -> Arrays:
+        found = {key: self._arrays[key][:, j] for key in ("force", "moment", "joint_rotation")}
+        return {**found, "drive": columns(self._arrays["drive"], v)}
 
     @property
     def observed(self) -> Arrays:
@@ -94,6 +160,28 @@ class StoredSource:
             self._arrays["determined_world"].astype(bool),
             self._arrays["determined_joint"].astype(bool),
         )
+
+    @property
+    def energies(self) -> Arrays:
+        return {key: self._arrays[key] for key in ENERGIES}
+
+
+def complete(source: Source) -> dict[str, NDArray[Any]]:
+    """Everything that a source can tell, as a stored result holds it."""
+    world, joint = source.determined
+    told = {**source.energies, **source.observed, **source.reactions}
+    return {**told, "determined_world": world, "determined_joint": joint}
+
+
+def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:
+    """Arrays of a single body or joint, without that axis."""
+    return {key: a[:, 0] if key in keys else a for key, a in arrays.items()}
+
+
+def columns(array: NDArray[Any], span: Span) -> NDArray[Any]:
+    """The columns first, count."""
+    first, count = span
+    return array[:, first : first + count]
 
 
 def regular_output(sigma: NDArray[np.float64]) -> int:

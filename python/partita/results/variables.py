@@ -78,7 +78,7 @@ DETERMINED = {
 def variables(result: Readable) -> list[Variable]:
     """All arrays of `result`; asks for bodies and reactions. Arrays the run does not have are left out."""
     nt = len(result.t)
-    found = [v for v in _over_time(RUN, result.record.arrays) if len(v.values) == nt]
+    found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
     if result.is_mechanism:
         found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
         flags = zip(DETERMINED.items(), result.determined, strict=True)

@@ -5,7 +5,7 @@ use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
 use partita_system::formulation::reduction::largest;
-use partita_system::formulation::Output;
+use partita_system::record::Output;
 use partita_system::ConstrainedSystem;
 use serde_json::{json, Value};
 use std::sync::Arc;

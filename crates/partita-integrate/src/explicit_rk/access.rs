@@ -62,6 +62,11 @@ impl Stepper {
         }
     }
 
+    /// Is the next step still long enough for half of it to be worth a try?
+    pub fn may_shrink(&self) -> bool {
+        self.step > 1e-13 * self.t_new.abs().max(1e-3)
+    }
+
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.
     pub fn error_ratio(&self) -> f64 {
         self.error

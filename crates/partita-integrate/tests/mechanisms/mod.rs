@@ -9,8 +9,10 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{DOP853, RK4};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::projective::{Projective, ProjectiveOptions};
-use partita_system::formulation::{Formulation, Output, Sample};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::options::FormulationOptions;
+use partita_system::formulation::Formulation;
+use partita_system::record::{Output, Sample};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 
@@ -41,19 +43,19 @@ pub fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], times: &[f64], set
 
 /// All that a formulation tells about the outputs of its run.
 pub fn described<F: Formulation>(f: &mut F, outputs: &[Output]) -> Vec<Sample> {
-    let events = f.events().to_vec();
+    let events = f.journal().events;
     outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
 /// Samples in the compact form.
 pub fn run<E: Equations>(
     system: &ByHand<E>,
-    options: ProjectiveOptions,
+    options: FormulationOptions,
     (q, v): &(Vec<f64>, Vec<f64>),
     times: &[f64],
     settings: &Settings,
 ) -> Vec<Sample> {
-    march(&mut Projective::new(system, system.size().rows, options), q, v, times, settings)
+    march(&mut Projective::new(system, system.size().rows, &options), q, v, times, settings)
 }
 
 /// Largest difference in q and v over all samples.

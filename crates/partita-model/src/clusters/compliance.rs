@@ -6,7 +6,8 @@
 use super::few::solve;
 use super::freedoms;
 use super::plan::{Duty, FewPlan, Plan, RangePlan, NONE};
-use super::sweep::{add_force_at, add_times, dot, flat_length, shift_motion, ClusterScratch};
+use super::sweep::{add_force_at, add_times, dot, flat_length, shift_motion};
+use crate::memory::ClusterScratch;
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;

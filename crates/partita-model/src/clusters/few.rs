@@ -2,24 +2,11 @@
 
 use super::freedoms;
 use super::plan::{FewPlan, Plan, NONE};
-use super::sweep::{add_force_at, add_inertia_at, dot, flat_length, shift_motion, ClusterScratch, Given};
+use super::sweep::{add_force_at, add_inertia_at, dot, flat_length, shift_motion, Given};
+use crate::memory::{ClusterScratch, FewScratch};
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
-
-/// Memory of all clusters with few freedoms.
-#[derive(Clone, Debug, Default)]
-pub struct FewScratch<S> {
-    /// Partial twists, links x k x DIM.
-    pub(super) partial: Vec<S>,
-    /// Reduced mass of the cluster on a resting base: its Cholesky factor (k x k).
-    pub(super) mass: Vec<S>,
-    /// The same before it was factored: what the choice of coordinates looks at.
-    whole: Vec<S>,
-    /// Accelerations u' on an unaccelerated base (k), and the gain K of the base's acceleration (k x DIM).
-    own: Vec<S>,
-    pub(super) gain: Vec<S>,
-}
 
 impl<S: Scalar> FewScratch<S> {
     pub(super) fn fit(&mut self, d: usize, plan: &Plan) {

@@ -17,9 +17,10 @@ mod few;
 mod plan;
 mod sweep;
 
+pub use crate::memory::ClusterScratch;
 pub use plan::{Plan, Preference, Way};
 pub(crate) use sweep::Given;
-pub use sweep::{ClusterScratch, Tangents};
+pub use sweep::Tangents;
 
 use crate::tree::{LinkMotion, Tree};
 use partita_math::elimination::Pattern;

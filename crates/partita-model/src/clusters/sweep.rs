@@ -1,8 +1,8 @@
 //! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number type.
 
-use super::few::FewScratch;
 use super::freedoms;
 use super::plan::{Duty, Plan, NONE};
+use crate::memory::ClusterScratch;
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -28,32 +28,6 @@ pub(crate) struct Given<'a, S> {
     pub effort: &'a [S],
     /// From rest, without forces and gravity: what the efforts alone cause.
     pub at_rest: bool,
-}
-
-/// Memory of the recursion.
-#[derive(Clone, Debug, Default)]
-pub struct ClusterScratch<S> {
-    /// Articulated inertia of each link (DIM x DIM) and force it needs at rest (DIM).
-    pub(super) inertia: Vec<S>,
-    pub(super) force: Vec<S>,
-    /// Acceleration of each link on top of the one it starts from (DIM).
-    pub(super) motion: Vec<S>,
-    /// Of each velocity: unit twist, what it makes the link's inertia push with (DIM each).
-    pub(super) axis: Vec<S>,
-    pub(super) push: Vec<S>,
-    /// Of each velocity: 1 / inertia felt, effort left over.
-    pub(super) inverse: Vec<S>,
-    pub(super) left: Vec<S>,
-    /// Inertia felt by each velocity.
-    pub(super) pivots: Vec<S>,
-    /// Rows: forces on links, efforts at the joints they pass, couplings, right sides, 1 / pivot, multipliers.
-    pub(super) row_force: Vec<S>,
-    pub(super) row_effort: Vec<S>,
-    pub(super) coupling: Vec<S>,
-    pub(super) row_left: Vec<S>,
-    pub(super) row_inverse: Vec<S>,
-    pub(super) lambda: Vec<S>,
-    pub(super) few: FewScratch<S>,
 }
 
 impl<S: Scalar> ClusterScratch<S> {

@@ -168,6 +168,16 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// Nodes of the bodies it acts on; 0 is the ground.
+    pub(crate) fn nodes(&self) -> [usize; 2] {
+        match self {
+            Self::Spring(e) => [e.a.node, e.b.node],
+            Self::Torsion(_) | Self::Effort(_) => [0, 0],
+            Self::CutEffort(e) => [e.parent.node, e.child.node],
+            Self::Force(e) => [e.on.node, 0],
+        }
+    }
+
     /// Velocity that it acts along, or the links it acts on.
     pub(crate) fn touches(&self) -> (Option<usize>, [usize; 2]) {
         match self {

@@ -37,6 +37,13 @@ impl Model {
     }
 }
 
+impl Model {
+    /// The recursion over clusters with these rows kept.
+    pub fn recursion(&self, kept: &[usize]) -> Plan {
+        self.own.plan(&self.pattern, &self.clusters, kept, self.preference)
+    }
+}
+
 impl ConstrainedSystem for Model {
     type Scratch = ModelScratch;
 
@@ -139,7 +146,7 @@ impl ConstrainedSystem for Model {
         if self.preference == Preference::Dense || counted && k <= FEW_FREEDOMS {
             return None;
         }
-        let plan = self.plan(&self.pattern, &self.clusters, kept, self.preference);
+        let plan = self.recursion(kept);
         if counted && self.dense_cost(k) <= plan.cost {
             return None;
         }

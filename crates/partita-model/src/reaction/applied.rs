@@ -3,6 +3,7 @@
 use super::Wrench;
 use crate::evaluator::{Evaluator, Scratch};
 use crate::force::{Acts, At, Push};
+use crate::part::Part;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
 use partita_system::SystemError;
@@ -23,14 +24,23 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Everything but joints that acts, after [`look`](Self::look). A user's function is called once for each force.
-    pub(super) fn applied(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<Applied<S>, SystemError> {
+    /// Everything but joints that acts on the bodies of `part`, after [`look_at`](Self::look_at). A user's function is called
+    /// once for each force.
+    pub(super) fn applied(
+        &self,
+        part: &Part,
+        t: S,
+        q: &[S],
+        v: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Applied<S>, SystemError> {
         let bodies = &self.numbers.bodies;
-        let on =
-            bodies.iter().map(|b| Wrench { force: self.full.gravity.times(b.mass), ..Wrench::default() }).collect();
-        let mut all = Applied { on, efforts: vec![S::zero(); self.placed.nv] };
+        let mut all = Applied { on: vec![Wrench::default(); bodies.len()], efforts: vec![S::zero(); self.placed.nv] };
+        for &node in &part.nodes {
+            all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
+        }
         let mut room = std::mem::take(&mut s.room);
-        for e in &self.full.elements {
+        for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
             match &effect.acts {
                 Acts::Along(i, effort) => all.efforts[*i] += *effort,

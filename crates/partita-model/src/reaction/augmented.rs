@@ -5,7 +5,7 @@
 //! `σ_i = E_iᵀ (M_a p̈ − h_a − J_cᵀ λ)` of what the bodies outboard still need.                           (44, 45)
 //! No matrix is inverted, and only the columns asked for are formed. Cost: (bodies outboard) for each component.
 
-use super::{replace, Known, Reactions, Wrench};
+use super::{with_along, Known, Wrench};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
@@ -29,8 +29,7 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
-        let Known { reactions: Reactions { mut joints, drives, .. }, needed, .. } =
-            self.known(t, q, v, vdot, lambda, s)?;
+        let Known { mut joints, needed, .. } = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.topology.tree.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);
@@ -44,13 +43,9 @@ impl Model {
                     false => w.force += z.axis.times(sigma),
                 }
             }
-            let along = |turns: bool| -> (Vec<Vec3<f64>>, Vec<f64>) {
-                free.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, drives[j][i])).unzip()
-            };
-            let ((turns, torques), (slides, pushes)) = (along(true), along(false));
+            let drives = self.drive_of(j, lambda);
             w = if e.reversed { w.opposite() } else { w };
-            joints[j] =
-                Wrench { moment: replace(w.moment, &turns, &torques), force: replace(w.force, &slides, &pushes) };
+            joints[j] = with_along(&free, &w, |i| drives[i]);
         }
         joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
         Ok(joints)

@@ -5,6 +5,7 @@ mod augmented;
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
+use crate::part::Part;
 use applied::Applied;
 use partita_math::dense;
 use partita_math::scalar::Scalar;
@@ -65,7 +66,8 @@ pub struct Reactions<S = f64> {
 
 /// What is known before the sweep.
 struct Known<S> {
-    reactions: Reactions<S>,
+    /// Reactions of cut joints.
+    joints: Vec<Wrench<S>>,
     /// What each body still needs.
     needed: Vec<Wrench<S>>,
     /// Applied along each velocity of the tree.
@@ -101,6 +103,15 @@ fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
     dense::cholesky_solve(&gram[..n * n], n, &mut off);
     let replaced = axes.iter().zip(off).fold(x, |x, (a, k)| x + a.times(k));
     Vec3::where_positive(apart, replaced, x)
+}
+
+/// `w` with its components along the free axes of a joint replaced by those wanted of each.
+fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
+    let of = |turns: bool| -> (Vec<Vec3<S>>, Vec<S>) {
+        axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
+    };
+    let ((ta, tw), (sa, sw)) = (of(true), of(false));
+    Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -144,26 +155,17 @@ impl<S: Scalar> Evaluator<S> {
         axes
     }
 
-    /// Wrenches of the closings for the multipliers λ: joint, wrench on its child about the joint's point there.
-    fn closing_reactions(&self, s: &mut Scratch<S>, lambda: &[S]) -> Vec<(usize, Wrench<S>)> {
+    /// Wrench of closing `k` for the multipliers λ on its child about the joint's point there, and its joint.
+    fn closing_reaction(&self, k: usize, s: &Scratch<S>, lambda: &[S]) -> (usize, Wrench<S>) {
         match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree
-                .closings
-                .iter()
-                .map(|k| {
-                    let (m, f) = tree.closing_wrench(k, x, lambda);
-                    (k.joint, Wrench { moment: Planar::ang_to(m), force: Planar::vec_to(f) })
-                })
-                .collect(),
-            _ => self
-                .full
-                .closings
-                .iter()
-                .map(|k| {
-                    let (moment, force) = self.full.closing_wrench(k, &s.full, lambda);
-                    (k.joint, Wrench { moment, force })
-                })
-                .collect(),
+            (Engine::Flat(tree), Some(x)) => {
+                let (m, f) = tree.closing_wrench(&tree.closings[k], x, lambda);
+                (tree.closings[k].joint, Wrench { moment: Planar::ang_to(m), force: Planar::vec_to(f) })
+            }
+            _ => {
+                let (moment, force) = self.full.closing_wrench(&self.full.closings[k], &s.full, lambda);
+                (self.full.closings[k].joint, Wrench { moment, force })
+            }
         }
     }
 
@@ -178,9 +180,11 @@ impl<S: Scalar> Evaluator<S> {
         self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)
     }
 
-    /// Wrench through every tree joint on its outer body, about that body's centre of mass, given what each body needs.
-    fn inward(&self, s: &Scratch<S>, mut needed: Vec<Wrench<S>>) -> Vec<Wrench<S>> {
-        for e in self.placed.topology.tree.iter().rev() {
+    /// Wrench through every tree joint of `part` on its outer body, about that body's centre of mass, given what each body
+    /// needs.
+    fn inward(&self, part: &Part, s: &Scratch<S>, mut needed: Vec<Wrench<S>>) -> Vec<Wrench<S>> {
+        for &e in part.edges.iter().rev() {
+            let e = &self.placed.topology.tree[e];
             if e.from > 0 {
                 let w = needed[e.to - 1].about(self.com_now(s, e.to - 1) - self.com_now(s, e.from - 1));
                 needed[e.from - 1].add(&w);
@@ -189,22 +193,24 @@ impl<S: Scalar> Evaluator<S> {
         needed
     }
 
-    /// What each body needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and the
-    /// applied efforts along the tree's velocities.
+    /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and
+    /// the applied efforts along the tree's velocities.
     fn needed(
         &self,
+        part: &Part,
         t: S,
         q: &[S],
         v: &[S],
         vdot: &[S],
         s: &mut Scratch<S>,
     ) -> Result<(Vec<Wrench<S>>, Vec<S>), SystemError> {
-        let Applied { on: mut needed, efforts } = self.applied(t, q, v, s)?;
-        let acceleration = self.link_accelerations(vdot, s);
-        for ((w, b), p) in needed.iter_mut().zip(&self.numbers.bodies).zip(&self.placed.bodies) {
-            let x = &s.full.links[p.link];
-            let (alpha, acc) = acceleration[p.link];
-            let arm = x.rot.apply(b.com - self.numbers.reference[p.link]);
+        let Applied { on: mut needed, efforts } = self.applied(part, t, q, v, s)?;
+        let added = self.link_accelerations(part, vdot, s);
+        for body in part.nodes.iter().map(|node| node - 1) {
+            let (w, b, link) = (&mut needed[body], &self.numbers.bodies[body], self.placed.bodies[body].link);
+            let x = &s.full.links[link];
+            let (alpha, acc) = (x.alpha + added[link].0, x.acc + added[link].1);
+            let arm = x.rot.apply(b.com - self.numbers.reference[link]);
             let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
             let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
             let spin = j.apply(x.w);
@@ -214,10 +220,11 @@ impl<S: Scalar> Evaluator<S> {
         Ok((needed, efforts))
     }
 
-    /// What the multipliers give by themselves: the reactions of cut joints and the efforts of drives; and what each body
-    /// still needs with them.
+    /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs with
+    /// them.
     fn known(
         &self,
+        part: &Part,
         t: S,
         q: &[S],
         v: &[S],
@@ -225,24 +232,59 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Known<S>, SystemError> {
-        self.look(q, v, s);
-        let (mut needed, efforts) = self.needed(t, q, v, vdot, s)?;
-        let mut result = Reactions {
-            joints: vec![Wrench::default(); self.placed.joints.len()],
-            drives: self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect(),
-            residual: S::zero(),
-        };
-        for (j, w) in self.closing_reactions(s, lambda) {
+        self.look_at(part, q, v, s);
+        let (mut needed, efforts) = self.needed(part, t, q, v, vdot, s)?;
+        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
+        for &k in &part.closings {
+            let (j, w) = self.closing_reaction(k, s, lambda);
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
             self.put(s, &mut needed, p.child, &w.opposite(), point);
             self.put(s, &mut needed, p.parent, &w, point);
-            result.joints[j] = w;
+            joints[j] = w;
         }
-        for d in self.drives.iter() {
-            result.drives[d.joint][d.coordinate] = lambda[d.row];
+        Ok(Known { joints, needed, efforts })
+    }
+
+    /// Efforts of the drives along the velocities of joint `j`.
+    pub fn drive_of(&self, j: usize, lambda: &[S]) -> Vec<S> {
+        let mut efforts = vec![S::zero(); self.placed.joints[j].shape.freedoms()];
+        for d in self.drives.iter().filter(|d| d.joint == j) {
+            efforts[d.coordinate] = lambda[d.row];
         }
-        Ok(Known { reactions: result, needed, efforts })
+        efforts
+    }
+
+    /// Reaction of one joint for a motion with the multipliers `lambda`, in world axes: action of the joint's constraints on
+    /// its child, reduced to the joint's point. `part` is its [`part_of_reaction`](Self::part_of_reaction).
+    ///
+    /// What acts along the joint's own freedoms is not asked for: it is no reaction.
+    pub fn reaction_of(
+        &self,
+        j: usize,
+        part: &Part,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Wrench<S>, SystemError> {
+        let Known { joints, needed, .. } = self.known(part, t, q, v, vdot, lambda, s)?;
+        let tree = &self.placed.topology.tree;
+        let held = part.edges.iter().map(|&e| &tree[e]).find(|e| e.joint == Some(j));
+        let w = match held {
+            Some(e) => {
+                let outer = e.to - 1;
+                let transmitted = self.inward(part, s, needed);
+                let w = transmitted[outer].about(self.com_now(s, outer) - self.joint_point_now(s, j));
+                let w = if e.reversed { w.opposite() } else { w }; // on the child
+                let drives = self.drive_of(j, lambda);
+                with_along(&self.free_axes(j, s), &w, |i| drives[i])
+            }
+            None => joints[j],
+        };
+        Ok(w.out_of(&constant(&self.placed.basis)))
     }
 
     /// Reactions of all joints for a motion with the multipliers `lambda`.
@@ -255,8 +297,27 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Reactions<S>, SystemError> {
-        let Known { reactions: mut result, needed, efforts } = self.known(t, q, v, vdot, lambda, s)?;
-        let transmitted = self.inward(s, needed.clone());
+        self.reactions_of(&self.whole(), t, q, v, vdot, lambda, s)
+    }
+
+    /// The same with the [`whole`](Self::whole) at hand.
+    pub fn reactions_of(
+        &self,
+        whole: &Part,
+        t: S,
+        q: &[S],
+        v: &[S],
+        vdot: &[S],
+        lambda: &[S],
+        s: &mut Scratch<S>,
+    ) -> Result<Reactions<S>, SystemError> {
+        let Known { joints, needed, efforts } = self.known(whole, t, q, v, vdot, lambda, s)?;
+        let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect();
+        for d in &self.drives {
+            drives[d.joint][d.coordinate] = lambda[d.row];
+        }
+        let mut result = Reactions { joints, drives, residual: S::zero() };
+        let transmitted = self.inward(whole, s, needed.clone());
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
         let mut largest = self.full.gravity.norm() * heaviest;
@@ -278,17 +339,10 @@ impl<S: Scalar> Evaluator<S> {
                     v..v + m.velocities()
                 })
                 .collect();
-            let with = |wanted: &dyn Fn(usize) -> S| {
-                let of = |turns: bool| -> (Vec<Vec3<S>>, Vec<S>) {
-                    axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
-                };
-                let ((ta, tw), (sa, sw)) = (of(true), of(false));
-                Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
-            };
             let drives = &result.drives[j];
             // along a free direction only a drive can be a reaction; what is applied there is not one
-            let reaction = with(&|i| drives[i]);
-            let acting = with(&|i| drives[i] + efforts[velocities[i]]);
+            let reaction = with_along(&axes, &w, |i| drives[i]);
+            let acting = with_along(&axes, &w, |i| drives[i] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             let (parent, child) = (p.parent, p.child);
             self.put(s, &mut left, child, &acting.opposite(), point);
@@ -307,30 +361,32 @@ impl<S: Scalar> Evaluator<S> {
         Ok(result)
     }
 
-    /// Angular acceleration and acceleration of the reference point of every link.
-    fn link_accelerations(&self, vdot: &[S], s: &Scratch<S>) -> Vec<(Vec3<S>, Vec3<S>)> {
+    /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.
+    fn link_accelerations(&self, part: &Part, vdot: &[S], s: &Scratch<S>) -> Vec<(Vec3<S>, Vec3<S>)> {
         let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
-        for i in 1..moved.len() {
+        for &i in &part.links {
             let (w, u) = moved[self.full.links[i].parent];
             moved[i] = self.full.carry(i, &s.full, w, u, |v| vdot[v]);
         }
-        moved.iter().zip(&s.full.links).map(|(m, x)| (x.alpha + m.0, x.acc + m.1)).collect()
+        moved
     }
 
     /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
     pub fn wrenches_of(&self, q: &[S], lambda: &[S], s: &mut Scratch<S>) -> Vec<Wrench<S>> {
         let still = vec![S::zero(); self.placed.nv];
-        self.look(q, &still, s);
+        let whole = self.whole();
+        self.look_at(&whole, q, &still, s);
         let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
         let mut joints = vec![Wrench::default(); self.placed.joints.len()];
-        for (j, w) in self.closing_reactions(s, lambda) {
+        for &k in &whole.closings {
+            let (j, w) = self.closing_reaction(k, s, lambda);
             let p = &self.placed.joints[j];
             let point = self.joint_point_now(s, j);
             self.put(s, &mut needed, p.child, &w.opposite(), point);
             self.put(s, &mut needed, p.parent, &w, point);
             joints[j] = w;
         }
-        let transmitted = self.inward(s, needed);
+        let transmitted = self.inward(&whole, s, needed);
         for e in &self.placed.topology.tree {
             if let Some(j) = e.joint {
                 let w = transmitted[e.to - 1].about(self.com_now(s, e.to - 1) - self.joint_point_now(s, j));

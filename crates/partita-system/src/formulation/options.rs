@@ -1,7 +1,7 @@
 //! What a formulation may be told. Each reads what concerns it; what it needs and does not find it asks for.
 
-use super::Correction;
 use crate::partition::Selection;
+use crate::record::Correction;
 use crate::start;
 use crate::system::SystemError;
 use std::sync::Arc;

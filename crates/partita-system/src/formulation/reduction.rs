@@ -1,7 +1,9 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 
+mod arithmetic;
 mod watch;
 
+pub use arithmetic::Choice;
 pub use watch::{largest, quality_of, velocity_residuals};
 
 use crate::clusters::Clusters;
@@ -25,6 +27,24 @@ const EMPTY_ROW: f64 = 1e-26;
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
 /// ... unless it is larger than this (in reaches): then the loops are really open.
 const POSTPONED: f64 = 1e-6;
+
+/// The choice of a reduction; a macro, so that its other fields stay free.
+macro_rules! choice {
+    ($r:expr) => {
+        Choice {
+            plan: $r.plan.as_ref().filter(|_| $r.rank > 0),
+            rows: &$r.partition.rows,
+            dependent: &$r.partition.dependent,
+            independent: &$r.partition.independent,
+            columns: $r.columns,
+            column_of: &$r.column_of,
+            entries: &$r.independent_entries,
+            spread_entries: &$r.spread_entries,
+            packed: $r.recursion.is_some(),
+            rheonomic: $r.rheonomic,
+        }
+    };
+}
 
 /// The reduced equations of a system at one point `(t, q, v)`.
 ///
@@ -174,6 +194,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
     }
 
+    /// The choice in use, for evaluations over other numbers.
+    pub fn choice(&self) -> Choice<'_> {
+        choice!(self)
+    }
     /// Number of independent velocities.
     pub fn k(&self) -> usize {
         self.k
@@ -312,12 +336,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
                 self.column_reach[cluster * self.columns + c as usize] = self.reach[i];
             }
         }
-        self.dt.fill(0.0);
-        for (&i, &c) in independent.iter().zip(&self.column_of) {
-            if c != NONE {
-                self.dt[i * self.columns + c as usize] = 1.0;
-            }
-        }
+        choice!(self).units(&mut self.dt);
         self.gamma.fill(0.0);
         self.delta.fill(0.0);
         self.factors.resize(plan.factor_len(), 0.0);
@@ -422,86 +441,30 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// A, D and η at the last position: `v_D = A v_I + η`.                                 (P1, P2)
     pub fn tangent(&mut self, t: f64) -> Result<(), SystemError> {
         self.factor(t)?;
-        let (r, k) = (self.rank, self.columns);
-        if r == 0 {
-            return Ok(());
-        }
-        let columns = k + usize::from(self.rheonomic);
-        let rhs = &mut self.rhs[..r * columns];
-        rhs.fill(0.0);
-        for &(step, e, j) in &self.independent_entries {
-            rhs[step as usize * columns + j as usize] = -self.c[e as usize];
-        }
-        if self.rheonomic {
-            for (step, &row) in self.partition.rows.iter().enumerate() {
-                rhs[step * columns + k] = -self.a[row];
-            }
-        }
-        if let Some(plan) = &self.plan {
-            plan.solve(&self.factors, rhs, columns);
-        }
-        for (p, &i) in self.partition.dependent.iter().enumerate() {
-            let row = &rhs[p * columns..(p + 1) * columns];
-            self.a_matrix[p * k..(p + 1) * k].copy_from_slice(&row[..k]);
-            self.dt[i * k..(i + 1) * k].copy_from_slice(&row[..k]);
-            if self.rheonomic {
-                self.gamma[i] = row[k];
-            }
-        }
+        let choice = choice!(self);
+        choice.tangent(
+            &self.factors,
+            &self.c,
+            &self.a,
+            &mut self.rhs,
+            &mut self.a_matrix,
+            &mut self.dt,
+            &mut self.gamma,
+        );
         Ok(())
     }
 
     /// `v = Dᵀ v_I + [0; η]`, left in `self.v`.                                            (P2)
     pub fn spread(&mut self, v_independent: &[f64]) {
-        let k = self.k;
-        if self.recursion.is_some() {
-            return self.spread_by_solving(v_independent);
-        }
-        if k == 1 {
-            let x = v_independent[0];
-            for ((v, d), g) in self.v.iter_mut().zip(&self.dt).zip(&self.gamma) {
-                *v = d * x + g;
-            }
-            return;
-        }
-        for (i, (v, g)) in self.v.iter_mut().zip(&self.gamma).enumerate() {
-            *v = g + dense::dot(&self.dt[i * k..(i + 1) * k], v_independent);
-        }
-    }
-
-    /// `v_D = −C_D⁻¹ (C_I v_I + a)`: one solve, where D has too many columns to be formed.
-    fn spread_by_solving(&mut self, v_independent: &[f64]) {
-        let x = &mut self.work[..self.rank];
-        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
-            *x = -self.a[row];
-        }
-        for &(step, e, j) in &self.spread_entries {
-            x[step as usize] -= self.c[e as usize] * v_independent[j as usize];
-        }
-        if let Some(plan) = &self.plan {
-            plan.solve(&self.factors, x, 1);
-        }
-        for (x, &i) in x.iter().zip(&self.partition.dependent) {
-            self.v[i] = *x;
-        }
-        for (x, &i) in v_independent.iter().zip(&self.partition.independent) {
-            self.v[i] = *x;
-        }
+        let choice = choice!(self);
+        let tangent = (&self.dt[..], &self.gamma[..]);
+        choice.spread(&self.factors, &self.c, &self.a, tangent, v_independent, &mut self.work, &mut self.v);
     }
 
     /// b at (t, q, self.v) and ξ.                                                          (S5, P1)
     pub fn velocity(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.velocity(t, q, &self.v, &mut self.scratch, &mut self.b)?;
-        let x = &mut self.work[..self.rank];
-        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
-            *x = -self.b[row];
-        }
-        if let Some(plan) = &self.plan {
-            plan.solve(&self.factors, x, 1);
-        }
-        for (x, &i) in x.iter().zip(&self.partition.dependent) {
-            self.delta[i] = *x;
-        }
+        choice!(self).bias(&self.factors, &self.b, &mut self.work, &mut self.delta);
         Ok(())
     }
 
@@ -545,30 +508,18 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// `v' = Dᵀ v_I' + [0; ξ]` of the last evaluation.                                     (P2)
     pub fn full_acceleration(&self, out: &mut [f64]) {
-        let k = self.k;
         if self.recursion.is_some() {
             out.copy_from_slice(&self.vdot);
             return;
         }
-        for (i, (x, d)) in out.iter_mut().zip(&self.delta).enumerate() {
-            *x = d + dense::dot(&self.dt[i * k..(i + 1) * k], &self.vdot_independent);
-        }
+        choice!(self).full_acceleration(&self.dt, &self.delta, &self.vdot_independent, out);
     }
 
     /// Multipliers of all rows from the dependent rows of `M v' − h`: `C_Dᵀ λ = (M v' − h)_D`; zero on dropped rows.
     ///                                                                                     (R1, 41)
     pub fn multipliers(&mut self, t: f64, q: &[f64], vdot: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
         self.system.inverse_dynamics(t, q, &self.v, vdot, &mut self.scratch, &mut self.residual)?;
-        out.fill(0.0);
-        let Some(plan) = &self.plan else { return Ok(()) };
-        let x = &mut self.work[..self.rank];
-        for (x, &i) in x.iter_mut().zip(&self.partition.dependent) {
-            *x = self.residual[i];
-        }
-        plan.solve_transposed(&self.factors, x, 1);
-        for (x, &row) in x.iter().zip(&self.partition.rows) {
-            out[row] = *x;
-        }
+        choice!(self).multipliers(&self.factors, &self.residual, &mut self.work, out);
         Ok(())
     }
 

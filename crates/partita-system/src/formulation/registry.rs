@@ -1,23 +1,18 @@
 //! All formulations by name.
 
-use super::baumgarte::Baumgarte;
-use super::explicit_closing::ExplicitClosing;
-use super::full_state::FullState;
-use super::gram_schmidt::GramSchmidt;
-use super::multipliers::Saddle;
+use super::full::FullState;
+use super::motion::{ExplicitClosing, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
 use super::options::FormulationOptions;
-use super::projective::{Projective, ProjectiveOptions};
-use super::proximal::Proximal;
-use super::qr::OrthogonalTriangular;
-use super::range_space::RangeSpace;
-use super::svd::SingularValues;
-use super::tangent::TangentVelocities;
-use super::tangent_space::TangentSpace;
-use super::user_tangent::UserTangent;
-use super::wehage_haug::WehageHaug;
-use super::zero_eigenvalue::ZeroEigenvalue;
 use super::Formulation;
+use crate::equations::full::baumgarte::Stabilised;
+use crate::equations::full::proximal::Iteration;
+use crate::equations::full::range_space::Range;
+use crate::equations::full::saddle::Saddle;
 use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::basis::gram_schmidt::GramSchmidt;
+use crate::tangent::basis::qr::OrthogonalTriangular;
+use crate::tangent::basis::svd::SingularValues;
+use crate::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
 
 /// Names, the default first.
 pub const NAMES: &[&str] = &[
@@ -47,39 +42,29 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     rank: usize,
     options: &FormulationOptions,
 ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
-    let o = options;
-    o.check(system.size().nv)?;
-    let projective = |exchange: f64| ProjectiveOptions {
-        exchange,
-        correction: o.correction,
-        fixed: o.independent.clone(),
-        weights: o.weights.clone(),
-        selection: o.selection,
-        window: o.window,
-    };
-    let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o.correction, o.renew));
+    let (o, size) = (options, system.size());
+    o.check(size.nv)?;
+    let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o));
     Ok(match name {
-        "projective" => Box::new(Projective::new(system, rank, projective(o.exchange))),
-        "fixed" => Box::new(Projective::new(system, rank, projective(f64::INFINITY))),
-        "wehage-haug" => Box::new(WehageHaug::new(system, rank, projective(o.exchange))?),
+        "projective" => Box::new(Projective::new(system, rank, o)),
+        "fixed" => {
+            let never = FormulationOptions { exchange: f64::INFINITY, ..o.clone() };
+            Box::new(Projective::new(system, rank, &never))
+        }
+        "wehage-haug" => Box::new(WehageHaug::new(system, rank, o)?),
         "explicit-closing" => Box::new(ExplicitClosing::new(system, rank, o)?),
         "zero-eigenvalue" => frozen(Box::new(ZeroEigenvalue)),
         "svd" => frozen(Box::new(SingularValues)),
         "qr" => frozen(Box::new(OrthogonalTriangular)),
         "gram-schmidt" => frozen(Box::new(GramSchmidt)),
-        "tangent-space" => Box::new(TangentSpace::new(system, rank, o.renew)?),
-        "user-tangent" => match &o.tangent {
-            Some(map) => Box::new(UserTangent::new(system, rank, map.clone(), o.correction)),
-            None => {
-                let message =
-                    "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
-                return Err(SystemError::Request(message.into()));
-            }
-        },
-        "multipliers" => Box::new(FullState::with_rule(system, rank, Saddle::new(system.size().nv, rank), o)),
-        "range-space" => Box::new(RangeSpace::new(system, rank, o)),
-        "proximal" => Box::new(Proximal::new(system, rank, o)),
-        "baumgarte" => Box::new(Baumgarte::new(system, rank, o)?),
+        "tangent-space" => Box::new(TangentSpace::new(system, rank, o)?),
+        "user-tangent" => Box::new(UserTangent::new(system, rank, o)?),
+        "multipliers" => Box::new(FullState::new(system, rank, Saddle::new(size.nv, rank), o)),
+        "range-space" => Box::new(FullState::new(system, rank, Range::new(size.nv, rank), o)),
+        "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank < size.rows), o)),
+        "baumgarte" => {
+            Box::new(FullState::new(system, rank, Stabilised::new(size.nv, size.rows, rank, o.baumgarte)?, o))
+        }
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
             return Err(SystemError::Request(message));

@@ -2,6 +2,5 @@
 
 pub mod assembly;
 pub mod closing;
-pub mod correction;
 pub mod projection;
 pub mod velocity;

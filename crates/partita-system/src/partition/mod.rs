@@ -5,9 +5,11 @@ pub mod complete_pivoting;
 pub mod criterion;
 pub mod determinant;
 pub mod exchange;
+pub mod geometry;
 pub mod individual;
 pub mod normalised_determinant;
 pub mod persistence;
+pub mod split;
 pub mod volume;
 
 /// Rules that choose the independent coordinates.

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
 use partita_system::equations::Equations;
-use partita_system::formulation::Sample;
+use partita_system::record::Sample;
 use partita_system::SystemError;
 
 pub const GRAVITY: f64 = 9.81;

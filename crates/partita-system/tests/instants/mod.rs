@@ -6,7 +6,8 @@ use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::options::TangentMap;
 use partita_system::formulation::reduction::Reduction;
-use partita_system::formulation::{Formulation, Output, Sample};
+use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::record::{Output, Sample};
 use partita_system::SystemError;
 
 /// M, C, h, a, b that stay as they are; Φ = C q.
@@ -208,6 +209,12 @@ impl TangentMap for Given {
         delta.copy_from_slice(&self.delta);
         Ok(true)
     }
+}
+
+/// Carry out a verdict where steps are fixed; true if y was rewritten.
+pub fn commit<F: Formulation>(f: &mut F, verdict: Verdict, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
+    let mut turns = vec![0; y.len()];
+    f.commit(verdict, Step { t, y, dy, turns: &mut turns, pace: None }).unwrap()
 }
 
 /// All that a formulation tells about the state y.

@@ -1,0 +1,138 @@
+"""The parts of the bench beyond bare runs: outputs, building, many freedoms, the public face.
+
+Each prints what it measures and returns it as plain data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from building import AIM, PARTS, building_cost
+from limit import Figure, measured
+from many_freedoms import QUESTIONS, Cost, Question, apart
+from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
+from public_face import RUNS, face_cost
+from timing import against, told
+
+ENOUGH = 180.0
+"""Seconds after which a mechanism of many freedoms is given up."""
+
+
+def outputs(_: Path) -> dict[str, Any]:
+    """Many outputs against one; the first reaction."""
+    print("\nOutputs: m.simulate(1.0) of the four-bar, and the first run.joint(name).force at 1001 outputs")
+    cost = outputs_cost()
+    print(f"  1 output {told(cost.one)}, {cost.outputs} outputs {told(cost.many)}: {against(cost.ratio, OUTPUTS_AIM)}")
+    found: dict[str, Any] = {"run": {**asdict(cost), "ratio": cost.ratio}}
+    for title, force in first_forces().items():
+        aim = FORCE_AIMS[title]
+        mark = "" if force.seconds <= aim else " !"
+        print(
+            f"  first force, {title}: {told(force.seconds)} (aim: at most {told(aim)}){mark}; "
+            f"Newton-Euler residual {force.residual:.1e}"
+        )
+        found[title] = asdict(force)
+    return found
+
+
+def building(_: Path) -> dict[str, Any]:
+    """Describe, compile, assemble; save and load."""
+    print("\nBuilding: chains of N four-bars, drawn, compiled, assembled; saved as TOML and loaded")
+    found = building_cost()
+    row = "  {:<10}" + "{:>12}" * (len(PARTS) + 1) + "{:>10}"
+    print(row.format("", *PARTS, "built", "|Phi|"))
+    for loops, cost in found.items():
+        times = [told(getattr(cost, part)) for part in PARTS]
+        print(row.format(f"N = {loops}", *times, told(cost.built), f"{cost.closure:.0e}"))
+    small, large = found.values()
+    growth = {"built": large.built / small.built, "load": large.load / small.load}
+    for what, ratio in growth.items():
+        print(f"  {what}, N = {large.loops} over N = {small.loops}: {against(ratio, AIM)}")
+    return {"sizes": [asdict(cost) for cost in found.values()], "growth": growth}
+
+
+def freedoms(_: Path) -> dict[str, Any]:
+    """An evaluation of mechanisms of many freedoms."""
+    print("\nMany freedoms: one evaluation within a run, and per loop or link")
+    found: dict[str, Any] = {}
+    for question in QUESTIONS:
+        costs = {size: apart(question.kind, size, ENOUGH) for size in (question.small, question.large) if size}
+        for size, cost in costs.items():
+            if isinstance(cost, str):
+                print(f"  {question.kind + ',':<16} N = {size:<6} {cost}", flush=True)
+            else:
+                print(
+                    f"  {question.kind + ',':<16} N = {size:<6} k = {cost.freedoms:<5} {told(cost.seconds):>8}"
+                    f"   {told(cost.seconds / size):>8} each   closure {cost.closure:.0e}",
+                    flush=True,
+                )
+        found[question.kind] = {
+            "costs": {str(size): cost if isinstance(cost, str) else asdict(cost) for size, cost in costs.items()},
+            "verdict": _verdict(question, costs),
+        }
+        if (verdict := found[question.kind]["verdict"]) is not None:
+            print(f"  {'':<16} {verdict['words']}")
+    return found
+
+
+def _verdict(question: Question, costs: dict[int, Cost | str]) -> dict[str, Any] | None:
+    """The ratio per loop, or the cost where there is one size, with its aim."""
+    known = {size: cost for size, cost in costs.items() if isinstance(cost, Cost)}
+    if len(known) < len(costs):
+        return None
+    if question.large is None:
+        value = known[question.small].seconds
+        words = (
+            f"one evaluation {told(value)} (aim: at most {told(question.aim)}){'' if value <= question.aim else ' !'}"
+        )
+    else:
+        each = {size: cost.seconds / size for size, cost in known.items()}
+        value = each[question.large] / each[question.small]
+        words = f"each, N = {question.large} over N = {question.small}: {against(value, question.aim)}"
+    return {"value": value, "aim": question.aim, "words": words}
+
+
+def face(folder: Path) -> dict[str, Any]:
+    """Runs through the public face against the limit."""
+    print("\nThe public face: m.simulate with one output, rtol 1e-10, against hand-written C for the one mechanism")
+    programs = measured(folder / "limit")
+    if not programs:
+        print("  no C compiler here: the fixed figures stand alone")
+    for title, program in programs.items():
+        print(
+            f"  limit, {title}: {told(program.seconds)}, {program.evaluations} evaluations of "
+            f"{told(program.per_evaluation)}, error {program.error:.1e} rad"
+        )
+    found = []
+    row = "  {:<20}{:>10}{:>10}   {:>10}{:>8}   {:>10}{:>8}   {}"
+    print(row.format("", "run", "error", "program", "ratio", "figure", "ratio", "aim"))
+    for run in RUNS:
+        cost = face_cost(run, programs.get(run.title))
+        ratios = {"program": _ratio(cost.seconds, cost.program), "figure": _ratio(cost.seconds, cost.fixed)}
+        judged = max(ratio for ratio in ratios.values() if ratio is not None)
+        print(
+            row.format(
+                run.title,
+                told(cost.seconds),
+                f"{cost.error:.0e}",
+                told(cost.program.seconds) if cost.program else "none",
+                f"{ratios['program']:.1f}" if ratios["program"] else "",
+                told(cost.fixed.seconds),
+                f"{cost.seconds / cost.fixed.seconds:.1f}",
+                f"<= {run.aim:g}{'' if judged <= run.aim else ' !'}",
+            ),
+            flush=True,
+        )
+        found.append({**asdict(cost), "ratios": ratios})
+    print("  program: hand-specialised C, run just now, its loops one after the other; figure: fixed, of programs")
+    print("  vectorised by hand, on a quiet machine (its ratio is too large on a busy one); the larger ratio is judged")
+    return {"runs": found}
+
+
+def _ratio(seconds: float, limit: Figure | None) -> float | None:
+    return None if limit is None else seconds / limit.seconds
+
+
+SECTIONS = {"outputs": outputs, "building": building, "freedoms": freedoms, "face": face}

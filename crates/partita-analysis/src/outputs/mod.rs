@@ -1,0 +1,66 @@
+//! What a mechanism shows along a motion: bodies, joints, reactions, energies. Each is computed when it is asked for, at
+//! all outputs at once, and looks at no more of the mechanism than it depends on.
+
+mod motion;
+mod reactions;
+mod rows;
+
+pub use motion::{bodies, energies, joints, BODY, JOINT_POINT};
+pub use reactions::{augmented, reaction, reactions, JOINT_AXES};
+pub use rows::{tables, Rows, Watch};
+
+use partita_model::Model;
+use partita_system::ConstrainedSystem;
+
+/// Functions of the user are asked in order, on one core.
+fn chunk_of(model: &Model) -> usize {
+    if model.calls_functions() {
+        usize::MAX
+    } else {
+        1
+    }
+}
+
+/// t, q and v at the outputs, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct States<'a> {
+    /// Times.
+    pub t: &'a [f64],
+    /// Coordinates.
+    pub q: &'a [f64],
+    /// Velocities.
+    pub v: &'a [f64],
+}
+
+/// Accelerations and multipliers at the outputs, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct Forces<'a> {
+    /// v'.
+    pub vdot: &'a [f64],
+    /// λ.
+    pub multipliers: &'a [f64],
+}
+
+impl<'a> States<'a> {
+    /// Number of outputs.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+    /// None at all?
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+    /// t, q and v of output i.
+    pub fn at(&self, model: &Model, i: usize) -> (f64, &'a [f64], &'a [f64]) {
+        let size = model.size();
+        (self.t[i], &self.q[i * size.nq..][..size.nq], &self.v[i * size.nv..][..size.nv])
+    }
+}
+
+impl<'a> Forces<'a> {
+    /// v' and λ of output i.
+    pub fn at(&self, model: &Model, i: usize) -> (&'a [f64], &'a [f64]) {
+        let size = model.size();
+        (&self.vdot[i * size.nv..][..size.nv], &self.multipliers[i * size.rows..][..size.rows])
+    }
+}

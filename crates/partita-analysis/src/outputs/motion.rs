@@ -1,0 +1,112 @@
+//! Where bodies and joints are, how they move, and the energies.
+
+use super::chunk_of;
+use super::rows::{tables, Watch};
+use super::States;
+use crate::instant::Levels;
+use partita_model::model::ModelScratch;
+use partita_model::observe::{JointState, TurnCounter};
+use partita_model::{Model, Part};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Widths of the tables of [`bodies`] for one body: position, rotation (row by row), velocity, angular velocity.
+pub const BODY: [usize; 4] = [3, 9, 3, 3];
+/// Width of the last table of [`joints`] for one joint.
+pub const JOINT_POINT: usize = 3;
+
+/// The part that several answers depend on: that of the one asked, or everything.
+fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part {
+    match which {
+        [i] => one(*i),
+        _ => model.whole(),
+    }
+}
+
+/// Position of the origin, rotation, velocity of the origin and angular velocity of the bodies `which`, world axes.
+///
+/// # Errors
+/// Those of `watch`.
+pub fn bodies<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
+    let part = part_of(model, which, |i| model.part_of_body(i));
+    let widths = BODY.map(|w| w * which.len());
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
+        let (_, q, v) = states.at(model, i);
+        model.look_at(&part, q, v, s);
+        for (place, &body) in which.iter().enumerate() {
+            let x = model.body_state(body, s);
+            rows.row(0, i)[3 * place..][..3].copy_from_slice(&x.position.0);
+            for (to, from) in rows.row(1, i)[9 * place..][..9].chunks_mut(3).zip(&x.rotation.0) {
+                to.copy_from_slice(from);
+            }
+            rows.row(2, i)[3 * place..][..3].copy_from_slice(&x.velocity.0);
+            rows.row(3, i)[3 * place..][..3].copy_from_slice(&x.angular_velocity.0);
+        }
+        Ok(())
+    };
+    tables(states.len(), &widths, 1, || model.scratch(), row, watch)
+}
+
+/// Coordinates, velocities and points (on the child, world axes) of the joints `which`, side by side.
+///
+/// Turns of joints that close loops in space are counted from one output to the next.
+///
+/// # Errors
+/// Those of `watch`.
+pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: Watch<E>) -> Result<Vec<Vec<f64>>, E> {
+    let part = part_of(model, which, |j| model.part_of_joint(j));
+    let size = |j: usize| {
+        let shape = &model.placed.joints[j].shape;
+        (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.freedoms())
+    };
+    let (nq, nv) = which.iter().map(|&j| size(j)).fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
+        let (_, q, v) = states.at(model, i);
+        model.look_at(&part, q, v, s);
+        let (mut at_q, mut at_v) = (0, 0);
+        for (place, &j) in which.iter().enumerate() {
+            let x = model.joint_state(j, q, v, s);
+            rows.row(0, i)[at_q..][..x.position.len()].copy_from_slice(&x.position);
+            rows.row(1, i)[at_v..][..x.velocity.len()].copy_from_slice(&x.velocity);
+            rows.row(2, i)[3 * place..][..3].copy_from_slice(&x.point);
+            (at_q, at_v) = (at_q + x.position.len(), at_v + x.velocity.len());
+        }
+        Ok(())
+    };
+    let mut found = tables(states.len(), &[nq, nv, JOINT_POINT * which.len()], 1, || model.scratch(), row, watch)?;
+    let mut turns = TurnCounter::new(model);
+    let (mut at_q, mut at_v) = (0, 0);
+    for &j in which {
+        let (of_q, of_v) = size(j);
+        let counted: &[f64] = if turns.counts(j) { states.t } else { &[] };
+        for (i, &t) in counted.iter().enumerate() {
+            let position = &mut found[0][i * nq + at_q..][..of_q];
+            let mut x = JointState { position: position.to_vec(), ..JointState::default() };
+            let velocity = i * nv + at_v;
+            x.velocity = found[1][velocity..velocity + of_v].to_vec();
+            turns.unwrap(j, t, &mut x);
+            found[0][i * nq + at_q..][..of_q].copy_from_slice(&x.position);
+        }
+        (at_q, at_v) = (at_q + of_q, at_v + of_v);
+    }
+    Ok(found)
+}
+
+/// Kinetic and potential energy. Functions of the user that have a potential are asked once an output.
+///
+/// # Errors
+/// What such a function raises, and those of `watch`.
+pub fn energies<E: Send + From<SystemError>>(
+    model: &Model,
+    states: &States,
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let row = |i: usize, levels: &mut Levels<Model>, rows: &mut super::Rows| {
+        let (t, q, v) = states.at(model, i);
+        levels.velocity(t, q, v)?;
+        let (kinetic, potential) = model.energy(t, q, v, &levels.scratch)?;
+        rows.row(0, i)[0] = kinetic;
+        rows.row(1, i)[0] = potential;
+        Ok(())
+    };
+    tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)
+}

@@ -1,0 +1,100 @@
+//! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
+
+mod journal;
+mod request;
+
+pub use journal::{Assessed, Described, Journal};
+pub use request::Request;
+
+use crate::error::AnalysisError;
+use partita_integrate::simulate::{simulate, Outcome};
+use partita_system::formulation::options::TangentMap;
+use partita_system::formulation::{registry, Formulation};
+use partita_system::record::{FormulationCounters, Output};
+use partita_system::start::{self, Start};
+use partita_system::ConstrainedSystem;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// What a run left.
+pub struct Run {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The outputs and the choices in use.
+    pub journal: Journal,
+    /// Work done below the integrator.
+    pub counters: FormulationCounters,
+    /// Rows kept at the end.
+    pub rows: Vec<usize>,
+    /// What the user should know, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// At most six of many, in words.
+fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
+    let first: Vec<String> = all.iter().take(6).map(word).collect();
+    let more = if all.len() > 6 { ", ..." } else { "" };
+    format!("{}{more}", first.join(", "))
+}
+
+fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
+    format!(
+        "{} closing rows say nothing that the others do not and were dropped by rank ({}); the gap between kept and dropped \
+         pivots is {:.1e}",
+        found.dropped.len(),
+        some(&found.dropped, |&i| system.row_name(i)),
+        found.gap
+    )
+}
+
+fn note_of_passages(outcome: &Outcome) -> String {
+    format!(
+        "{} singular positions of the mechanism were stepped over (t = {}); around them the loops were closed inside every \
+         evaluation, and {} steps were taken with an error estimate above the tolerance because it was round-off",
+        outcome.passages.len(),
+        some(&outcome.passages, |t| format!("{t:.4}")),
+        outcome.counters.lenient
+    )
+}
+
+/// March `system` from `(q, v)` as asked, with outputs at `t_eval`; `watch` is asked after every step whether to go on.
+///
+/// # Errors
+/// What was asked makes no sense, or nothing could start. A run that ends early is a run: see its outcome.
+pub fn run<S: ConstrainedSystem<Scratch: Send>>(
+    system: &S,
+    request: &Request,
+    tangent: Option<Arc<dyn TangentMap>>,
+    t_eval: &[f64],
+    (q, v): (&[f64], &[f64]),
+    watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Run, AnalysisError> {
+    let settings = request.settings()?;
+    let options = request.formulation_options(system, tangent)?;
+    let mut notes = Vec::new();
+    let unread = registry::unread(&request.formulation, &options);
+    if !unread.is_empty() {
+        notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
+    }
+    let found = start::analyse(system, request.t0, q)?;
+    if !found.dropped.is_empty() {
+        notes.push(note_of_dropped(system, &found));
+    }
+    let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
+        .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
+    let mut outputs = Vec::with_capacity(t_eval.len());
+    let mut sink = |output: &Output| {
+        outputs.push(output.clone());
+        Ok(())
+    };
+    let outcome = simulate(&mut f, request.t0, q, v, t_eval, &settings, &mut sink, watch)?;
+    let told = f.journal();
+    notes.extend(told.notes);
+    if !outcome.passages.is_empty() {
+        notes.push(note_of_passages(&outcome));
+    }
+    let (rows, counters, events) = (told.rows, told.counters, told.events);
+    drop(f);
+    let journal = Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs };
+    Ok(Run { outcome, journal, counters, rows, notes })
+}

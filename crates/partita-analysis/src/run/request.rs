@@ -1,0 +1,150 @@
+//! What is asked of a run, in words, and what it means.
+
+use crate::error::AnalysisError;
+use partita_integrate::options::Options;
+use partita_integrate::simulate::Settings;
+use partita_integrate::tableau;
+use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::partition::Selection;
+use partita_system::record::Correction;
+use partita_system::ConstrainedSystem;
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Options of a run, as people write them.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Start [s].
+    #[serde(default)]
+    pub t0: f64,
+    /// End [s].
+    pub t_end: f64,
+    /// Relative tolerance.
+    pub rtol: f64,
+    /// Absolute tolerance.
+    pub atol: f64,
+    /// Method, by name.
+    pub method: String,
+    /// Formulation, by name.
+    pub formulation: String,
+    /// Fixed step [s].
+    #[serde(default)]
+    pub step: Option<f64>,
+    /// Largest adaptive step [s].
+    #[serde(default)]
+    pub max_step: Option<f64>,
+    /// Removal of the remainder of S3, by name.
+    pub correction: String,
+    /// Gain that an exchange must exceed.
+    pub exchange: f64,
+    /// Accepted steps at the most.
+    pub max_steps: u64,
+    /// Velocities to be kept independent, by name.
+    #[serde(default)]
+    pub independent: Option<Vec<String>>,
+    /// Rule of choice, by name.
+    pub selection: String,
+    /// Preferences: velocity and factor.
+    #[serde(default)]
+    pub weights: Option<Vec<(String, f64)>>,
+    /// Window of the rule "persistence" [s].
+    #[serde(default)]
+    pub window: Option<f64>,
+    /// α and β of "baumgarte".
+    #[serde(default)]
+    pub baumgarte: Option<(f64, f64)>,
+    /// When frozen tangent velocities are renewed.
+    pub renew: f64,
+}
+
+fn refuse(argument: &'static str, message: String) -> AnalysisError {
+    AnalysisError::Argument { argument, message }
+}
+
+/// Places of named velocities.
+fn places<'n, S: ConstrainedSystem>(
+    system: &S,
+    names: impl Iterator<Item = &'n String>,
+) -> Result<Vec<usize>, AnalysisError> {
+    let known: Vec<String> = (0..system.size().nv).map(|i| system.velocity_name(i)).collect();
+    let place: HashMap<&str, usize> = known.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    names
+        .map(|name| {
+            place.get(name.as_str()).copied().ok_or_else(|| AnalysisError::Unknown {
+                name: name.clone(),
+                message: format!("there is no coordinate \"{name}\"; known: {}", known.join(", ")),
+            })
+        })
+        .collect()
+}
+
+impl Request {
+    /// Method, tolerances and end.
+    ///
+    /// # Errors
+    /// `Argument` for an unknown method.
+    pub(super) fn settings(&self) -> Result<Settings, AnalysisError> {
+        let tableau = tableau::by_name(&self.method).ok_or_else(|| {
+            let known: Vec<&str> = tableau::METHODS.iter().map(|m| m.name).collect();
+            refuse("method", format!("there is no method \"{}\"; choose among {}", self.method, known.join(", ")))
+        })?;
+        let options = Options {
+            rtol: self.rtol,
+            atol: self.atol.into(),
+            controlled: usize::MAX,
+            max_step: self.max_step.unwrap_or(f64::INFINITY),
+            fixed_step: self.step,
+            first_step: None,
+        };
+        Ok(Settings { t_end: self.t_end, tableau, options, max_steps: self.max_steps })
+    }
+
+    /// What the formulation is told, with the user's tangent velocities.
+    ///
+    /// # Errors
+    /// `Argument` for unknown words, `Unknown` for velocities that the system does not have.
+    pub(super) fn formulation_options<S: ConstrainedSystem>(
+        &self,
+        system: &S,
+        tangent: Option<Arc<dyn TangentMap>>,
+    ) -> Result<FormulationOptions, AnalysisError> {
+        let correction = match self.correction.as_str() {
+            "partition" => Correction::Partition,
+            "mass-orthogonal" => Correction::MassOrthogonal,
+            "none" => Correction::None,
+            other => {
+                let known = "partition, mass-orthogonal, none";
+                return Err(refuse("correction", format!("there is no correction \"{other}\"; choose among {known}")));
+            }
+        };
+        let selection = Selection::by_name(&self.selection).ok_or_else(|| {
+            let known: Vec<&str> = Selection::ALL.iter().map(|s| s.name()).collect();
+            let message = format!("there is no selection \"{}\"; choose among {}", self.selection, known.join(", "));
+            refuse("selection", message)
+        })?;
+        let independent = self.independent.as_ref().map(|names| places(system, names.iter())).transpose()?;
+        let weights = match &self.weights {
+            None => None,
+            Some(pairs) => {
+                let mut weights = vec![1.0; system.size().nv];
+                for (i, (_, w)) in places(system, pairs.iter().map(|p| &p.0))?.into_iter().zip(pairs) {
+                    weights[i] = *w;
+                }
+                Some(weights)
+            }
+        };
+        Ok(FormulationOptions {
+            correction,
+            exchange: self.exchange,
+            independent,
+            weights,
+            selection,
+            window: self.window,
+            baumgarte: self.baumgarte,
+            renew: self.renew,
+            tangent,
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! The part of a mechanism that one answer depends on: a body, a joint, a reaction.
+//!
+//! The pose of a body takes the links between it and the ground. The reaction of a tree joint takes besides the bodies
+//! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
+
+use crate::evaluator::{Engine, Evaluator, Scratch};
+use partita_math::scalar::Scalar;
+use std::collections::BTreeSet;
+
+/// Links, bodies and what acts on them, for one question or for all.
+#[derive(Clone, Debug, Default)]
+pub struct Part {
+    /// Links whose poses and twists are needed, parents first.
+    pub(crate) links: Vec<usize>,
+    /// Nodes whose balance of forces is needed, in the order of the tree.
+    pub(crate) nodes: Vec<usize>,
+    /// Places in the tree of the edges to these nodes, in the order of the tree.
+    pub(crate) edges: Vec<usize>,
+    /// Applied forces on these nodes.
+    pub(crate) elements: Vec<usize>,
+    /// Closings on these nodes, and those asked for themselves.
+    pub(crate) closings: Vec<usize>,
+}
+
+impl Part {
+    fn new<S: Scalar>(
+        model: &Evaluator<S>,
+        nodes: &BTreeSet<usize>,
+        asked: impl Fn(usize) -> bool,
+        ends: &[usize],
+    ) -> Self {
+        let (tree, full) = (&model.placed.topology.tree, &model.full);
+        let edges: Vec<usize> = (0..tree.len()).filter(|&e| nodes.contains(&tree[e].to)).collect();
+        let on = |sides: [usize; 2]| sides.iter().any(|n| nodes.contains(n));
+        let sides = |k: usize| {
+            let p = &model.placed.joints[full.closings[k].joint];
+            [p.parent, p.child]
+        };
+        // what acts along a tree joint acts on no body by itself
+        let elements: Vec<usize> = (0..full.elements.len()).filter(|&i| on(full.elements[i].nodes())).collect();
+        let closings: Vec<usize> =
+            (0..full.closings.len()).filter(|&k| on(sides(k)) || asked(full.closings[k].joint)).collect();
+        let mut links: BTreeSet<usize> = ends.iter().copied().collect();
+        links.extend(nodes.iter().map(|&n| model.placed.link_of(n)));
+        links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
+        for &k in &closings {
+            links.extend(sides(k).map(|n| model.placed.link_of(n)));
+            links.extend([full.closings[k].a.link, full.closings[k].b.link]);
+        }
+        let nodes = edges.iter().map(|&e| tree[e].to).collect();
+        Self { links: with_ancestors(model, links), nodes, edges, elements, closings }
+    }
+}
+
+/// The links and all between them and the ground, parents first, without the ground.
+fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Vec<usize> {
+    let mut all = BTreeSet::new();
+    for mut i in links {
+        while i != 0 && all.insert(i) {
+            i = model.full.links[i].parent;
+        }
+    }
+    all.into_iter().collect() // a parent's number is smaller than its children's
+}
+
+impl<S: Scalar> Evaluator<S> {
+    /// Are there functions of the user among the forces and motions?
+    pub fn calls_functions(&self) -> bool {
+        self.callers.functions.count() > 0
+    }
+
+    /// What all answers together depend on: everything.
+    pub fn whole(&self) -> Part {
+        let nodes = self.placed.topology.tree.iter().map(|e| e.to).collect();
+        let mut part = Part::new(self, &nodes, |_| true, &[]);
+        part.links = (1..self.full.links.len()).collect();
+        part.elements = (0..self.full.elements.len()).collect();
+        part
+    }
+
+    /// What the motion of body `i` depends on.
+    pub fn part_of_body(&self, i: usize) -> Part {
+        let links = with_ancestors(self, BTreeSet::from([self.placed.bodies[i].link]));
+        Part { links, ..Part::default() }
+    }
+
+    /// What the motion of joint `j` depends on.
+    pub fn part_of_joint(&self, j: usize) -> Part {
+        Part { links: with_ancestors(self, self.sides(j).into_iter().collect()), ..Part::default() }
+    }
+
+    /// What the reaction of joint `j` depends on.
+    pub fn part_of_reaction(&self, j: usize) -> Part {
+        let tree = &self.placed.topology.tree;
+        let mut outboard = BTreeSet::new();
+        for e in tree {
+            if e.joint == Some(j) || outboard.contains(&e.from) {
+                outboard.insert(e.to);
+            }
+        }
+        Part::new(self, &outboard, |joint| joint == j, &self.sides(j))
+    }
+
+    /// Links of the two sides of a joint, and those of its own motions.
+    fn sides(&self, j: usize) -> Vec<usize> {
+        let p = &self.placed.joints[j];
+        let ends = [p.parent, p.child].map(|n| self.placed.link_of(n));
+        ends.into_iter().chain(p.links.iter().flatten().copied()).collect()
+    }
+
+    /// Poses and twists at (q, v) of the links of `part`, in space and in the plane of the engine.
+    pub fn look_at(&self, part: &Part, q: &[S], v: &[S], s: &mut Scratch<S>) {
+        for &i in &part.links {
+            self.full.pose(i, q, &mut s.full);
+            self.full.twist(i, v, &mut s.full);
+        }
+        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
+            for &i in &part.links {
+                tree.pose(i, q, flat);
+            }
+        }
+    }
+}

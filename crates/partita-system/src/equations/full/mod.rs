@@ -1,0 +1,87 @@
+//! The full equations: methods that give `v'` and λ at one instant in all velocities.
+
+pub mod baumgarte;
+pub mod proximal;
+pub mod range_space;
+pub mod saddle;
+
+use partita_math::elimination::Pattern;
+
+/// Everything known at `(t, q, v)` before the accelerations.
+#[derive(Clone, Copy)]
+pub struct Instant<'a> {
+    /// Where C may be nonzero (all rows x n).
+    pub pattern: &'a Pattern,
+    /// The rows to be used.
+    pub rows: &'a [usize],
+    /// How many rows exist at position level: the first ones.
+    pub holonomic: usize,
+    /// M (n x n).
+    pub mass: &'a [f64],
+    /// h (n).
+    pub h: &'a [f64],
+    /// Φ (holonomic).
+    pub phi: &'a [f64],
+    /// C in pattern order.
+    pub c: &'a [f64],
+    /// a (all rows).
+    pub a: &'a [f64],
+    /// b (all rows).
+    pub b: &'a [f64],
+    /// v (n).
+    pub v: &'a [f64],
+}
+
+impl Instant<'_> {
+    /// Row i of C, written out (n).
+    pub fn row(&self, i: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        for e in self.pattern.row(i) {
+            out[self.pattern.col_idx[e]] = self.c[e];
+        }
+    }
+
+    /// `(C v + a)_i`: how fast row i opens.
+    pub fn opening(&self, i: usize) -> f64 {
+        self.pattern.row(i).map(|e| self.c[e] * self.v[self.pattern.col_idx[e]]).sum::<f64>() + self.a[i]
+    }
+}
+
+/// Why a rule found no accelerations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Failure {
+    /// M is not positive definite.
+    Mass {
+        /// The velocity where it showed.
+        index: usize,
+        /// Its pivot.
+        pivot: f64,
+    },
+    /// The rows are not independent: squared sine of the angle between one of them and those before it.
+    Rows {
+        /// The squared sine.
+        sine2: f64,
+    },
+}
+
+/// A rule that gives `v'` and λ with `M v' = h + Cᵀ λ` and `C v' + b = 0` (S1, S5).
+///
+/// `solve` is called in every evaluation and allocates nothing; memory is prepared when the rule is made.
+pub trait AccelerationRule {
+    /// Name used in results and messages.
+    fn name(&self) -> &'static str;
+    /// Can it take rows that are combinations of others? Then it is given all of them.
+    fn takes_all_rows(&self) -> bool {
+        false
+    }
+    /// Are the remainders of S3 and S4 to be removed after a step?
+    fn corrected(&self) -> bool {
+        true
+    }
+    /// `v'` (n) and λ (all rows; entries of rows not used come in as zero). Returns the iterations it took.
+    fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure>;
+    /// What the user should know, in sentences.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+}

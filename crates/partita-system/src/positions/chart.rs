@@ -1,0 +1,292 @@
+//! Tangent-space parametrisation: 2k states in a chart of the closed positions (Potra, Yen 1991; Yen 1993; Haug).
+//!
+//! From a base position q₀ the mechanism is moved by `q = step(q₀, Δ)`; the chart gives p = S Δ, and Newton's method finds the Δ
+//! with `Φ(q, t) = 0`, `S Δ = p` at every evaluation:
+//!
+//! ```text
+//! p' = S Δ',   u = S v,   M_d u' = D_S (h + M G b)                                            (36)
+//! ```
+//!
+//! Without turns in space Δ' = v, so p' = u. A turn in space advances by q₀ exp(Θ), and its rotation vector at the rate
+//! `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
+//! [`gram_schmidt`](crate::tangent::basis::gram_schmidt)). The chart is left for a new one, based where the mechanism stands, when the
+//! quality of S falls, when Newton's method needs many iterations, or when a ball has turned far; (q, v) stay the same.
+//!
+//! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or tables must
+//! never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four factorisations of [S; C] per
+//! evaluation, n³/3 each. Nonholonomic rows have no positions to parametrise and are refused.
+
+use super::{turns, Positions};
+use crate::formulation::Verdict;
+use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::frozen::Frozen;
+use partita_math::dense;
+
+/// Newton's method squares the error: from a stage away (1e-2 of a large move) it is at round-off after five.
+const ITERATIONS: u32 = 12;
+/// So many iterations are a sign that the chart is bent too much here.
+const MANY: u32 = 7;
+/// Moves below this part of a large one that no longer shrink are round-off.
+const STALLED: f64 = 1e-9;
+/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without bounds
+/// towards 2π, and a quarter of the way there it is still as good as straight ...
+const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
+/// ... and one that turned this far inside a step spoils the step.
+const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
+
+/// Coordinates p (k states) of a tangent chart.
+pub struct Chart {
+    renew: f64,
+    /// The velocities of each ball.
+    balls: Vec<[usize; 3]>,
+    reach: Vec<f64>,
+    base: Vec<f64>,
+    /// Δ of the last evaluation, at the end of the last step, and of the one that is judged.
+    delta: Vec<f64>,
+    accepted: Vec<f64>,
+    trial: Vec<f64>,
+    q: Vec<f64>,
+    w: Vec<f64>,
+    rhs: Vec<f64>,
+    covectors: Vec<f64>,
+    iterations: u32,
+    wants: Option<&'static str>,
+}
+
+impl Chart {
+    /// For a system of the given rank without nonholonomic rows. `renew`: see
+    /// [`FormulationOptions`](crate::formulation::options::FormulationOptions::renew).
+    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self, SystemError> {
+        let size = system.size();
+        let (n, k) = (size.nv, size.nv - rank);
+        Ok(Self {
+            renew,
+            balls: balls(system)?,
+            reach: (0..n).map(|i| system.reach(i)).collect(),
+            base: vec![0.0; size.nq],
+            delta: vec![0.0; n],
+            accepted: vec![0.0; n],
+            trial: vec![0.0; n],
+            q: vec![0.0; size.nq],
+            w: vec![0.0; k],
+            rhs: vec![0.0; n],
+            covectors: vec![0.0; k * n],
+            iterations: 0,
+            wants: None,
+        })
+    }
+
+    fn bent(&self, t: f64, reason: String) -> SystemError {
+        SystemError::Basis { name: "gram-schmidt".into(), t, reason }
+    }
+
+    /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
+    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<(), SystemError> {
+        let (n, k) = (self.delta.len(), self.w.len());
+        self.w.copy_from_slice(p);
+        x.in_orthonormal(&mut self.w);
+        self.delta.copy_from_slice(&self.accepted);
+        let mut before = f64::INFINITY;
+        for iteration in 0..=ITERATIONS {
+            self.iterations = iteration;
+            let turned = self.largest_turn();
+            if turned > TOO_FAR_TURN {
+                return Err(self.bent(t, format!(
+                    "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
+                     shorter steps"
+                )));
+            }
+            self.q.copy_from_slice(&self.base);
+            x.r.system.step(&mut self.q, &self.delta);
+            x.r.position(t, &self.q)?;
+            self.factor(x, t)?;
+            for j in 0..k {
+                self.rhs[j] = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
+            }
+            for (rhs, &row) in self.rhs[k..].iter_mut().zip(&x.r.partition.rows) {
+                *rhs = -x.r.phi[row];
+            }
+            x.solve(&mut self.rhs);
+            let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
+            let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
+            let settled = moved <= 4.0 * f64::EPSILON * far && x.r.is_closed();
+            if settled || (moved < STALLED * far && moved > 0.25 * before) {
+                if !self.balls.is_empty() {
+                    x.factor(t)?;
+                }
+                return Ok(());
+            }
+            // the first move is along the tangent; moves that do not halve from there lead to another solution, or none
+            if !moved.is_finite() || (iteration > 0 && moved > 0.5 * before) {
+                break;
+            }
+            before = moved;
+            // Δ' = T⁻¹ v
+            turned_back(&self.balls, &self.delta, &mut self.rhs);
+            dense::axpy(1.0, &self.rhs, &mut self.delta);
+        }
+        let reason = format!(
+            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e}); let it \
+             be renewed earlier (a larger renew, at most 1), or take shorter steps",
+            self.iterations
+        );
+        Err(self.bent(t, reason))
+    }
+
+    /// Factor [S T⁻¹; C] at the last position: the rows that tell p' from v, above those of C.
+    fn factor<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64) -> Result<(), SystemError> {
+        if self.balls.is_empty() {
+            return x.factor(t);
+        }
+        let n = self.delta.len();
+        self.covectors.copy_from_slice(x.orthonormal());
+        for row in self.covectors.chunks_exact_mut(n) {
+            for b in &self.balls {
+                // (T⁻¹)ᵀ turns the other way
+                let s = turn_rate(b.map(|i| -self.delta[i]), b.map(|i| row[i]));
+                (0..3).for_each(|i| row[b[i]] = s[i]);
+            }
+        }
+        x.factor_with(t, &self.covectors)
+    }
+
+    fn largest_turn(&self) -> f64 {
+        let square = |b: &[usize; 3]| b.iter().map(|&i| self.delta[i] * self.delta[i]).sum::<f64>();
+        self.balls.iter().fold(0.0, |m: f64, b| larger(m, square(b))).sqrt()
+    }
+}
+
+impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
+    const CLOSED: bool = true;
+
+    fn places(&self) -> usize {
+        self.w.len()
+    }
+    fn start(&mut self, _x: &mut Frozen<'s, S>, _t: f64, q: &[f64], y: &mut [f64]) {
+        self.base.copy_from_slice(q);
+        self.accepted.fill(0.0);
+        y[..self.w.len()].fill(0.0);
+    }
+    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool, SystemError> {
+        self.find(x, t, &y[..self.w.len()])?;
+        Ok(true)
+    }
+    fn q(&self) -> &[f64] {
+        &self.q
+    }
+    fn rates(&mut self, x: &mut Frozen<'s, S>, u: &[f64], dy: &mut [f64]) {
+        let k = u.len();
+        if self.balls.is_empty() {
+            dy[..k].copy_from_slice(u); // S v = u + S γ, and S γ = 0
+        } else {
+            self.rhs.copy_from_slice(&x.r.v);
+            turned_back(&self.balls, &self.delta, &mut self.rhs);
+            x.values(&self.rhs, &mut dy[..k]);
+        }
+    }
+    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool, SystemError> {
+        Ok(false) // closed at every evaluation
+    }
+    fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool, SystemError> {
+        self.locate(x, t, y, false)
+    }
+    fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
+        self.trial.copy_from_slice(&self.delta);
+        self.wants = if self.renew <= 0.0 {
+            None
+        } else if self.largest_turn() > FAR_TURN {
+            Some("a ball had turned far from the base of the chart")
+        } else if self.iterations >= MANY {
+            Some("Newton's method needed many iterations")
+        } else {
+            None
+        };
+        Verdict::Keep
+    }
+    fn wants_change(&self) -> Option<&'static str> {
+        self.wants
+    }
+    fn accept(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) {
+        self.accepted.copy_from_slice(&self.trial);
+    }
+    fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
+        self.base.copy_from_slice(q);
+        x.r.system.normalise(&mut self.base);
+        self.q.copy_from_slice(&self.base);
+        self.accepted.fill(0.0);
+        self.delta.fill(0.0);
+        y[..self.w.len()].fill(0.0);
+    }
+    /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
+    fn wrap(&mut self, x: &Frozen<'s, S>, _y: &mut [f64], turns: &mut [i32]) -> bool {
+        let mut q = self.base.clone();
+        x.r.system.step(&mut q, &self.accepted);
+        for (i, q) in q.into_iter().enumerate() {
+            let mut angle = q;
+            if turns::reduce_one(x.r.system, i, &mut angle, &mut turns[i]) {
+                self.base[i] += angle - q;
+            }
+        }
+        false
+    }
+}
+
+/// The larger of two numbers, NaN winning.
+fn larger(m: f64, x: f64) -> f64 {
+    if m > x || m.is_nan() {
+        m
+    } else {
+        x
+    }
+}
+
+/// Velocities that form a ball: three that change the same quaternion.
+fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>, SystemError> {
+    let n = system.size().nv;
+    let mut found: Vec<(usize, Vec<usize>)> = Vec::new();
+    for i in 0..n {
+        let range = system.coordinates_of(i);
+        match (range.len(), found.iter_mut().find(|f| f.0 == range.start)) {
+            (1, _) => {}
+            (_, Some(f)) => f.1.push(i),
+            (_, None) => found.push((range.start, vec![i])),
+        }
+    }
+    found
+        .into_iter()
+        .map(|(start, velocities)| match <[usize; 3]>::try_from(velocities) {
+            Ok(b) if system.coordinates_of(b[0]).len() == 4 => Ok(b),
+            _ => Err(SystemError::Request(format!(
+                "tangent-space knows coordinates that are integrals of velocities and unit quaternions; coordinate {start} is \
+                 neither; use projective"
+            ))),
+        })
+        .collect()
+}
+
+/// `T⁻¹ x` in place: a velocity as the rate of Δ.
+fn turned_back(balls: &[[usize; 3]], delta: &[f64], x: &mut [f64]) {
+    for b in balls {
+        let rate = turn_rate(b.map(|i| delta[i]), b.map(|i| x[i]));
+        (0..3).for_each(|i| x[b[i]] = rate[i]);
+    }
+}
+
+/// `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)`, `c = (1 − (θ/2) cot(θ/2)) / θ²`.                              (46)
+fn turn_rate(turn: [f64; 3], w: [f64; 3]) -> [f64; 3] {
+    let square: f64 = turn.iter().map(|x| x * x).sum();
+    let half = 0.5 * square.sqrt();
+    // by its series where the quotient would lose digits: the next term is θ⁶/1209600
+    let c = if half < 0.05 {
+        1.0 / 12.0 + square * (1.0 / 720.0 + square / 30240.0)
+    } else {
+        (1.0 - half / half.tan()) / square
+    };
+    let once = cross(turn, w);
+    let twice = cross(turn, once);
+    [0, 1, 2].map(|i| w[i] + 0.5 * once[i] + c * twice[i])
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

@@ -1,0 +1,251 @@
+//! Has the motion been thrown back at a dead point? A question only 2k forms have to ask.
+
+/// What the last step ended with, to hold the next one against.
+///
+/// At a dead point of its inputs the equations in 2k states have two solutions: the mechanism passes, and its dependent
+/// coordinates go over to the other branch, or it is thrown back on the branch it came from. Both have the same inputs to
+/// second order, so the error estimate sees no difference, and a closing that keeps its branch takes the wrong one. What
+/// tells them apart is that velocities do not jump: thrown back, the dependent ones change sign within the step, however
+/// short it is, while no acceleration accounts for that.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Continuity {
+    t: f64,
+    v: Vec<f64>,
+    vdot: Vec<f64>,
+    /// Time, velocities and accelerations at the start of the last step, where there was one.
+    before: Option<f64>,
+    v_before: Vec<f64>,
+    vdot_before: Vec<f64>,
+    /// Nearness of a dead point or a singular position at the start of the step, see [`Continuity::nearness`].
+    near: f64,
+    /// Largest speed so far: a mechanism at rest has no direction to lose.
+    fastest: f64,
+    /// Longest step so far.
+    longest: f64,
+    /// Short steps in a row towards a dead point that hardly come nearer.
+    creeping: u32,
+    in_a_row: u32,
+    /// The step that was judged, not yet accepted.
+    next: Ahead,
+    v_next: Vec<f64>,
+    vdot_next: Vec<f64>,
+}
+
+/// End of a step that was judged.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ahead {
+    t: f64,
+    near: f64,
+    creeping: u32,
+}
+
+fn copy(from: &[f64], to: &mut Vec<f64>) {
+    to.clear();
+    to.extend_from_slice(from);
+}
+
+impl Continuity {
+    /// Part of the speed that the trapezoidal rule may miss in a step. A thrown back mechanism misses all of it, one
+    /// that turns round by itself less and less with shorter steps.
+    const MISSED: f64 = 0.75;
+    /// A change of velocity that accelerations do not account for by this part, in one velocity, ...
+    const UNEXPLAINED: f64 = 0.75;
+    /// ... counts if it is more than this part of the fastest: one block of many that goes over to its other branch.
+    const VISIBLE: f64 = 0.05;
+    /// Singular positions of the mechanism are near below this distance: crossing from there takes half a radian or so.
+    const DISTANCE: f64 = 0.3;
+    /// This close to a dead point (1 over the gain) the equations in 2k states are round-off and no step finds its way.
+    const STUCK: f64 = 1e4;
+    /// Nearness from which on short steps are blamed on the dead point or singular position, ...
+    const CLOSE: f64 = 30.0;
+    /// ... short against the longest so far, ...
+    const SHORT: f64 = 0.03;
+    /// ... and against the time left: a healthy approach takes a good part of it in each step. One that takes less than
+    /// this has an error estimate of round-off alone, and thousands of steps would follow, ...
+    const ADVANCE: f64 = 0.03;
+    /// ... if so many did.
+    const PATIENCE: u32 = 12;
+    /// Speeds below this part of the largest are rest.
+    const REST: f64 = 1e-9;
+    /// After so many repetitions, each with half the step, it is no matter of the step any more.
+    const MOST: u32 = 10;
+
+    /// How near the inputs are to a dead point, or the mechanism to a singular position; far is below 1.
+    ///
+    /// Where all dependent velocities are slower than the independent ones (`gain`, the largest of an exchange), no
+    /// dead point is near. `distance` is the margin of the tangent.
+    pub(super) fn nearness(gain: f64, distance: f64) -> f64 {
+        gain.max(Self::DISTANCE / distance)
+    }
+
+    /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations there go
+    /// on, and the change of the latter if the step before was not much shorter.
+    pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
+        let h = t - self.t;
+        let part = match self.before {
+            Some(before) if h < 2.0 * (self.t - before) => h / (3.0 * (self.t - before)),
+            _ => 0.0,
+        };
+        for (i, d) in dv.iter_mut().enumerate() {
+            let change = if part > 0.0 { self.vdot[i] - self.vdot_before[i] } else { 0.0 };
+            *d = h * (self.v[i] + 0.5 * h * (self.vdot[i] + part * change));
+        }
+    }
+
+    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends; where no
+    /// step was judged, as [`predict`](Self::predict).
+    pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
+        let h = self.next.t - self.t;
+        if h <= 0.0 {
+            return self.predict(t, dv);
+        }
+        // integrals of Hermite's polynomials from the start of the step
+        let s = (t - self.t) / h;
+        let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
+        let [p0, m0, p1, m1] =
+            [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
+                .map(|x| x * h);
+        for (i, d) in dv.iter_mut().enumerate() {
+            *d = p0 * self.v[i] + p1 * self.v_next[i] + h * (m0 * self.vdot[i] + m1 * self.vdot_next[i]);
+        }
+    }
+
+    /// From here on.
+    pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
+        (self.t, self.near, self.before) = (t, near, None);
+        self.next = Ahead { t, near, creeping: 0 };
+        for to in [&mut self.v, &mut self.v_before, &mut self.v_next] {
+            copy(v, to);
+        }
+        for to in [&mut self.vdot, &mut self.vdot_before, &mut self.vdot_next] {
+            copy(vdot, to);
+        }
+    }
+
+    /// Does the step to here hold together? Velocities count in their scales s. If it does, [`accept`](Self::accept) makes it
+    /// the last one.
+    pub(super) fn judge(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
+        let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
+        let speed = norm(&|i| v[i]);
+        self.fastest = self.fastest.max(speed);
+        let speeds = norm(&|i| self.v[i]) + speed;
+        let h = t - self.t;
+        let missed = |i: usize| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + vdot[i]);
+        let moving = speeds > Self::REST * self.fastest;
+        let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(self.v[i].abs()) / s[i]));
+        let one_jumps = |i: usize| {
+            let change = (v[i] - self.v[i]).abs();
+            change / s[i] > Self::VISIBLE * largest && missed(i).abs() > Self::UNEXPLAINED * change
+        };
+        let jumps = || norm(&missed) > Self::MISSED * speeds || (0..s.len()).any(one_jumps);
+        if h > 0.0 && self.near.max(near) > 1.0 && moving && jumps() {
+            self.in_a_row += 1;
+            return false;
+        }
+        self.in_a_row = 0;
+        // 1/nearness falls linearly: its relative growth is the step over the time left after it
+        let growth = (near - self.near) / self.near;
+        let short = h < Self::SHORT * self.longest.max(h);
+        let creeps = near > Self::CLOSE && short && (0.0..Self::ADVANCE).contains(&growth);
+        let creeping = if creeps { self.creeping + 1 } else { 0 };
+        self.next = Ahead { t, near, creeping };
+        copy(v, &mut self.v_next);
+        copy(vdot, &mut self.vdot_next);
+        true
+    }
+
+    /// The step that was judged is the last one from here on.
+    pub(super) fn accept(&mut self) {
+        let Ahead { t, near, creeping } = self.next;
+        self.longest = self.longest.max(t - self.t);
+        self.before = Some(self.t);
+        std::mem::swap(&mut self.v_before, &mut self.v);
+        std::mem::swap(&mut self.vdot_before, &mut self.vdot);
+        std::mem::swap(&mut self.v, &mut self.v_next);
+        std::mem::swap(&mut self.vdot, &mut self.vdot_next);
+        (self.t, self.near, self.creeping) = (t, near, creeping);
+    }
+
+    /// Is there no step that leads anywhere from the end of the one that was judged? For inputs that nothing replaces.
+    pub(super) fn is_stuck(&self, gain: f64) -> bool {
+        gain > Self::STUCK || self.next.creeping > Self::PATIENCE
+    }
+
+    /// Was a dead point or a singular position near at the end of the last step?
+    pub(super) fn is_near(&self) -> bool {
+        self.near > 1.0
+    }
+
+    /// Inputs that nothing can replace stand at their dead point: there is no step from here.
+    pub(super) fn give_up(&mut self) {
+        self.in_a_row = Self::MOST + 1;
+    }
+
+    /// Would repeating the step once more be in vain?
+    pub(super) fn is_broken(&self) -> bool {
+        self.in_a_row > Self::MOST
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x = sin t, y = cos t from both sides of t = π/2, y going on or thrown back.
+    fn over_the_top(h: f64, back: f64) -> bool {
+        let top = std::f64::consts::FRAC_PI_2;
+        let at = |t: f64, sign: f64| ([t.cos(), -sign * t.sin()], [-t.sin(), -sign * t.cos()]);
+        let mut c = Continuity::default();
+        let ((v, vdot), (w, wdot)) = (at(top - 0.5 * h, 1.0), at(top + 0.5 * h, back));
+        c.start(0.0, &v, &vdot, 10.0);
+        c.judge(h, &w, &wdot, &[1.0, 1.0], 10.0)
+    }
+
+    #[test]
+    fn passing_and_being_thrown_back_differ_at_every_step() {
+        for h in [1e-6, 1e-3, 0.1, 0.5, 1.0] {
+            assert!(over_the_top(h, 1.0) && !over_the_top(h, -1.0), "{h}");
+        }
+    }
+
+    /// v = t³ from 1 to 2: the cubic is the velocity itself; ahead of it the parabola v + ½ h v'.
+    #[test]
+    fn displacements_are_those_of_the_cubic() {
+        let mut c = Continuity::default();
+        c.start(1.0, &[1.0], &[3.0], 0.0);
+        let mut d = [0.0];
+        c.predict(1.5, &mut d);
+        assert!((d[0] - (0.5 + 0.125 * 3.0)).abs() < 1e-15);
+        assert!(c.judge(2.0, &[8.0], &[12.0], &[1.0], 0.0));
+        for t in [1.0, 1.2, 1.7, 2.0] {
+            c.inside(t, &mut d);
+            assert!((d[0] - (t * t * t * t - 1.0) / 4.0).abs() < 1e-14, "{t}: {}", d[0]);
+        }
+        c.accept();
+        c.predict(2.5, &mut d);
+        assert!((d[0] - (0.5 * 8.0 + 0.125 * 12.0 + 0.125 / 6.0 * 9.0)).abs() < 1e-14, "{}", d[0]);
+    }
+
+    #[test]
+    fn turning_round_is_no_jump() {
+        // v = cos t over its zero: whatever the ends
+        for h in [1e-3, 0.1, 1.0] {
+            for shift in [0.1, 0.5, 0.9] {
+                let start = std::f64::consts::FRAC_PI_2 - shift * h;
+                let mut c = Continuity::default();
+                c.start(start, &[start.cos()], &[-start.sin()], 10.0);
+                let end = start + h;
+                assert!(c.judge(end, &[end.cos()], &[-end.sin()], &[1.0], 10.0), "{h} {shift}");
+            }
+        }
+    }
+
+    #[test]
+    fn rest_has_no_direction() {
+        let mut c = Continuity::default();
+        c.start(0.0, &[1.0], &[0.0], 10.0);
+        assert!(c.judge(1.0, &[1.0], &[0.0], &[1.0], 10.0));
+        c.start(1.0, &[1e-12], &[0.0], 10.0);
+        assert!(c.judge(2.0, &[-1e-12], &[0.0], &[1.0], 10.0));
+    }
+}

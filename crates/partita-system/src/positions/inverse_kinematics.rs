@@ -1,0 +1,144 @@
+//! Dependent coordinates by inverse kinematics: `q_D = g(q_I, t; ε)` (37), nothing iterated over all loops.
+//!
+//! Its branches ε are constants of the motion between change points, where pivots go through zero because the mechanism itself
+//! is singular: these are passed on the branch that the velocities lead to, and told in the notes. At a dead point of inputs
+//! that stay the run ends with a message.
+
+use super::independent::{Core, Dependent, Point};
+use crate::kinematics::closing::Closing;
+use crate::record::Journal;
+use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::blocks::Blocks;
+use crate::tangent::Tangent;
+
+/// The next step may be so many times as long as the last one.
+const LONGEST_NEXT: f64 = 5.0;
+/// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by
+/// less than what lies between them.
+const MOST_DOUBT: f64 = 0.5;
+/// A closing that leaves more than this open (in reaches) does not close: closed forms leave round-off, a function that
+/// iterates what it was told to.
+const OPEN: f64 = 1e-6;
+
+/// The closing of a [`Blocks`] tangent, followed over change points.
+#[derive(Default)]
+pub struct InverseKinematics {
+    /// A copy to come back to when a closing fails half-way.
+    good: Vec<f64>,
+    /// The branches at the end of the last step, and of the one that is judged.
+    branches: Vec<i8>,
+    trial: Vec<i8>,
+    /// May the next step meet a singular position, by how the distance fell in the last?
+    approaching: bool,
+    /// Did the branches follow the motion at the last evaluation, and at the end of the step that is judged?
+    following: bool,
+    trial_following: bool,
+    /// Distance from a singular position at the end of the last step.
+    far: f64,
+    /// Blocks that went over to their other branch: block, time, and was it foreseen?
+    flips: Vec<(String, f64, bool)>,
+}
+
+fn take_branches(closing: &dyn Closing, into: &mut Vec<i8>) {
+    into.clear();
+    into.extend(closing.state().iter().map(|s| s.branch));
+}
+
+impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinematics {
+    const SOLVES: bool = false;
+
+    fn start(&mut self, core: &Core, tangent: &mut Blocks<'s, S>, margin: Option<f64>) {
+        self.good.clone_from(&core.q);
+        self.far = margin.unwrap_or(f64::INFINITY);
+        if let Ok(closing) = tangent.closing() {
+            take_branches(closing, &mut self.branches);
+        }
+        self.trial.clone_from(&self.branches);
+    }
+
+    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
+    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
+    /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
+    /// the path is known better than any such distance that matters.
+    fn solve(
+        &mut self,
+        core: &mut Core,
+        tangent: &mut Blocks<'s, S>,
+        t: f64,
+        y: &[f64],
+        at: Point,
+    ) -> Result<(), SystemError> {
+        self.good.copy_from_slice(&core.q);
+        let follow = match at {
+            Point::Inside => self.trial_following,
+            _ => at == Point::Passing || self.approaching,
+        };
+        if std::mem::replace(&mut self.following, follow) && !follow {
+            tangent.closing()?.set_branches(&self.branches);
+            core.q.copy_from_slice(&core.home);
+        }
+        let closed = if follow {
+            core.predict(tangent.seen().system, t, y, at);
+            let followed = tangent.closing()?.follow(t, &mut core.q);
+            followed.and_then(|doubt| match doubt <= MOST_DOUBT || at == Point::Inside {
+                true => Ok(()),
+                false => Err(tangent.undecided(t, &core.q)),
+            })
+        } else {
+            core.states.scatter(y, &mut core.q);
+            tangent.closing()?.close(t, &mut core.q)
+        };
+        if let Err(e) = closed {
+            core.q.copy_from_slice(&self.good);
+            return Err(e);
+        }
+        tangent.check_closed(t, &core.q, OPEN)
+    }
+
+    fn look(&mut self, tangent: &mut Blocks<'s, S>) {
+        self.trial_following = self.following;
+        if let Ok(closing) = tangent.closing() {
+            take_branches(closing, &mut self.trial);
+        }
+    }
+
+    fn accept(&mut self, tangent: &mut Blocks<'s, S>, t: f64, margin: Option<f64>) {
+        if let Ok(closing) = tangent.closing() {
+            for ((block, now), kept) in closing.blocks().iter().zip(&self.trial).zip(&mut self.branches) {
+                if *now != 0 && *kept != 0 && now != kept {
+                    self.flips.push((block.words.clone(), t, self.trial_following));
+                }
+                *kept = *now;
+            }
+        }
+        let here = margin.unwrap_or(f64::INFINITY);
+        self.approaching = here < LONGEST_NEXT * (self.far - here);
+        self.far = here;
+    }
+
+    fn chosen_anew(&mut self, tangent: &mut Blocks<'s, S>) {
+        if let Ok(closing) = tangent.closing() {
+            take_branches(closing, &mut self.branches);
+        }
+        // distances of different inputs do not compare: be careful once
+        self.approaching = true;
+    }
+
+    fn undecided(&mut self, core: &Core, tangent: &Blocks<'s, S>, t: f64) -> SystemError {
+        tangent.undecided(t, &core.q)
+    }
+
+    fn report(&self, journal: &mut Journal) {
+        for (block, t, foreseen) in self.flips.iter().take(6) {
+            journal.notes.push(match foreseen {
+                true => format!(
+                    "{block} passed its change point in the step before t = {t}: its other branch goes on there"
+                ),
+                false => format!("{block} changed its branch in the step before t = {t}: the motion jumped there"),
+            });
+        }
+        if self.flips.len() > 6 {
+            journal.notes.push(format!("{} more changes of branches are not listed", self.flips.len() - 6));
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Position coordinates: what stands for q in the state, and how q is found from it.
+
+pub mod all;
+pub mod chart;
+mod continuity;
+mod correction;
+pub mod independent;
+pub mod inverse_kinematics;
+pub mod newton;
+mod state_coordinates;
+pub mod turns;
+
+use crate::formulation::Verdict;
+use crate::record::Journal;
+use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::Tangent;
+
+/// Position coordinates in use with the tangent T.
+///
+/// Only [`accept`](Self::accept) and what follows it move the place from which positions are found.
+pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
+    /// Are the loops closed at every evaluation?
+    const CLOSED: bool;
+    /// How many leading components of y there are.
+    fn places(&self) -> usize;
+    /// Take over the closed q and write y; the tangent was started there.
+    fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
+    /// Find q for y, with the position level of the tangent's reduction there; `passing`: a singular position is being passed.
+    /// True if the tangent's factors are of there too.
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool, SystemError>;
+    /// q, as last found.
+    fn q(&self) -> &[f64];
+    /// Rates of the leading components at the last evaluation, with tangent velocities u.
+    fn rates(&mut self, tangent: &mut T, u: &[f64], dy: &mut [f64]);
+    /// Remove what is open from y at the end of a step; true if y moved.
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool, SystemError>;
+    /// As `locate`, closed to round-off.
+    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool, SystemError>;
+    /// Does the step that ends at the point last evaluated hold together?
+    fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
+        Verdict::Keep
+    }
+    /// A step that the tangent keeps: true where the positions need another choice, and why.
+    fn wants_change(&self) -> Option<&'static str> {
+        None
+    }
+    /// Is there no step from here that leads anywhere?
+    fn is_stuck(&mut self) -> bool {
+        false
+    }
+    /// The step that was judged is taken.
+    fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
+    /// The tangent has chosen anew at q: write y for it.
+    fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
+    /// Has repeating the step been in vain too often? Then this is what to say.
+    fn broken(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
+        None
+    }
+    /// Take whole turns off angles that have grown (see [`turns`]) and add them to `turns` (nq); true if y changed.
+    fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool;
+    /// What belongs to the journal of a run.
+    fn report(&self, _journal: &mut Journal) {}
+}
+
+/// Refuse constraints that have no positions, in the words of who needs them.
+pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_: &str) -> Result<(), SystemError> {
+    let size = system.size();
+    if size.rows <= size.holonomic {
+        return Ok(());
+    }
+    Err(SystemError::Request(format!(
+        "\"{name}\" {use_}, which needs constraints that hold for positions; {} of the {} rows ({}, ...) hold for velocities only \
+         (nonholonomic); use \"projective\"",
+        size.rows - size.holonomic,
+        size.rows,
+        system.row_words(size.holonomic)
+    )))
+}

@@ -1,0 +1,128 @@
+//! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from where the motion leads, q_I untouched (34).
+//!
+//! Classical coordinate partitioning (Wehage, Haug 1982; catalogue row 3). At dead points of fixed independent coordinates, and
+//! at singular positions of the mechanism, the equations have two solutions that meet. Newton's method starts where the
+//! velocities lead and so passes singular positions on the right one; a stage that might have found either, and a step in which
+//! velocities jump, are repeated. If none is left, as at most dead points of fixed coordinates, the run ends with a message.
+
+use super::independent::{Core, Dependent, Point};
+use crate::formulation::reduction::Reduction;
+use crate::record::Journal;
+use crate::singular::dead_point::dead_point;
+use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::partition::Chosen;
+use crate::tangent::Tangent;
+
+/// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late,
+/// and next to a singular position, where two solutions meet, each iteration only halves the distance: 26 for eight
+/// digits.
+const MOST_ITERATIONS: u64 = 30;
+/// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
+const ROUND_OFF: f64 = 1e4;
+/// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this
+/// started nearly half-way between them: which one it found is chance.
+const MOST_CHANGE: f64 = 3.0;
+/// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
+const UNDECIDED: f64 = 1e2;
+
+/// Newton's method for q_D.
+#[derive(Default)]
+pub struct Newton {
+    iterations: u64,
+}
+
+impl Newton {
+    /// `q_D ← q_D − C_D⁻¹ Φ` until nothing but round-off is left.                           (34)
+    ///
+    /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
+    /// 1.
+    fn close<S: ConstrainedSystem>(
+        &mut self,
+        r: &mut Reduction<S>,
+        t: f64,
+        q: &mut [f64],
+        near: bool,
+    ) -> Result<f64, SystemError> {
+        r.position(t, q)?;
+        let mut last = f64::INFINITY;
+        let mut first = None;
+        let change = |r: &mut Reduction<S>, first: Option<f64>| {
+            first.map_or(1.0, |first| {
+                let ratio = r.distance().0 / first;
+                ratio.max(1.0 / ratio)
+            })
+        };
+        for _ in 0..MOST_ITERATIONS {
+            let (open, _) = r.openness();
+            if r.is_closed() || (open <= ROUND_OFF && open > 0.5 * last) {
+                return Ok(change(r, first));
+            }
+            if !open.is_finite() {
+                return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
+            }
+            last = open;
+            r.factor(t)?;
+            if near && first.is_none() {
+                first = Some(r.distance().0);
+            }
+            if !r.correct_dependent(q) {
+                if open <= UNDECIDED {
+                    return Ok(change(r, first)); // what is left would be amplified, not removed
+                }
+                r.move_dependent(q);
+            }
+            self.iterations += 1;
+            r.position(t, q)?;
+        }
+        let (open, row) = r.openness();
+        if open <= ROUND_OFF {
+            return Ok(change(r, first));
+        }
+        let name = r.system.row_words(row);
+        let block = format!("{name} (Newton's method for the dependent coordinates, {MOST_ITERATIONS} iterations)");
+        Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
+    }
+}
+
+impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
+    const SOLVES: bool = true;
+
+    fn solve(
+        &mut self,
+        core: &mut Core,
+        tangent: &mut Chosen<'s, S>,
+        t: f64,
+        y: &[f64],
+        at: Point,
+    ) -> Result<(), SystemError> {
+        // where the velocities lead is nearest, and where solutions cross it tells the right one
+        core.predict(tangent.reduction().system, t, y, at);
+        let near = core.continuity.is_near();
+        let closed = self.close(tangent.reduction(), t, &mut core.q, near);
+        if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > core.home_t && at != Point::Inside) {
+            return Err(self.undecided(core, tangent, t));
+        }
+        if closed.is_ok() {
+            return Ok(());
+        }
+        // a long step may lead far off: once more from the end of the last one
+        core.q.copy_from_slice(&core.home);
+        core.states.scatter(y, &mut core.q);
+        let closed = self.close(tangent.reduction(), t, &mut core.q, near);
+        if closed.is_err() {
+            core.q.copy_from_slice(&core.home);
+        }
+        closed.map(|_| ()).map_err(|e| tangent.blame(t, &core.home, e))
+    }
+
+    /// What there is to say where two solutions cannot be told apart.
+    fn undecided(&mut self, core: &Core, tangent: &Chosen<'s, S>, t: f64) -> SystemError {
+        let seen = "they cannot tell on which of two branches the others go on".to_string();
+        let r = tangent.seen();
+        dead_point(r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
+    }
+
+    fn report(&self, journal: &mut Journal) {
+        journal.counters.iterations += self.iterations;
+    }
+}

@@ -1,3 +1,0 @@
-//! Which reactions are physically determined.
-
-pub mod uniqueness;

@@ -1,0 +1,157 @@
+//! What a run leaves: outputs, what is known about each, changes of the choice, work done.
+
+use crate::partition::criterion::Quality;
+use partita_math::dense::Matrix;
+use std::sync::Arc;
+
+/// How the remainder of S3 is removed after an accepted step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Correction {
+    /// `q_D ← q_D − C_D⁻¹ Φ`: the independent coordinates stay untouched.               (34)
+    #[default]
+    Partition,
+    /// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ`: the least change in the mass metric.                    (33)
+    MassOrthogonal,
+    /// Nothing: the drift stays, and the result shows it.
+    None,
+}
+
+/// What was changed, when and why.
+#[derive(Clone, Debug)]
+pub struct PartitionEvent {
+    /// Time.
+    pub t: f64,
+    /// Independent velocities from here on.
+    pub independent: Vec<usize>,
+    /// Dependent velocities.
+    pub dependent: Vec<usize>,
+    /// Velocities that became independent.
+    pub entering: Vec<usize>,
+    /// Velocities that became dependent.
+    pub leaving: Vec<usize>,
+    /// In words.
+    pub reason: String,
+    /// Quality right after.
+    pub quality: Quality,
+    /// S (k x n), where a basis was frozen.
+    pub basis: Option<Arc<Matrix>>,
+}
+
+impl PartitionEvent {
+    /// A choice made at t in the place of `before` (empty: the first one).
+    pub fn new(
+        t: f64,
+        before: &[usize],
+        independent: &[usize],
+        dependent: &[usize],
+        reason: String,
+        quality: Quality,
+    ) -> Self {
+        let without = |x: &[usize], y: &[usize]| x.iter().copied().filter(|i| !y.contains(i)).collect();
+        Self {
+            t,
+            entering: without(independent, before),
+            leaving: without(before, independent),
+            independent: independent.to_vec(),
+            dependent: dependent.to_vec(),
+            reason,
+            quality,
+            basis: None,
+        }
+    }
+}
+
+impl Output {
+    /// Take over an instant; `turns` and `choice` stay.
+    pub fn set(&mut self, t: f64, q: &[f64], v: &[f64], work: f64) {
+        (self.t, self.work) = (t, work);
+        self.q.clear();
+        self.q.extend_from_slice(q);
+        self.v.clear();
+        self.v.extend_from_slice(v);
+    }
+}
+
+/// What a run keeps of an instant; everything else follows from it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Output {
+    /// Time.
+    pub t: f64,
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
+    pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
+    /// Velocities (nv).
+    pub v: Vec<f64>,
+    /// Work of non-conservative forces and of driven constraints since the start.
+    pub work: f64,
+    /// Number, among the events of the run, of the choice in use.
+    pub choice: usize,
+}
+
+/// Everything known about the motion at one instant.
+#[derive(Clone, Debug, Default)]
+pub struct Sample {
+    /// Time.
+    pub t: f64,
+    /// Coordinates (nq), closed to round-off; angles without their whole `turns`.
+    pub q: Vec<f64>,
+    /// Whole turns of each coordinate (nq) besides q; filled in by who marches.
+    pub turns: Vec<i32>,
+    /// Velocities (nv).
+    pub v: Vec<f64>,
+    /// Accelerations (nv).
+    pub vdot: Vec<f64>,
+    /// Multipliers of all rows; zero where a row was dropped as redundant.
+    pub multipliers: Vec<f64>,
+    /// Largest |Φ| over all rows, the dropped ones included.
+    pub closure: f64,
+    /// Largest |C v + a| over all rows.
+    pub velocity_closure: f64,
+    /// P4 (nv).
+    pub measure: Vec<f64>,
+    /// σ and √μ of the current choice.
+    pub sigma: f64,
+    /// See `sigma`.
+    pub sqrt_mu: f64,
+    /// Current independent velocities.
+    pub independent: Vec<usize>,
+    /// Work of non-conservative forces and of driven constraints since the start.
+    pub work: f64,
+    /// Why something is not determined here (and NaN), in a sentence.
+    pub note: Option<String>,
+    /// Set by who asks: measure, σ and √μ are not wanted and hold nothing.
+    pub brief: bool,
+}
+
+/// Counts of work done below the integrator.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FormulationCounters {
+    /// Executions of the elimination plan.
+    pub factorisations: u64,
+    /// Elimination plans made.
+    pub plans: u64,
+    /// Exchanges of independent coordinates.
+    pub exchanges: u64,
+    /// Position corrections applied.
+    pub corrections: u64,
+    /// Iterations inside evaluations: Newton's for dependent coordinates, proximal ones for multipliers.
+    pub iterations: u64,
+}
+
+/// The record of a run so far.
+#[derive(Clone, Debug, Default)]
+pub struct Journal {
+    /// Name of the formulation.
+    pub name: &'static str,
+    /// Changes of the choice, the first one included.
+    pub events: Vec<PartitionEvent>,
+    /// Work done.
+    pub counters: FormulationCounters,
+    /// Rows kept at the moment, ascending.
+    pub rows: Vec<usize>,
+    /// Times of singular positions that were stepped over.
+    pub passages: Vec<f64>,
+    /// What the user should know besides, in sentences.
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,67 @@
+//! Dead points: where independent coordinates that stay do not determine the others, though other coordinates would.
+
+use crate::formulation::reduction::Reduction;
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// Where even the best choice leaves a scaled pivot below this, the mechanism itself is next to a singular position. Sound
+/// ones have pivots of the order of 1; coordinates are given up within 1e-4 of their dead point at the latest, so what is
+/// above this is not the reason, with a margin of ten.
+const SOUND: f64 = 1e-3;
+
+/// What to say of `independent` coordinates that fail next to `(t, q)` for the reason `seen`: would others do, and which?
+///
+/// Chooses a partition there: for failures only.
+pub(crate) fn dead_point<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    t: f64,
+    q: &[f64],
+    independent: &[usize],
+    seen: String,
+) -> SystemError {
+    said(system, best_choice(system, rank, t, q), t, independent, seen)
+}
+
+/// The best choice at `(t, q)` and its smallest scaled pivot, 0 where none can be had.
+fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> (Vec<usize>, f64) {
+    let mut best = Reduction::new(system, rank);
+    match start::choose_partition(&mut best, t, q, None, None) {
+        Ok(()) => (best.partition.independent.clone(), best.smallest()),
+        Err(_) => (Vec::new(), 0.0),
+    }
+}
+
+fn said<S: ConstrainedSystem>(
+    system: &S,
+    (others, pivot): (Vec<usize>, f64),
+    t: f64,
+    independent: &[usize],
+    seen: String,
+) -> SystemError {
+    let names = |x: &[usize]| x.iter().map(|&i| system.velocity_name(i)).collect::<Vec<_>>().join(", ");
+    let advice = match pivot >= SOUND && others != independent {
+        true => format!(
+            "the mechanism itself stands in no singular position, {} would do: give those, or none, and take a formulation \
+             that exchanges coordinates in time (\"projective\")",
+            names(&others)
+        ),
+        false => format!(
+            "other coordinates are hardly better, the mechanism itself is next to a singular position (the best choice leaves \
+             a scaled pivot of {pivot:.1e}); take formulation \"projective\", which steps over such positions, or start \
+             elsewhere"
+        ),
+    };
+    SystemError::DeadPoint { coordinates: names(independent), t, seen, advice }
+}
+
+/// Tell coordinates that no longer determine the others from a singular position of the mechanism; other errors pass.
+pub(crate) fn blame<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
+    let SystemError::Singular { pivot, limit, .. } = e else { return e };
+    let best = best_choice(r.system, r.rank(), t, q);
+    if best.1 < SOUND {
+        return e;
+    }
+    let seen = format!("C_D is singular for them, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
+    said(r.system, best, t, &r.partition.independent, seen)
+}

@@ -1,0 +1,344 @@
+//! A rule of choice at work: asked at one instant, or again after every step of a run.
+//!
+//! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
+
+use crate::formulation::reduction::Reduction;
+use crate::kinematics::projection::dense_rows;
+use crate::partition::persistence::Persistence;
+use crate::partition::{
+    complete_pivoting, criterion, determinant, individual, normalised_determinant, volume, Selection,
+};
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// The choice of a rule at one instant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The k velocities, ascending.
+    pub independent: Vec<usize>,
+    /// True unless a determinant rule had too many partitions to compare them all.
+    pub exact: bool,
+}
+
+/// Refuses weights, and a window, where the rule has no use for them.
+///
+/// # Errors
+/// `Request`, with the rule and what to leave out or to give.
+pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>) -> Result<(), SystemError> {
+    let name = selection.name();
+    let refuse = |message: String| Err(SystemError::Request(message));
+    if weights.is_some() && matches!(selection, Selection::Determinant | Selection::CompletePivoting) {
+        return refuse(format!(
+            "selection \"{name}\" compares plain entries of C and has no use for weights; leave them out, or take \
+             \"normalised-determinant\""
+        ));
+    }
+    match (selection, window) {
+        (Selection::Persistence, None) => refuse(format!(
+            "selection \"{name}\" needs a window, the time over which coordinates are to stay good: a turn of the \
+             machine, or some of its periods"
+        )),
+        (Selection::Persistence, Some(x)) if !(x > 0.0 && x.is_finite()) => {
+            refuse(format!("window = {x} s; give a positive time"))
+        }
+        (Selection::Persistence, _) | (_, None) => Ok(()),
+        (_, Some(x)) => refuse(format!(
+            "window = {x} s has no meaning for selection \"{name}\"; leave it out, or take selection \"persistence\""
+        )),
+    }
+}
+
+/// What the rule would choose at the point last evaluated, with the scales of the reduction.
+///
+/// Persistence, which has no past here, answers as the collective rule would by P5 alone.
+///
+/// # Errors
+/// `Choice` where complete pivoting finds too few pivots.
+pub fn ask<S: ConstrainedSystem>(
+    r: &Reduction<S>,
+    t: f64,
+    selection: Selection,
+    weights: Option<&[f64]>,
+) -> Result<Choice, SystemError> {
+    let (k, now) = (r.k(), &r.partition.independent);
+    let exact = |independent| Choice { independent, exact: true };
+    let found = |l: volume::Largest| Choice { independent: l.independent, exact: l.exact };
+    Ok(match selection {
+        Selection::Collective | Selection::Greedy | Selection::Persistence => {
+            exact(criterion::choose(&r.dt, k, &r.md_factor, &r.s2, weights))
+        }
+        Selection::Individual => exact(individual::choose(&measures(r), k, weights)),
+        Selection::Determinant => found(determinant::choose(&r.dt, now, r.scales())),
+        Selection::NormalisedDeterminant => found(normalised_determinant::choose(&r.dt, now, r.scales(), weights)),
+        Selection::CompletePivoting => {
+            let rows: Vec<usize> = (0..r.size().rows).collect();
+            let c = dense_rows(r.system, &r.c, &rows);
+            match complete_pivoting::choose(&c, r.rank()) {
+                Some((independent, _)) => exact(independent),
+                None => {
+                    let reason = format!("fewer than {} pivots are not zero", r.rank());
+                    return Err(SystemError::Choice {
+                        rule: selection.name(),
+                        coordinates: "nothing".into(),
+                        t,
+                        reason,
+                    });
+                }
+            }
+        }
+    })
+}
+
+/// By how much `next` is better than the present choice, in the rule's own measure, at the point last evaluated.
+fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: Option<&[f64]>, next: &[usize]) -> f64 {
+    let now = &r.partition.independent;
+    match selection {
+        Selection::Determinant | Selection::CompletePivoting => determinant::ratio(&r.dt, now, r.scales(), next),
+        Selection::Individual => individual::ratio(&measures(r), weights, now, next),
+        _ => normalised_determinant::ratio(&r.dt, now, r.scales(), weights, next),
+    }
+}
+
+/// In words, what grew.
+fn measure_in_words(selection: Selection) -> &'static str {
+    match selection {
+        Selection::Determinant => "|det C_D| in the units at hand",
+        Selection::CompletePivoting => "|det C_D| left by complete pivoting",
+        Selection::Individual => "the measure of a single coordinate",
+        _ => "the volume of the choice",
+    }
+}
+
+fn measures<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
+    let (mut work, mut rho) = (vec![0.0; r.k()], vec![0.0; r.size().nv]);
+    criterion::measure_tangent(&r.dt, r.k(), &r.md_factor, &r.s2, &mut work, &mut rho);
+    rho
+}
+
+/// Make `independent` the partition, or say that the rule chose what cannot be.
+pub fn adopt<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    selection: Selection,
+    independent: &[usize],
+) -> Result<(), SystemError> {
+    r.set_partition(t, independent).map_err(|e| match e {
+        SystemError::Singular { pivot, limit, .. } => {
+            let reason = format!("C_D is singular, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
+            impossible(r, t, selection, independent, reason)
+        }
+        other => other,
+    })?;
+    r.tangent(t)
+}
+
+fn impossible<S: ConstrainedSystem>(
+    r: &Reduction<S>,
+    t: f64,
+    selection: Selection,
+    independent: &[usize],
+    reason: String,
+) -> SystemError {
+    let names: Vec<String> = independent.iter().map(|&i| r.system.velocity_name(i)).collect();
+    SystemError::Choice { rule: selection.name(), coordinates: names.join(", "), t, reason }
+}
+
+/// Choose independent coordinates at `(t, q)` by a rule; persistence starts from the collective choice.
+///
+/// Leaves the reduction at `(t, q)` with the tangent of the new partition; the answer tells whether the rule compared
+/// all partitions.
+///
+/// # Errors
+/// `Choice` where the rule takes what cannot be independent; no other rule comes to its help.
+pub fn choose_by<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    selection: Selection,
+    weights: Option<&[f64]>,
+) -> Result<Choice, SystemError> {
+    if matches!(selection, Selection::Collective | Selection::Persistence) {
+        start::choose_partition(r, t, q, weights, None)?;
+        return Ok(Choice { independent: r.partition.independent.clone(), exact: true });
+    }
+    start::first_partition(r, t, q)?;
+    if r.k() == 0 || r.rank() == 0 {
+        return Ok(Choice { independent: r.partition.independent.clone(), exact: true });
+    }
+    r.v.fill(0.0);
+    r.velocity(t, q)?;
+    r.acceleration(t, q)?;
+    let choice = ask(r, t, selection, weights)?;
+    if choice.independent != r.partition.independent {
+        adopt(r, t, selection, &choice.independent)?;
+    }
+    Ok(choice)
+}
+
+/// A change the rule asks for.
+#[derive(Clone, Debug)]
+pub struct Change {
+    /// The new choice, ascending.
+    pub independent: Vec<usize>,
+    /// In words.
+    pub reason: String,
+}
+
+/// A rule during a run: asked after every accepted step, it changes the partition when its own measure says that
+/// another choice is better than the present one by more than the threshold.
+///
+/// Asking costs what the rule costs; a bad choice of the rule stays, with the numbers that it gives.
+pub struct Chooser {
+    selection: Selection,
+    exchange: f64,
+    weights: Option<Vec<f64>>,
+    window: f64,
+    persistence: Option<Persistence>,
+    compared_all: bool,
+}
+
+impl Chooser {
+    /// For any rule; see [`check`] for what belongs together.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn new(
+        selection: Selection,
+        exchange: f64,
+        weights: Option<&[f64]>,
+        window: Option<f64>,
+    ) -> Result<Self, SystemError> {
+        check(selection, weights, window)?;
+        let window = window.unwrap_or(0.0);
+        let weights = weights.map(<[f64]>::to_vec);
+        Ok(Self { selection, exchange, weights, window, persistence: None, compared_all: true })
+    }
+
+    /// The first choice, at `(t, q)`, and its reason: the rule's own, or `fixed`, the user's.
+    ///
+    /// # Errors
+    /// As [`choose_by`]; a rule and coordinates of the user exclude each other.
+    pub fn start<S: ConstrainedSystem>(
+        &mut self,
+        r: &mut Reduction<S>,
+        t: f64,
+        q: &[f64],
+        fixed: Option<&[usize]>,
+    ) -> Result<String, SystemError> {
+        if fixed.is_some() {
+            if self.selection != Selection::Collective {
+                let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
+                return Err(SystemError::Request(message.into()));
+            }
+            start::choose_partition(r, t, q, None, fixed)?;
+            return Ok("fixed by the user".into());
+        }
+        self.compared_all = choose_by(r, t, q, self.selection, self.weights.as_deref())?.exact;
+        self.persistence = (self.selection == Selection::Persistence)
+            .then(|| Persistence::new(self.window, self.exchange, &r.partition.independent));
+        Ok(match self.selection {
+            Selection::Collective => "largest projective measure at the start".into(),
+            Selection::Persistence => "collective choice at the start, persistence from here on".into(),
+            other => format!("chosen by the rule \"{}\" at the start", other.name()),
+        })
+    }
+
+    /// Remember the end of an accepted step at t, the point last evaluated.
+    pub fn record<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64) {
+        if self.persistence.is_some() {
+            let (rows, base) = self.volumes(r);
+            if let Some(p) = &mut self.persistence {
+                p.record(t, rows, base);
+            }
+        }
+    }
+
+    /// Dᵀ in natural units and the ln of the volume of the present choice, preferences included.
+    fn volumes<S: ConstrainedSystem>(&self, r: &Reduction<S>) -> (Vec<f64>, f64) {
+        let now = &r.partition.independent;
+        let s: Vec<f64> = match &self.weights {
+            Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
+            None => r.scales().to_vec(),
+        };
+        // (28): vol² = 1 / (det M_d Π s_i²)
+        let k = now.len();
+        let base = now.iter().enumerate().map(|(j, &i)| -r.md_factor[j * k + j].ln() - s[i].ln()).sum();
+        (volume::natural(&r.dt, now, &s), base)
+    }
+
+    /// The change the rule wants at the point last evaluated, if any.
+    ///
+    /// # Errors
+    /// As [`ask`].
+    pub fn propose<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64) -> Result<Option<Change>, SystemError> {
+        if !self.exchange.is_finite() {
+            return Ok(None);
+        }
+        let now = &r.partition.independent;
+        if let Some(p) = &self.persistence {
+            return Ok(p.propose(t, &self.volumes(r).0).map(|x| {
+                let mut independent = now.clone();
+                independent[x.leaves] = x.enters;
+                independent.sort_unstable();
+                Change { independent, reason: x.reason }
+            }));
+        }
+        let weights = self.weights.as_deref();
+        let choice = ask(r, t, self.selection, weights)?;
+        self.compared_all &= choice.exact;
+        if choice.independent == *now {
+            return Ok(None);
+        }
+        let gain = gain(r, self.selection, weights, &choice.independent);
+        let reason = format!("{} grows by {gain:.3}", measure_in_words(self.selection));
+        // a NaN is no gain
+        Ok((gain > self.exchange).then_some(Change { independent: choice.independent, reason }))
+    }
+
+    /// Carry out a change at the point last evaluated; leaves the tangent of the new partition.
+    ///
+    /// # Errors
+    /// `Choice` where the rule takes what cannot be independent.
+    pub fn change<S: ConstrainedSystem>(
+        &mut self,
+        r: &mut Reduction<S>,
+        t: f64,
+        change: &Change,
+    ) -> Result<(), SystemError> {
+        let before = self.persistence.is_some().then(|| self.volumes(r));
+        adopt(r, t, self.selection, &change.independent)?;
+        if let (Some(p), Some((rows, base))) = (&mut self.persistence, before) {
+            p.exchanged(t, rows, base, &change.independent);
+        }
+        Ok(())
+    }
+
+    /// Tell a choice that has become impossible from a singular position of the mechanism.
+    ///
+    /// The mechanism is sound if any other partition can be factored where this one cannot.
+    pub fn blame<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, q: &[f64], e: SystemError) -> SystemError {
+        let SystemError::Singular { pivot, limit, .. } = e else { return e };
+        let mut probe = Reduction::new(r.system, r.rank());
+        if start::first_partition(&mut probe, t, q).is_err() || probe.smallest() < limit {
+            return e;
+        }
+        let reason = format!(
+            "C_D has become singular inside a step, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}, while the \
+             mechanism itself stands in no singular position"
+        );
+        impossible(r, t, self.selection, &r.partition.independent, reason)
+    }
+
+    /// What the user should know.
+    pub fn notes(&self) -> Vec<String> {
+        match self.compared_all {
+            true => Vec::new(),
+            false => vec![format!(
+                "selection \"{}\": there are more than {} partitions; the largest determinant was looked for by exchanges, \
+                 and no single exchange improves it",
+                self.selection.name(),
+                volume::LARGEST_ENUMERATION
+            )],
+        }
+    }
+}

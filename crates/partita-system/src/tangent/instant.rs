@@ -1,0 +1,188 @@
+//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one place.
+//!
+//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a tangent
+//! share this; the full equations put their own in their place.
+
+use crate::formulation::reduction::{largest, velocity_residuals, Reduction};
+use crate::partition::criterion::{self, Quality};
+use crate::record::Sample;
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense::{self, Matrix};
+
+/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it allocates.
+pub struct Describer<'s, S: ConstrainedSystem> {
+    system: &'s S,
+    rank: usize,
+    probe: Option<Reduction<'s, S>>,
+}
+
+impl<'s, S: ConstrainedSystem> Describer<'s, S> {
+    /// For a system of the given rank; takes no memory before it is asked.
+    pub fn new(system: &'s S, rank: usize) -> Self {
+        Self { system, rank, probe: None }
+    }
+
+    /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
+    ///
+    /// Returns the reduction there; `None` where the position is singular, and then what is not determined is NaN.
+    pub fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        independent: Option<&[usize]>,
+        out: &mut Sample,
+    ) -> Result<Option<&mut Reduction<'s, S>>, SystemError> {
+        let (system, rank) = (self.system, self.rank);
+        let r = self.probe.get_or_insert_with(|| Reduction::new(system, rank));
+        let independent = independent.filter(|x| x.len() == r.k());
+        out.t = t;
+        copy(q, &mut out.q);
+        copy(v, &mut out.v);
+        out.note = None;
+        match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
+            Ok(()) => Ok(Some(r)),
+            Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => {
+                r.position(t, q)?;
+                closures(r, v, out);
+                out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
+                undetermined(r.size().nv, r.size().rows, e, out);
+                Ok(None)
+            }
+            Err(e) => Err(e),
+        }
+    }
+}
+
+fn copy(from: &[f64], to: &mut Vec<f64>) {
+    to.clear();
+    to.extend_from_slice(from);
+}
+
+/// The choice at (t, q), with the position level there; one in use is kept, of redundant rows others where they fade.
+fn choose<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    independent: Option<&[usize]>,
+) -> Result<(), SystemError> {
+    match independent {
+        None => {
+            start::choose_partition(r, t, q, None, None)?;
+            r.position(t, q)
+        }
+        Some(now) if r.plans > 0 && r.partition.independent == now => {
+            r.position(t, q)?;
+            if r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade()) {
+                r.renew_rows(t)?;
+            }
+            Ok(())
+        }
+        Some(new) => {
+            r.position(t, q)?;
+            r.refresh_scales(t, q)?;
+            r.set_partition(t, new)
+        }
+    }
+}
+
+fn closures<S: ConstrainedSystem>(r: &Reduction<S>, v: &[f64], out: &mut Sample) {
+    out.closure = r.closure();
+    out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
+}
+
+fn levels<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+    out: &mut Sample,
+) -> Result<(), SystemError> {
+    let size = r.size();
+    closures(r, v, out);
+    r.tangent(t)?;
+    r.v.copy_from_slice(v);
+    r.velocity(t, q)?;
+    r.acceleration(t, q)?;
+    out.vdot.resize(size.nv, 0.0);
+    r.full_acceleration(&mut out.vdot);
+    out.multipliers.resize(size.rows, 0.0);
+    r.multipliers(t, q, &out.vdot, &mut out.multipliers)?;
+    out.independent.clone_from(&r.partition.independent);
+    out.measure.resize(size.nv, 0.0);
+    if out.brief {
+        return Ok(());
+    }
+    r.measure(t, q, &mut out.measure)?;
+    let quality = r.quality(t, q)?;
+    (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
+    Ok(())
+}
+
+/// At a change point accelerations and multipliers have no value: none is made up.
+fn undetermined(n: usize, rows: usize, e: SystemError, out: &mut Sample) {
+    out.vdot = vec![f64::NAN; n];
+    out.multipliers = vec![f64::NAN; rows];
+    out.measure = vec![f64::NAN; n];
+    (out.sigma, out.sqrt_mu) = (f64::NAN, f64::NAN);
+    out.note = Some(format!("accelerations and multipliers are not determined here: {e}"));
+}
+
+/// σ and √μ_S of a constant S (k x n), at the last evaluation of r.
+///
+/// `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹` for any D, so M_d of S is `(S Dᵀ)⁻ᵀ M_d (S Dᵀ)⁻¹`; √μ_S holds it against `S M⁻¹ Sᵀ`.
+pub(super) fn quality_of_selector<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    s: &Matrix,
+) -> Result<Quality, SystemError> {
+    let (n, k) = (r.size().nv, r.k());
+    let all: Vec<usize> = (0..n).collect();
+    let mut inverse = Matrix::new(n, n);
+    r.system.inverse_mass_columns(t, q, &all, &mut r.scratch, inverse.data_mut())?;
+    let block = s.matmul(&inverse).matmul(&s.transpose());
+    let mut sd = s.matmul(&Matrix::from_vec(n, k, r.dt.clone())).into_vec();
+    let mut pivots = vec![0; k];
+    if dense::lu(&mut sd, k, &mut pivots).is_err() {
+        return Ok(Quality { sigma: 0.0, sqrt_mu: 0.0 });
+    }
+    // twice from the left, with M_d symmetric
+    let from_left = |m: &Matrix| {
+        let mut out = m.transpose();
+        for i in 0..k {
+            dense::lu_solve_transposed(&sd, k, &pivots, out.row_mut(i));
+        }
+        out
+    };
+    let md = from_left(&from_left(&Matrix::from_vec(k, k, r.md.clone())));
+    let lengths: Vec<f64> = (0..k).map(|j| block[(j, j)]).collect();
+    Ok(criterion::quality(md.data(), &lengths, block.data()))
+}
+
+/// σ of tangent velocities with the matrix `dt` (n x k), at the last evaluation of r: they span the tangent space exactly.
+pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f64]) -> Quality {
+    let k = r.k();
+    // the rows of the independent velocities tell how the one basis follows from the other: Dᵀ = D_Iᵀ T
+    let t = Matrix::from_vec(
+        k,
+        k,
+        r.partition.independent.iter().flat_map(|&i| &dt[i * k..(i + 1) * k]).copied().collect(),
+    );
+    let md = t.transpose().matmul(&Matrix::from_vec(k, k, r.md.clone())).matmul(&t);
+    quality_of_exact(md.data(), k)
+}
+
+/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in units of
+/// the velocities themselves; 0 where they depend on each other.
+pub(super) fn quality_of_exact(md: &[f64], k: usize) -> Quality {
+    let mut factor = md.to_vec();
+    if dense::cholesky(&mut factor, k).is_err() {
+        return Quality { sigma: 0.0, sqrt_mu: 1.0 };
+    }
+    let mut inverse = vec![0.0; k * k];
+    dense::inverse_from_cholesky(&factor, k, &mut inverse);
+    let lengths: Vec<f64> = (0..k).map(|j| inverse[j * k + j]).collect();
+    criterion::quality(md, &lengths, &inverse)
+}

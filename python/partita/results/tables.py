@@ -1,0 +1,95 @@
+"""Arrays over time: those a run keeps, and those computed from them when one of them is first asked for."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+KEPT_1D, KEPT_2D = ("work",), ("q", "v")
+DESCRIBED_1D, DESCRIBED_2D = ("closure", "velocity_closure"), ("vdot", "multipliers")
+ASSESSED_1D, ASSESSED_2D = ("sigma", "sqrt_mu"), ("measure",)
+ASSESSED = (*ASSESSED_1D, *ASSESSED_2D)
+NAMES = ("t", *KEPT_2D, *KEPT_1D, *DESCRIBED_2D, *DESCRIBED_1D, *ASSESSED, "independent")
+
+
+class Journal(Protocol):
+    """What the core keeps of a run: the choices of coordinates and what else an instant is described by."""
+
+    def describe(self) -> dict[str, Any]:
+        """Accelerations, multipliers, closures and the choice at every output, and notes."""
+
+    def assess(self) -> dict[str, Any]:
+        """Measures and qualities at every output."""
+
+
+class Tables(Mapping[str, NDArray[Any]]):
+    """The arrays `NAMES` of a run. `t`, `q`, `v` and `work` are there from the start. Accelerations, multipliers and
+    closures are computed together, for all outputs, when one of them is first asked for; so are measures and qualities.
+    """
+
+    def __init__(self, arrays: Mapping[str, Any], journal: Journal | None = None) -> None:
+        self._journal = journal
+        t = np.atleast_1d(np.asarray(arrays.get("t", ()), dtype=float))
+        self._arrays: dict[str, NDArray[Any]] = {"t": t}
+        self._take(arrays, KEPT_1D, KEPT_2D)
+        self._notes: list[str] = []
+        if journal is None:
+            self._describe(arrays)
+            self._assess(arrays)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the description had to tell: outputs in which something is not determined."""
+        self["closure"]
+        return self._notes
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name in self._arrays or self._journal is None:
+            return self._arrays[name]
+        if name in ASSESSED:
+            self._assess(self._journal.assess())
+        elif name in NAMES:
+            found = self._journal.describe()
+            self._describe(found)
+            self._notes = [str(note) for note in found["notes"]]
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(NAMES)
+
+    def __len__(self) -> int:
+        return len(NAMES)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Tables:
+        other = Tables({}, self._journal)  # what the core keeps never changes
+        other._arrays, other._notes = copy.deepcopy(self._arrays, memo), list(self._notes)
+        return other
+
+    def __reduce__(self) -> tuple[type[Tables], tuple[dict[str, NDArray[Any]]]]:
+        return Tables, (dict(self),)
+
+    def _describe(self, arrays: Mapping[str, Any]) -> None:
+        self._take(arrays, DESCRIBED_1D, DESCRIBED_2D)
+        # NaN: nothing was chosen in a singular position
+        chosen = np.nan_to_num(np.asarray(arrays.get("independent", ()), dtype=float), nan=-1.0)
+        self._arrays["independent"] = rows_of(chosen, len(self._arrays["t"]), np.int64)
+
+    def _assess(self, arrays: Mapping[str, Any]) -> None:
+        self._take(arrays, ASSESSED_1D, ASSESSED_2D)
+
+    def _take(self, arrays: Mapping[str, Any], flat: tuple[str, ...], wide: tuple[str, ...]) -> None:
+        """Arrays with their types and ranks; those a file or a system left out are empty."""
+        for key in flat:
+            self._arrays[key] = np.asarray(arrays.get(key, ()), dtype=float).reshape(-1)
+        for key in wide:
+            self._arrays[key] = rows_of(arrays.get(key, ()), len(self._arrays["t"]), float)
+
+
+def rows_of(values: Any, nt: int, dtype: Any) -> NDArray[Any]:
+    """`values` as (nt, width); width 0 for nothing at all."""
+    array = np.asarray(values, dtype=dtype)
+    return array if array.ndim == 2 else array.reshape(nt, -1 if nt and array.size else 0)

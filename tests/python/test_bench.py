@@ -1,0 +1,50 @@
+"""What the bench measures is what it says: mechanisms of many freedoms, and programs that meet the known answers."""
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+BENCHES = Path(__file__).parents[2] / "benches"
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+    """The modules of the bench, imported as its script does."""
+    monkeypatch.syspath_prepend(str(BENCHES))
+    yield importlib.import_module("sections")
+    for path in BENCHES.glob("*.py"):
+        sys.modules.pop(path.stem, None)
+
+
+@pytest.mark.parametrize(
+    "kind, size, freedoms",
+    [
+        ("side by side", 3, 3),
+        ("in series", 3, 3),
+        ("ring", 5, 3),
+        ("open chain", 4, 4),
+        ("five-bar loops", 3, 4),
+        ("four-bar chain", 3, 1),
+    ],
+)
+def test_many_freedoms_have_as_many(bench: ModuleType, kind: str, size: int, freedoms: int) -> None:
+    m = sys.modules["many_freedoms"].MECHANISMS[kind](size)
+    assert m.compile().mobility == freedoms
+    run = m.simulate(0.01, t_eval=[0.01])
+    assert run.success and run.closure.max(initial=0.0) < 1e-12
+
+
+def test_programs_of_the_limit_meet_the_known_answers(bench: ModuleType, tmp_path: Path) -> None:
+    limit = sys.modules["limit"]
+    built = limit.compiled(tmp_path)
+    if not built:
+        pytest.skip("there is no C compiler here")
+    assert set(built) == {"four_bar", "chain"}
+    for title, figure in limit.measured(tmp_path).items():
+        # errors grow about 1e4 in 10 s of turns through the top, from rtol 1e-10
+        assert figure.error < 1e-5, title
+        assert figure.evaluations > 1000 and title in limit.FIXED
