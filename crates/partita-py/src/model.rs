@@ -122,7 +122,7 @@ impl Model {
         guarded(py, || {
             let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();
             let inner = self.inner.with_parameters(&changes).map_err(|e| failure::description(py, &e))?;
-            Ok(Self { inner, structure: OnceLock::new() })
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
