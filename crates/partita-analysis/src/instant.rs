@@ -1,9 +1,9 @@
 //! What any system answers at one state.
 
 use partita_math::dense::{self, Matrix};
-use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::projection::dense_rows;
 use partita_system::partition::split::Split;
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
 /// Room for the position and the velocity level of a system.

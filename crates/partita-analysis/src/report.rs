@@ -5,7 +5,7 @@ use crate::error::AnalysisError;
 use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
 use partita_model::Model;
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
 use serde::Serialize;
 use std::collections::HashSet;

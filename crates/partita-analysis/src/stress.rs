@@ -11,7 +11,7 @@ use partita_math::spatial::{Spatial, Vec3};
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::tree::TreeScratch;
-use partita_system::formulation::reduction::SINGULAR_PIVOT;
+use partita_system::reduction::SINGULAR_PIVOT;
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::BTreeMap;

@@ -10,9 +10,9 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::options::FormulationOptions;
 use partita_system::{start, ConstrainedSystem};
 
 const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);

@@ -9,7 +9,7 @@ use linkages::*;
 use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
 use partita_model::spec::{Table, Value};
 use partita_model::Model;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 
 fn count(model: &Model, inputs: &[&str], explicit: bool) {
     let start = model.initial();

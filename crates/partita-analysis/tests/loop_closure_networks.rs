@@ -3,7 +3,7 @@
 mod linkages;
 
 use linkages::*;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::ConstrainedSystem;
 use std::f64::consts::TAU;
 

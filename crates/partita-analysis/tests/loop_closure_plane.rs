@@ -5,7 +5,7 @@ mod linkages;
 use linkages::*;
 use partita_model::spec::{Table, Value};
 use partita_model::Model;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 

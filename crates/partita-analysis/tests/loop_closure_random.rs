@@ -6,7 +6,7 @@ mod mechanisms;
 use linkages::{assert_tangent, branches, position};
 use mechanisms::{between, on_random_mechanisms, Moment, Wishes};
 use partita_model::Model;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::{start, ConstrainedSystem};
 
 /// Close near a closed position, for inputs chosen freely; returns (explicit, implicit) velocities.
@@ -77,7 +77,7 @@ fn chosen_inputs_determine_the_others() {
     let wishes = Wishes { planar: true, bound: false, drives: false };
     on_random_mechanisms(73, 30, wishes, |_, model, m| {
         let closing = model.loop_closing(m.t, &m.q, None).unwrap();
-        let mut r = partita_system::formulation::reduction::Reduction::new(model, m.rank);
+        let mut r = partita_system::reduction::Reduction::new(model, m.rank);
         start::choose_partition(&mut r, m.t, &m.q, None, Some(closing.inputs())).unwrap();
     });
 }

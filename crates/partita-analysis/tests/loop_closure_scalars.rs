@@ -10,7 +10,7 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Force, Value, VectorValue};
 use partita_model::value::NoFunctions;
 use partita_model::{Evaluator, Model};
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::ConstrainedSystem;
 use std::sync::Arc;
 

@@ -7,7 +7,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_model::loop_closure::LoopClosing;
 use partita_model::spec::JointKind::{Cylindrical, Prismatic, Revolute, Spherical, Universal};
 use partita_model::Model;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::f64::consts::TAU;
 

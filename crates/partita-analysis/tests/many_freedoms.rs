@@ -6,7 +6,7 @@ use mechanisms::{apart, compile, on_random_mechanisms, Moment, Wishes};
 use partita_model::clusters::Preference;
 use partita_model::place::Coordinates;
 use partita_model::Model;
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::start;
 
 /// What well-posed random mechanisms lose: C M⁻¹ Cᵀ squares a condition of up to 1e3.

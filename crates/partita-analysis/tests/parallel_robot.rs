@@ -6,8 +6,8 @@ mod mechanisms;
 use mechanisms::{compile, empty, joint};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Body, Cut, JointKind, Spec};
-use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::Selection;
+use partita_system::reduction::Reduction;
 use partita_system::tangent::chooser;
 use partita_system::{start, ConstrainedSystem, SystemError};
 

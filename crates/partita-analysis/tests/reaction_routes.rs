@@ -12,11 +12,11 @@ use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
 use partita_system::formulation::motion::ExplicitClosing;
-use partita_system::formulation::options::FormulationOptions;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::Formulation;
 use partita_system::kinematics::velocity;
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Output, Sample};
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem};
 use std::sync::Arc;
 

@@ -8,8 +8,8 @@ use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_model::spec::JointKind::Revolute;
 use partita_model::Model;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry;
+use partita_system::options::FormulationOptions;
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
 

@@ -12,7 +12,7 @@ use partita_model::reduced::Reduced;
 use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::Functions;
 use partita_model::{Evaluator, Model};
-use partita_system::formulation::reduction::Reduction;
+use partita_system::reduction::Reduction;
 use partita_system::start;
 use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;

@@ -8,9 +8,9 @@ use counting::allocations;
 use mechanisms::{compile, in_space};
 use partita_model::place::Coordinates;
 use partita_model::Model;
-use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry;
+use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::{Arc, Mutex};
 

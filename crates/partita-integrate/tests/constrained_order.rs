@@ -6,8 +6,8 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Journal, Output, PartitionEvent, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 

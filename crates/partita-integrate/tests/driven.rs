@@ -6,9 +6,9 @@ use mechanisms::{distance, grid, march, reference, run, slope, times, Pendulum};
 use partita_integrate::simulate::Settings;
 use partita_system::equations::ByHand;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry::by_name;
 use partita_system::formulation::Formulation;
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 
 const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];

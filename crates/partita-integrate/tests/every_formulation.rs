@@ -7,9 +7,9 @@ use mechanisms::{
 };
 use partita_integrate::simulate::{simulate, Status};
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry::{by_name, NAMES};
 use partita_system::formulation::Formulation;
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Output, Sample};
 use partita_system::start;
 use std::ops::ControlFlow;

@@ -5,13 +5,13 @@ mod mechanisms;
 use mechanisms::{distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
 use partita_integrate::simulate::{simulate, Status};
 use partita_math::elimination::Pattern;
+use partita_system::closing::{Block, BlockState, Closing};
 use partita_system::equations::{ByHand, Equations, HandScratch};
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::Formulation;
-use partita_system::kinematics::closing::{Block, BlockState, Closing};
 use partita_system::kinematics::{assembly, velocity};
+use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
 use partita_system::system::{Size, Tangent};
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -304,7 +304,7 @@ impl ConstrainedSystem for Recognised {
 fn at_rates(system: &Recognised, guess: &[f64], rates: &[(usize, f64)]) -> (Vec<f64>, Vec<f64>) {
     let mut q = guess.to_vec();
     assembly::close(system, 0.0, &mut q, 1e-12, &[]).unwrap();
-    let mut r = partita_system::formulation::reduction::Reduction::new(system, system.size().rows);
+    let mut r = partita_system::reduction::Reduction::new(system, system.size().rows);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let v = velocity::with_rates(&mut r, 0.0, &q, rates).unwrap();
     (q, v)

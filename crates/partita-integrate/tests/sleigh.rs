@@ -5,9 +5,9 @@ mod mechanisms;
 use mechanisms::{distance, grid, march, reference, run, slope, times};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 use partita_system::SystemError;
 

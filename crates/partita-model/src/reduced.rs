@@ -4,7 +4,7 @@ use crate::clusters::{self, Tangents};
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use partita_math::dense;
 use partita_math::scalar::Scalar;
-use partita_system::formulation::reduction::Choice;
+use partita_system::reduction::Choice;
 use partita_system::SystemError;
 
 /// An evaluation of the reduced equations.

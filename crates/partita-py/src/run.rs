@@ -7,7 +7,7 @@ use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::PyReadonlyArray1;
 use partita_analysis::run::{self, Journal, Request, Run};
 use partita_integrate::simulate::Status;
-use partita_system::formulation::options::TangentMap;
+use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::{ConstrainedSystem, SystemError};
 use pyo3::exceptions::PyKeyboardInterrupt;

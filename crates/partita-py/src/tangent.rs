@@ -1,7 +1,7 @@
 //! The user's tangent velocities: D, γ and δ as Python functions.
 
 use crate::calls;
-use partita_system::formulation::options::TangentMap;
+use partita_system::options::TangentMap;
 use partita_system::SystemError;
 use pyo3::prelude::*;
 

@@ -3,7 +3,7 @@
 mod closing;
 pub mod full;
 
-use crate::kinematics::closing::Closing;
+use crate::closing::Closing;
 use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};
 use closing::HandClosing;
 use partita_math::dense;

@@ -1,13 +1,17 @@
 //! The constrained system S1-S5 and everything asked of it that needs no body and no joint: the partition and its
 //! projective criterion, closing and projecting, the reduced equations, multipliers.
 
+pub mod closing;
 pub mod clusters;
 pub mod equations;
+pub mod error;
 pub mod formulation;
 pub mod kinematics;
+pub mod options;
 pub mod partition;
 pub mod positions;
 pub mod record;
+pub mod reduction;
 pub mod singular;
 pub mod start;
 pub mod system;

@@ -157,3 +157,14 @@ pub struct Journal {
     /// What the user should know besides, in sentences.
     pub notes: Vec<String>,
 }
+
+/// What is to become of a step, seen from its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Take it.
+    Keep,
+    /// Take it, and choose anew at its end.
+    Change,
+    /// The choice went bad inside it: take it back, choose anew at its start and try half of it.
+    Repeat,
+}

@@ -1,7 +1,7 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
-use crate::formulation::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::partition::criterion;
+use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{independent_rows, RowRank};
 

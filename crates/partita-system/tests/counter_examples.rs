@@ -4,8 +4,8 @@ mod instants;
 
 use instants::{inverse, Instant};
 use partita_math::dense::Matrix;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::criterion;
+use partita_system::reduction::Reduction;
 use partita_system::start;
 
 /// The k largest measures, ascending; ties to the lower index.

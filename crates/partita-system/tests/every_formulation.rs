@@ -8,11 +8,11 @@ use instants::{sample, Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::options::{FormulationOptions, TangentMap};
-use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::registry::{by_name, unread, NAMES};
+use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 use std::sync::Arc;
 

@@ -6,9 +6,9 @@ use instants::{between, block, forward, inverse, log_det, log_det_general, lower
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::ByHand;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::projection::MassProjection;
 use partita_system::partition::{criterion, exchange};
+use partita_system::reduction::Reduction;
 
 /// Worst condition of M in its own units.
 const CONDITION: f64 = 1e6;

@@ -5,8 +5,8 @@ mod instants;
 use instants::{between, units, vector, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::criterion::Quality;
+use partita_system::reduction::Reduction;
 use partita_system::start;
 
 /// Two computations of the same number in other units: round-off (1e-16) times the condition of M (up to 1e4 here) and

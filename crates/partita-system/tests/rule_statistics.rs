@@ -9,8 +9,8 @@ mod instants;
 use instants::{between, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_system::equations::ByHand;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::{complete_pivoting, Selection};
+use partita_system::reduction::Reduction;
 use partita_system::start;
 use partita_system::tangent::chooser;
 

@@ -6,8 +6,8 @@ use instants::{block, inverse, log_det_general, units, vector, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor;
 use partita_system::equations::ByHand;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::partition::{complete_pivoting, criterion, determinant, normalised_determinant, volume, Selection};
+use partita_system::reduction::Reduction;
 use partita_system::tangent::chooser::{self, Choice};
 use partita_system::SystemError;
 

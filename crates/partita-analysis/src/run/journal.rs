@@ -1,8 +1,8 @@
 //! What a run keeps, and what follows from it when it is asked for.
 
 use crate::outputs::{tables, Rows, Watch};
-use partita_system::formulation::options::FormulationOptions;
 use partita_system::formulation::registry;
+use partita_system::options::FormulationOptions;
 use partita_system::record::{Output, PartitionEvent, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 

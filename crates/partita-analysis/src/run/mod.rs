@@ -8,8 +8,8 @@ pub use request::Request;
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome};
-use partita_system::formulation::options::TangentMap;
 use partita_system::formulation::{registry, Formulation};
+use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Output};
 use partita_system::start::{self, Start};
 use partita_system::ConstrainedSystem;

@@ -4,7 +4,7 @@ use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::Settings;
 use partita_integrate::tableau;
-use partita_system::formulation::options::{FormulationOptions, TangentMap};
+use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
 use partita_system::ConstrainedSystem;

@@ -10,9 +10,9 @@ use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSI
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
-use partita_system::formulation::reduction::largest;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::record::Output;
+use partita_system::reduction::largest;
 use partita_system::ConstrainedSystem;
 use std::f64::consts::TAU;
 use std::sync::Arc;

@@ -7,8 +7,8 @@ use partita_model::place::Coordinates;
 use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, VERSION};
 use partita_model::value::Functions;
 use partita_model::Model;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::kinematics::assembly;
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem};
 use std::sync::Arc;
 

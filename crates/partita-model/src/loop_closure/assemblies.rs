@@ -3,7 +3,7 @@
 use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
 use crate::model::Model;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Most combinations of branches that are looked at.

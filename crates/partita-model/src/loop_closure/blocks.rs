@@ -2,7 +2,7 @@
 
 use super::instant::Instant;
 use super::{btf, LoopClosing, Work};
-use partita_system::kinematics::closing::{Block, BlockState};
+use partita_system::closing::{Block, BlockState};
 use partita_system::{ConstrainedSystem, SystemError};
 
 impl LoopClosing<'_> {

@@ -11,7 +11,7 @@ use crate::tree::{Closing as CutJoint, LinkMotion};
 use crate::value;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Planar, Quaternion};
-use partita_system::kinematics::closing::{Block, BlockState, Closing};
+use partita_system::closing::{Block, BlockState, Closing};
 use partita_system::SystemError;
 use std::f64::consts::TAU;
 

@@ -7,8 +7,8 @@ use super::plan::Task;
 use super::LoopClosing;
 use crate::model::Model;
 use crate::spec::Force;
-use partita_system::formulation::reduction::Reduction;
-use partita_system::kinematics::closing::Closing;
+use partita_system::closing::Closing;
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
 /// Sets of inputs that are looked at for mechanisms of up to [`SMALL`] motions; fewer for larger ones, so that the

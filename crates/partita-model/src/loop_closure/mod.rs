@@ -14,7 +14,7 @@
 //! round-off by construction and the branch is always known. The sign ε belongs to the shape of a polygon: where a
 //! pivot passes through zero without a limit (a change point, such as that of a parallelogram in line) the motion goes
 //! on with the other sign, which only its velocity can tell:
-//! [`follow`](partita_system::kinematics::closing::Closing::follow) takes the branch nearest to where it leads. At a
+//! [`follow`](partita_system::closing::Closing::follow) takes the branch nearest to where it leads. At a
 //! dead point of its inputs it ends with [`SystemError::Limit`].
 //!
 //! [`SystemError::Limit`]: partita_system::SystemError::Limit
@@ -42,7 +42,7 @@ use crate::model::{Model, ModelScratch};
 use arm::Pose;
 use graph::Graph;
 use implicit::Implicit;
-use partita_system::kinematics::closing::{Block, BlockState};
+use partita_system::closing::{Block, BlockState};
 use planar::FlatJoint;
 use polygon::Polygon;
 

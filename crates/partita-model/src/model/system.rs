@@ -8,8 +8,8 @@ use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Quaternion;
+use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
-use partita_system::kinematics::closing::Closing;
 use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
 

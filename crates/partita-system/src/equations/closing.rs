@@ -1,8 +1,8 @@
 //! Explicit closing of equations written by hand: one block, the user's function.                   (37)
 
 use super::{ByHand, Equations};
-use crate::formulation::reduction::Reduction;
-use crate::kinematics::closing::{Block, BlockState, Closing};
+use crate::closing::{Block, BlockState, Closing};
+use crate::reduction::Reduction;
 use crate::system::SystemError;
 use partita_math::dense;
 

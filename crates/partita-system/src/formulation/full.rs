@@ -5,13 +5,13 @@
 //! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything but
 //! checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
 
-use super::options::FormulationOptions;
-use super::reduction::Reduction;
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::kinematics::projection::{dense_rows, MassProjection};
+use crate::options::FormulationOptions;
 use crate::positions::turns;
 use crate::record::{Correction, FormulationCounters, Journal, Output, PartitionEvent, Sample};
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::instant::Describer;

@@ -2,25 +2,14 @@
 
 pub mod full;
 pub mod motion;
-pub mod options;
-pub mod reduction;
 pub mod registry;
 
 use crate::record::{Journal, Output, PartitionEvent, Sample};
+
+pub use crate::record::Verdict;
 use crate::system::SystemError;
 
 pub use crate::singular::change_point::Pace;
-
-/// What is to become of a step, seen from its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Take it.
-    Keep,
-    /// Take it, and choose anew at its end.
-    Change,
-    /// The choice went bad inside it: take it back, choose anew at its start and try half of it.
-    Repeat,
-}
 
 /// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated.
 pub struct Step<'a> {

@@ -7,9 +7,8 @@
 //! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of them: a
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
-use super::options::FormulationOptions;
-use super::reduction::Reduction;
 use super::{Formulation, Step, Verdict};
+use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
 use crate::positions::independent::Independent;
@@ -17,6 +16,7 @@ use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
+use crate::reduction::Reduction;
 use crate::singular::change_point::Passage;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::basis::gram_schmidt::GramSchmidt;

@@ -2,12 +2,12 @@
 
 use super::full::FullState;
 use super::motion::{ExplicitClosing, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
-use super::options::FormulationOptions;
 use super::Formulation;
 use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;
 use crate::equations::full::range_space::Range;
 use crate::equations::full::saddle::Saddle;
+use crate::options::FormulationOptions;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::basis::gram_schmidt::GramSchmidt;
 use crate::tangent::basis::qr::OrthogonalTriangular;

@@ -1,6 +1,5 @@
 //! Positions and velocities that satisfy the constraints.
 
 pub mod assembly;
-pub mod closing;
 pub mod projection;
 pub mod velocity;

@@ -1,6 +1,6 @@
 //! Orthogonal corrections in the mass metric, (33) and (35).
 
-use crate::formulation::reduction::Reduction;
+use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 

@@ -1,6 +1,6 @@
 //! Velocities with given rates: of all that satisfy S4, the ones of least kinetic energy.
 
-use crate::formulation::reduction::Reduction;
+use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;

@@ -3,7 +3,7 @@
 //!
 //! Everything here is dense and meant to be looked at; an evaluation needs none of it but D and M_d.
 
-use crate::system::SystemError;
+use crate::error::SystemError;
 use partita_math::dense::{self, Matrix};
 
 /// Lengths, metrics and projectors of n coordinates under r independent constraint rows, k = n − r.

@@ -1,7 +1,7 @@
 //! C split into its independent and dependent columns, as dense matrices to be looked at.                    (P1, P2)
 
 use super::Partition;
-use crate::system::SystemError;
+use crate::error::SystemError;
 use partita_math::dense::{self, Matrix};
 
 /// A = −C_D⁻¹ C_I and D = [1 Aᵀ] of a partition, all indices ascending.

@@ -17,7 +17,7 @@
 //! evaluation, n³/3 each. Nonholonomic rows have no positions to parametrise and are refused.
 
 use super::{turns, Positions};
-use crate::formulation::Verdict;
+use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
 use partita_math::dense;
@@ -55,7 +55,7 @@ pub struct Chart {
 
 impl Chart {
     /// For a system of the given rank without nonholonomic rows. `renew`: see
-    /// [`FormulationOptions`](crate::formulation::options::FormulationOptions::renew).
+    /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
     pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self, SystemError> {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);

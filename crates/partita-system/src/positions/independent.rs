@@ -10,8 +10,8 @@
 use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Positions};
-use crate::formulation::Verdict;
 use crate::record::Journal;
+use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 

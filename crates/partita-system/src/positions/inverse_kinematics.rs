@@ -5,7 +5,7 @@
 //! that stay the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
-use crate::kinematics::closing::Closing;
+use crate::closing::Closing;
 use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::blocks::Blocks;

@@ -10,8 +10,8 @@ pub mod newton;
 mod state_coordinates;
 pub mod turns;
 
-use crate::formulation::Verdict;
 use crate::record::Journal;
+use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 

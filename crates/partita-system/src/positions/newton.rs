@@ -6,8 +6,8 @@
 //! velocities jump, are repeated. If none is left, as at most dead points of fixed coordinates, the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
-use crate::formulation::reduction::Reduction;
 use crate::record::Journal;
+use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::partition::Chosen;

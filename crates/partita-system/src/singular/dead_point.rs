@@ -1,6 +1,6 @@
 //! Dead points: where independent coordinates that stay do not determine the others, though other coordinates would.
 
-use crate::formulation::reduction::Reduction;
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 

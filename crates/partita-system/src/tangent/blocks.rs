@@ -7,11 +7,11 @@
 use super::dense::DenseTangent;
 use super::solver::BlockSolver;
 use super::{Occasion, Tangent};
-use crate::formulation::options::FormulationOptions;
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
-use crate::kinematics::closing::Closing;
+use crate::closing::Closing;
+use crate::options::FormulationOptions;
+use crate::record::Verdict;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
+use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};

@@ -2,12 +2,12 @@
 //!
 //! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
 
-use crate::formulation::reduction::Reduction;
 use crate::kinematics::projection::dense_rows;
 use crate::partition::persistence::Persistence;
 use crate::partition::{
     complete_pivoting, criterion, determinant, individual, normalised_determinant, volume, Selection,
 };
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 

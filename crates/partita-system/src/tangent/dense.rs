@@ -1,7 +1,7 @@
 //! A tangent given as a matrix: what is the same for every dense D, wherever it came from.
 
-use crate::formulation::reduction::Reduction;
 use crate::partition::Partition;
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense;

@@ -17,11 +17,11 @@ use super::basis::Basis;
 use super::dense::DenseTangent;
 use super::instant::quality_of_selector;
 use super::{kept_rows, Occasion, Tangent};
-use crate::formulation::reduction::{Reduction, SINGULAR_PIVOT};
-use crate::formulation::Verdict;
 use crate::kinematics::projection::dense_rows;
 use crate::partition::criterion::{self, Quality};
+use crate::record::Verdict;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
+use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -66,7 +66,7 @@ pub struct Frozen<'s, S: ConstrainedSystem> {
 
 impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet. `renew`: see
-    /// [`FormulationOptions`](crate::formulation::options::FormulationOptions::renew).
+    /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, renew: f64) -> Self {
         let r = Reduction::dense(system, rank);
         let (n, k) = (r.size().nv, r.k());

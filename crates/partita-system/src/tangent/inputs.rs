@@ -1,9 +1,9 @@
 //! The choice of inputs: how good it is, and whether others would be better.
 
 use super::blocks::{Blocks, PERIOD};
-use crate::formulation::reduction::quality_of;
 use crate::partition::exchange;
 use crate::record::PartitionEvent;
+use crate::reduction::quality_of;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
 

@@ -3,9 +3,9 @@
 //! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a tangent
 //! share this; the full equations put their own in their place.
 
-use crate::formulation::reduction::{largest, velocity_residuals, Reduction};
 use crate::partition::criterion::{self, Quality};
 use crate::record::Sample;
+use crate::reduction::{largest, velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};

@@ -11,10 +11,10 @@ pub mod partition;
 mod solver;
 pub mod user;
 
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
 use crate::partition::criterion::Quality;
+use crate::record::Verdict;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
+use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Why a new choice is asked for.

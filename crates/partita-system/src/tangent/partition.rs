@@ -5,13 +5,13 @@
 
 use super::chooser::{Change, Chooser};
 use super::{counted, kept_rows, Occasion, Tangent};
-use crate::formulation::options::FormulationOptions;
-use crate::formulation::reduction::Reduction;
-use crate::formulation::Verdict;
 use crate::kinematics::projection::correct_orthogonally;
+use crate::options::FormulationOptions;
 use crate::partition::exchange::Exchange;
 use crate::partition::Selection;
+use crate::record::Verdict;
 use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
+use crate::reduction::Reduction;
 use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 

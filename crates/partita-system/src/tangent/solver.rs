@@ -1,6 +1,6 @@
 //! P1-P3 with a block-triangular C_D: kinematic differentials block by block, no system over all loops.      (8.3)
 
-use crate::kinematics::closing::Block;
+use crate::closing::Block;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense;
 

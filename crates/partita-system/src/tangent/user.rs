@@ -11,11 +11,11 @@
 use super::dense::{best_partition, DenseTangent};
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{kept_rows, Tangent};
-use crate::formulation::options::TangentMap;
-use crate::formulation::reduction::Reduction;
 use crate::kinematics::projection::correct_orthogonally;
+use crate::options::TangentMap;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent};
+use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};

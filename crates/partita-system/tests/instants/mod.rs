@@ -4,10 +4,10 @@
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{ByHand, Equations};
-use partita_system::formulation::options::TangentMap;
-use partita_system::formulation::reduction::Reduction;
 use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::options::TangentMap;
 use partita_system::record::{Output, Sample};
+use partita_system::reduction::Reduction;
 use partita_system::SystemError;
 
 /// M, C, h, a, b that stay as they are; Φ = C q.

@@ -2,8 +2,8 @@
 
 use super::super::dense::best_partition;
 use super::Frozen;
-use crate::formulation::Verdict;
 use crate::record::PartitionEvent;
+use crate::record::Verdict;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Explicit closing: the dependent coordinates as functions of the independent ones.           (37)
 
-use crate::system::SystemError;
+use crate::error::SystemError;
 
 /// One step of an explicit closing. The rows of a block contain, besides its own unknown velocities, only inputs and
 /// unknowns of earlier blocks: C_D is block-triangular, its diagonal blocks are regular.

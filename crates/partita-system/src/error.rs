@@ -1,0 +1,195 @@
+//! What can go wrong with a system, in sentences.
+
+use thiserror::Error;
+
+/// Why a system could not be evaluated.
+#[derive(Debug, Error)]
+pub enum SystemError {
+    /// The constraint matrix lost rank here.
+    #[error(
+        "the constraints lose rank at t = {t}: the smallest scaled pivot is {pivot:.2e} (limit {limit:.0e}); \
+         this is a singular position of the mechanism, start or step elsewhere"
+    )]
+    Singular {
+        /// Time.
+        t: f64,
+        /// Smallest scaled pivot.
+        pivot: f64,
+        /// Its limit.
+        limit: f64,
+    },
+    /// The mass matrix is not positive definite.
+    #[error(
+        "the mass matrix is not positive definite at coordinate {name}: pivot {pivot:.3e}; give the body moved by it \
+         a mass or a moment of inertia"
+    )]
+    Mass {
+        /// Name of the velocity whose pivot failed.
+        name: String,
+        /// The pivot.
+        pivot: f64,
+    },
+    /// A number that is not finite.
+    #[error("{what} is not finite at t = {t}; look at the forces and functions that enter it")]
+    NotFinite {
+        /// What.
+        what: String,
+        /// Time.
+        t: f64,
+    },
+    /// A table was left.
+    #[error("{what}: t = {t} is outside its table [{from}, {to}]; extend the table or shorten the run")]
+    OutsideTable {
+        /// Which element.
+        what: String,
+        /// Time asked for.
+        t: f64,
+        /// Start of the table.
+        from: f64,
+        /// End of the table.
+        to: f64,
+    },
+    /// A user's function failed.
+    #[error("{what}: {source}")]
+    Function {
+        /// Which element.
+        what: String,
+        /// What it said.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Closing the loops failed.
+    #[error(
+        "assembly did not converge in {iterations} iterations: |Phi| = {residual:.3e}, tolerance {tolerance:.1e} (rad, or \
+         parts of the loop's length); open: {loops}; {advice}"
+    )]
+    Assembly {
+        /// Iterations done.
+        iterations: usize,
+        /// Largest residual.
+        residual: f64,
+        /// What was asked.
+        tolerance: f64,
+        /// Which rows stay open, with their residuals.
+        loops: String,
+        /// What to try.
+        advice: String,
+    },
+    /// The loops come to rest open, wherever they start from: |Φ| cannot be lowered.
+    #[error(
+        "the lengths do not fit: {} stays open by {}, and no small motion lowers that (at rest after {iterations} \
+         iterations from {starts} starts); open there: {loops}; change a length of this loop by at least as much, or draw \
+         it on the branch meant",
+        loop_words, gap(*shortfall, *angle)
+    )]
+    Lengths {
+        /// What closes the loop that stays open most: a joint, or a row.
+        owner: String,
+        /// The loop, in words.
+        loop_words: String,
+        /// By how much its lengths miss each other (in the unit of lengths, m).
+        shortfall: f64,
+        /// By how much its directions do (rad).
+        angle: f64,
+        /// Starts tried.
+        starts: usize,
+        /// Iterations done.
+        iterations: usize,
+        /// Largest residual.
+        residual: f64,
+        /// Which rows stay open, with their residuals.
+        loops: String,
+    },
+    /// The start is a singular position: the motion from there is not unique.
+    #[error("at t = {t} the mechanism stands in a singular position: {message}")]
+    SingularStart {
+        /// Time.
+        t: f64,
+        /// What was seen and what to try.
+        message: String,
+    },
+    /// A loop cannot close for these values of its inputs.
+    #[error("{}", limit(block, *t, *shortfall))]
+    Limit {
+        /// Which block, in words.
+        block: String,
+        /// Time.
+        t: f64,
+        /// By how much the lengths miss each other (m); 0 where they just meet and the inputs lead no further.
+        shortfall: f64,
+    },
+    /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's lengths.
+    #[error("the independent coordinates {coordinates} stand at a dead point at t = {t}: {seen}; {advice}")]
+    DeadPoint {
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// What was seen, and at which block.
+        seen: String,
+        /// Whether others would do, and what to try.
+        advice: String,
+    },
+    /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
+    #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
+    Basis {
+        /// The rule the basis comes from.
+        name: String,
+        /// Time.
+        t: f64,
+        /// What was seen, with numbers, and what to try.
+        reason: String,
+    },
+    /// A rule chose coordinates that cannot be independent.
+    #[error(
+        "selection \"{rule}\" takes {coordinates} as independent at t = {t}, from which the others do not follow: {reason}; \
+         take selection \"collective\", which heeds what was chosen before"
+    )]
+    Choice {
+        /// Name of the rule.
+        rule: &'static str,
+        /// Names of the coordinates.
+        coordinates: String,
+        /// Time.
+        t: f64,
+        /// Why not.
+        reason: String,
+    },
+    /// Something in the request cannot be.
+    #[error("{0}")]
+    Request(String),
+}
+
+fn gap(shortfall: f64, angle: f64) -> String {
+    match (shortfall > 0.0, angle > 0.0) {
+        (true, false) => format!("{shortfall:.6e} m"),
+        (false, true) => format!("{angle:.6e} rad"),
+        _ => format!("{shortfall:.6e} m and {angle:.6e} rad"),
+    }
+}
+
+fn limit(block: &str, t: f64, shortfall: f64) -> String {
+    let advice = "stop the inputs before it, or take other coordinates as inputs";
+    if shortfall == 0.0 {
+        return format!("{block} cannot close beyond the limit position it has come to at t = {t}; {advice}");
+    }
+    format!(
+        "{block} cannot close at t = {t}: its lengths miss each other by {shortfall:.6e} m (a limit position of the \
+         mechanism); {advice}"
+    )
+}
+
+impl SystemError {
+    /// Could the same evaluation succeed at a nearby point (so that a shorter step may help)?
+    pub fn is_local(&self) -> bool {
+        matches!(
+            self,
+            Self::Singular { .. }
+                | Self::NotFinite { .. }
+                | Self::Mass { .. }
+                | Self::Limit { .. }
+                | Self::DeadPoint { .. }
+                | Self::Basis { .. }
+                | Self::Choice { .. }
+        )
+    }
+}
