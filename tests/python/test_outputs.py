@@ -207,7 +207,7 @@ def test_an_output_asks_for_no_force_and_reading_asks_once() -> None:
         found = pt.simulate(pendulum, 1.0, [1.0, 0.0], [0.0, 0.0], t_eval=np.linspace(0.0, 1.0, outputs + 1)[1:])
         return found, calls["forces"]
 
-    # nearly every step has outputs in both: the interpolation of a step takes evaluations of its own, outputs on it none
+    # nearly every step has outputs in both; the interpolation of a step takes evaluations, outputs on it take none
     (some, fewer), (many, more) = run(100), run(200)
     interpolated = many.counters["dense_evaluations"] - some.counters["dense_evaluations"]
     assert some.counters["steps"] == many.counters["steps"] < 100 and more - fewer == interpolated <= 6

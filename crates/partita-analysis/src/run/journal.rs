@@ -71,7 +71,7 @@ impl Journal {
         let size = system.size();
         let chunk = if shared && self.rank == size.rows { chunk(size.nv) } else { usize::MAX };
         let row = |i: usize, (f, sample): &mut (Option<_>, Sample), rows: &mut Rows| {
-            if i.is_multiple_of(chunk) {
+            if i % chunk == 0 {
                 *f = Some(registry::by_name(&self.formulation, system, self.rank, &self.options)?);
             }
             let Some(f) = f else { return Ok(()) };
