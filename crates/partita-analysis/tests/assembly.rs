@@ -90,7 +90,7 @@ fn lengths_that_do_not_fit_are_named_with_their_shortfall() {
         match assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
             Err(SystemError::Lengths { owner, shortfall, loop_words, angle, .. }) => {
                 assert!((shortfall / unit - 0.7).abs() < 1e-6, "{shortfall}");
-                assert_eq!((owner.as_str(), angle), ("C", 0.0));
+                assert_eq!((&*owner, angle), ("C", 0.0));
                 assert!(["A", "B", "D"].iter().all(|j| loop_words.contains(j)), "{loop_words}");
             }
             other => panic!("{other:?}"),

@@ -82,6 +82,7 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             raise(py, "AssemblyError", &message, &fields)
         }
         SystemError::Lengths { iterations, residual, loops, .. } => {
+            let loops = String::from(loops);
             let fields = [("residual", residual.into()), ("iterations", iterations.into()), ("loops", loops.into())];
             raise(py, "AssemblyError", &message, &fields)
         }

@@ -83,9 +83,9 @@ pub enum SystemError {
     )]
     Lengths {
         /// What closes the loop that stays open most: a joint, or a row.
-        owner: String,
+        owner: Box<str>,
         /// The loop, in words.
-        loop_words: String,
+        loop_words: Box<str>,
         /// By how much its lengths miss each other (in the unit of lengths, m).
         shortfall: f64,
         /// By how much its directions do (rad).
@@ -97,7 +97,7 @@ pub enum SystemError {
         /// Largest residual.
         residual: f64,
         /// Which rows stay open, with their residuals.
-        loops: String,
+        loops: Box<str>,
     },
     /// The start is a singular position: the motion from there is not unique.
     #[error("at t = {t} the mechanism stands in a singular position: {message}")]

@@ -38,6 +38,9 @@ pub struct Recursion {
     pub by_partial_velocities: Vec<bool>,
 }
 
+/// Takes the number of a cluster, its independent velocities, and their block of M_d⁻¹.
+pub type BlockSink<'b, T = f64> = &'b mut dyn FnMut(usize, &[usize], &[T]);
+
 /// What the recursion over clusters is given.
 pub struct ClusterTangent<'a> {
     /// Columns of `dt`.
@@ -160,7 +163,7 @@ pub trait ConstrainedSystem: Sync {
         _independent: &[usize],
         _s: &mut Self::Scratch,
         _diagonal: &mut [f64],
-        _block: &mut dyn FnMut(usize, &[usize], &[f64]),
+        _block: BlockSink,
     ) {
     }
     /// `M v' − h` (nv), after `velocity`.

@@ -11,6 +11,7 @@ use crate::memory::ClusterScratch;
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
+use partita_system::system::BlockSink;
 
 /// Room for the answer to one unit load in a cluster, and the compliances of all links.
 struct Room<S> {
@@ -44,7 +45,7 @@ impl<G: Space> Tree<G> {
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
         diagonal: &mut [G::S],
-        block: &mut dyn FnMut(usize, &[usize], &[G::S]),
+        block: BlockSink<G::S>,
     ) {
         let d = G::DIM;
         let zeros = |n: usize| vec![G::S::zero(); n];
@@ -88,7 +89,7 @@ impl<G: Space> Tree<G> {
                 Duty::Own if inside[i] => {}
                 Duty::Own => {
                     let cluster = cluster_of[self.links[i].v] as usize;
-                    self.joint_mobility(i, s, x, &mut room, diagonal, &mut |v, b| block(cluster, v, b));
+                    self.joint_mobility(i, s, x, &mut room, diagonal, cluster, block);
                 }
             }
         }
@@ -102,7 +103,8 @@ impl<G: Space> Tree<G> {
         x: &ClusterScratch<G::S>,
         room: &mut Room<G::S>,
         diagonal: &mut [G::S],
-        block: &mut dyn FnMut(&[usize], &[G::S]),
+        cluster: usize,
+        block: BlockSink<G::S>,
     ) {
         let d = G::DIM;
         let link = &self.links[i];
@@ -143,7 +145,7 @@ impl<G: Space> Tree<G> {
         }
         room.compliance[i * d * d..(i + 1) * d * d].copy_from_slice(&omega[..d * d]);
         let velocities: Vec<usize> = (link.v..link.v + f).collect();
-        block(&velocities, &values[..f * f]);
+        block(cluster, &velocities, &values[..f * f]);
     }
 
     /// A cluster by partial velocities: `M_d⁻¹ = 𝒟⁻¹ + K Ω Kᵀ`.
@@ -157,7 +159,7 @@ impl<G: Space> Tree<G> {
         x: &ClusterScratch<G::S>,
         room: &mut Room<G::S>,
         diagonal: &mut [G::S],
-        block: &mut dyn FnMut(usize, &[usize], &[G::S]),
+        block: BlockSink<G::S>,
     ) {
         let (d, k, stride) = (G::DIM, f.k, plan.columns);
         let (o, one) = (G::S::zero(), G::S::one());
@@ -225,7 +227,7 @@ impl<G: Space> Tree<G> {
         x: &ClusterScratch<G::S>,
         room: &mut Room<G::S>,
         diagonal: &mut [G::S],
-        block: &mut dyn FnMut(usize, &[usize], &[G::S]),
+        block: BlockSink<G::S>,
     ) {
         let d = G::DIM;
         let o = G::S::zero();

@@ -10,7 +10,7 @@ use partita_math::elimination::Pattern;
 use partita_math::spatial::Quaternion;
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
-use partita_system::system::{project_dense, ClusterTangent, Recursion, Tangent};
+use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Size, SystemError};
 
 /// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
@@ -192,7 +192,7 @@ impl ConstrainedSystem for Model {
         independent: &[usize],
         s: &mut ModelScratch,
         diagonal: &mut [f64],
-        block: &mut dyn FnMut(usize, &[usize], &[f64]),
+        block: BlockSink,
     ) {
         let plan = &s.recursion;
         let of = &self.clusters.of_velocity;

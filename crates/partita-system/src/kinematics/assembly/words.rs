@@ -66,14 +66,14 @@ pub(super) fn refused<S: ConstrainedSystem>(
         of_kind.map(|&i| s.raw(i).powi(2)).sum::<f64>().sqrt()
     };
     SystemError::Lengths {
-        owner: name,
-        loop_words: loop_of(d, row),
+        owner: name.into(),
+        loop_words: loop_of(d, row).into(),
         shortfall: size(false),
         angle: size(true),
         starts: report.restarts + 1,
         iterations: report.iterations,
         residual: s.residual(),
-        loops: open_rows(d, tolerance),
+        loops: open_rows(d, tolerance).into(),
     }
 }
 
