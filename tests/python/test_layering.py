@@ -313,3 +313,13 @@ def test_a_circle_is_found_and_a_way_is_none() -> None:
 def test_paths_from_the_root_of_a_crate_are_found() -> None:
     source = "use crate::{one, two::{Deep, other}, three::X as Y};\nlet x = crate::four::f(super::super::five::G);"
     assert crate_names_used(source, 2) == {"one", "two", "three", "four", "five"}
+
+
+def test_every_place_that_the_architecture_names_exists() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    named = re.findall(
+        r"`((?:crates/)?(?:partita-\w+/src|python/partita|docs|examples|benches|tools)/?[\w./-]*)`", text
+    )
+    missing = [name for name in named if not ((ROOT / name).exists() or (CRATES / name).exists())]
+    assert len(named) > 20
+    assert not missing
