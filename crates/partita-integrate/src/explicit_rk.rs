@@ -70,6 +70,8 @@ pub struct Stepper {
     t_end: f64,
     /// Length of the run.
     span: f64,
+    /// Lengths to try before a step is shortened, the last first.
+    others: Vec<f64>,
     y_old: Vec<f64>,
     y_new: Vec<f64>,
     y_stage: Vec<f64>,
@@ -111,6 +113,7 @@ impl Stepper {
             t_new: 0.0,
             t_end: 0.0,
             span: 0.0,
+            others: Vec::new(),
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
@@ -256,6 +259,10 @@ impl Stepper {
                 return Ok(());
             }
             self.counters.rejected += 1;
+            if let Some(length) = self.others.pop() {
+                self.step = length;
+                continue;
+            }
             self.step = h.abs() * self.controller.rejected(error);
             self.check_length(h, None)?;
         }

@@ -200,6 +200,10 @@ struct March<'t> {
     stretch: f64,
 }
 
+/// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a tenth of a
+/// step apart, so where a stage came close to the position, it lies between two stages then.
+const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
+
 type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 impl March<'_> {
@@ -269,6 +273,10 @@ impl March<'_> {
             if free {
                 stepper.set_step_size(pace.next);
                 stepper.set_lenience(pace.floor, pace.limit);
+                if pace.limit > 1.0 {
+                    // half a crossing step would end next to the position; others across it have their stages elsewhere
+                    stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
+                }
             }
             return Ok(());
         }

@@ -85,6 +85,13 @@ impl Stepper {
     /// [`commit`](Stepper::commit) or [`reject`](Stepper::reject). A fixed step returns with the step after it.
     pub fn set_step_size(&mut self, h: f64) {
         self.step = h.abs();
+        self.others.clear();
+    }
+
+    /// Should the next step fail by its error, try these lengths, the last first, before it is shortened: for where a shorter one
+    /// is no better. Call it after [`set_step_size`](Stepper::set_step_size), which forgets them.
+    pub fn set_other_sizes(&mut self, lengths: impl IntoIterator<Item = f64>) {
+        self.others.extend(lengths);
     }
 
     /// Until told otherwise: take no tolerance for smaller than `floor` (0 is the rule), and accept errors up to `limit`

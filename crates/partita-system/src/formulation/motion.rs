@@ -134,7 +134,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             name,
             system,
             k: r.k(),
-            describer: Describer::new(system, r.rank()),
+            describer: if r.is_dense() { Describer::dense(system, r.rank()) } else { Describer::new(system, r.rank()) },
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),

@@ -206,6 +206,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn columns(&self) -> usize {
         self.columns
     }
+    /// Are `dt` and M_d held in full, come what may?
+    pub fn is_dense(&self) -> bool {
+        self.dense_only
+    }
     /// Do the accelerations come from a recursion over clusters?
     pub fn by_clusters(&self) -> bool {
         self.recursion.is_some()
@@ -325,6 +329,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
                 }
             }
         }
+        self.margins.resize(self.clusters.count.max(1), watch::Margin::default());
         if self.recursion.is_some() {
             self.lay_out();
         }

@@ -427,7 +427,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 *wave += 1;
             }
         }
-        self.margins.resize(count.max(1), Margin::default());
         self.room = room;
     }
 }

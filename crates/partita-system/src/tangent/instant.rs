@@ -14,13 +14,19 @@ use partita_math::dense::{self, Matrix};
 pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
+    dense: bool,
     probe: Option<Reduction<'s, S>>,
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     /// For a system of the given rank; takes no memory before it is asked.
     pub fn new(system: &'s S, rank: usize) -> Self {
-        Self { system, rank, probe: None }
+        Self { system, rank, dense: false, probe: None }
+    }
+
+    /// The same with D and M_d in full, for those whose quality is told by them.
+    pub fn dense(system: &'s S, rank: usize) -> Self {
+        Self { dense: true, ..Self::new(system, rank) }
     }
 
     /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
@@ -34,8 +40,11 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         independent: Option<&[usize]>,
         out: &mut Sample,
     ) -> Result<Option<&mut Reduction<'s, S>>, SystemError> {
-        let (system, rank) = (self.system, self.rank);
-        let r = self.probe.get_or_insert_with(|| Reduction::new(system, rank));
+        let (system, rank, dense) = (self.system, self.rank, self.dense);
+        let r = self.probe.get_or_insert_with(|| match dense {
+            true => Reduction::dense(system, rank),
+            false => Reduction::new(system, rank),
+        });
         let independent = independent.filter(|x| x.len() == r.k());
         out.t = t;
         copy(q, &mut out.q);
