@@ -30,7 +30,7 @@ pub struct JointState {
 }
 
 impl Model {
-    /// Body `i` after [`look`](Self::look).
+    /// Body `i` after [`look`](crate::evaluator::Evaluator::look).
     pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
         let b = &self.placed.bodies[i];
         let x = &s.full.links[b.link];
@@ -44,7 +44,7 @@ impl Model {
         }
     }
 
-    /// Joint `j` after [`look`](Self::look). Turns of a joint that closes a loop in space come out in (−π, π].
+    /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Turns of a joint that closes a loop in space come out in (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
         let p = &self.placed.joints[j];
         let (child, parent) = (self.node_state(s, p.child), self.node_state(s, p.parent));

@@ -16,10 +16,10 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// Start [s].
+    /// Start (s).
     #[serde(default)]
     pub t0: f64,
-    /// End [s].
+    /// End (s).
     pub t_end: f64,
     /// Relative tolerance.
     pub rtol: f64,
@@ -29,10 +29,10 @@ pub struct Request {
     pub method: String,
     /// Formulation, by name.
     pub formulation: String,
-    /// Fixed step [s].
+    /// Fixed step (s).
     #[serde(default)]
     pub step: Option<f64>,
-    /// Largest adaptive step [s].
+    /// Largest adaptive step (s).
     #[serde(default)]
     pub max_step: Option<f64>,
     /// Removal of the remainder of S3, by name.
@@ -49,7 +49,7 @@ pub struct Request {
     /// Preferences: velocity and factor.
     #[serde(default)]
     pub weights: Option<Vec<(String, f64)>>,
-    /// Window of the rule "persistence" [s].
+    /// Window of the rule "persistence" (s).
     #[serde(default)]
     pub window: Option<f64>,
     /// α and β of "baumgarte".
