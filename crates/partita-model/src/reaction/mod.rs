@@ -220,6 +220,20 @@ impl<S: Scalar> Evaluator<S> {
         Ok((needed, efforts))
     }
 
+    /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
+    fn close_with(&self, part: &Part, lambda: &[S], s: &Scratch<S>, needed: &mut [Wrench<S>]) -> Vec<Wrench<S>> {
+        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
+        for &k in &part.closings {
+            let (j, w) = self.closing_reaction(k, s, lambda);
+            let p = &self.placed.joints[j];
+            let point = self.joint_point_now(s, j);
+            self.put(s, needed, p.child, &w.opposite(), point);
+            self.put(s, needed, p.parent, &w, point);
+            joints[j] = w;
+        }
+        joints
+    }
+
     /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs with
     /// them.
     fn known(
@@ -234,15 +248,7 @@ impl<S: Scalar> Evaluator<S> {
     ) -> Result<Known<S>, SystemError> {
         self.look_at(part, q, v, s);
         let (mut needed, efforts) = self.needed(part, t, q, v, vdot, s)?;
-        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
-        for &k in &part.closings {
-            let (j, w) = self.closing_reaction(k, s, lambda);
-            let p = &self.placed.joints[j];
-            let point = self.joint_point_now(s, j);
-            self.put(s, &mut needed, p.child, &w.opposite(), point);
-            self.put(s, &mut needed, p.parent, &w, point);
-            joints[j] = w;
-        }
+        let joints = self.close_with(part, lambda, s, &mut needed);
         Ok(Known { joints, needed, efforts })
     }
 
@@ -377,15 +383,7 @@ impl<S: Scalar> Evaluator<S> {
         let whole = self.whole();
         self.look_at(&whole, q, &still, s);
         let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
-        let mut joints = vec![Wrench::default(); self.placed.joints.len()];
-        for &k in &whole.closings {
-            let (j, w) = self.closing_reaction(k, s, lambda);
-            let p = &self.placed.joints[j];
-            let point = self.joint_point_now(s, j);
-            self.put(s, &mut needed, p.child, &w.opposite(), point);
-            self.put(s, &mut needed, p.parent, &w, point);
-            joints[j] = w;
-        }
+        let mut joints = self.close_with(&whole, lambda, s, &mut needed);
         let transmitted = self.inward(&whole, s, needed);
         for e in &self.placed.topology.tree {
             if let Some(j) = e.joint {
