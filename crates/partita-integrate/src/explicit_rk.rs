@@ -233,6 +233,11 @@ impl Stepper {
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}
                 Err((_, RhsError::Retry(error))) => {
+                    if let Some(length) = self.others.pop() {
+                        self.counters.rejected += 1;
+                        self.step = length;
+                        continue;
+                    }
                     self.shorten_for_retry(h);
                     self.check_length(h, Some(error))?;
                     continue;
@@ -423,12 +428,13 @@ impl Stepper {
     }
 
     /// Replace the state at `t_old` and its slope, evaluating nothing: before a step is attempted, or after
-    /// [`reject`](Stepper::reject).
+    /// [`reject`](Stepper::reject). The time `t` may be an earlier one, to march from there again.
     ///
     /// # Panics
     /// If a slice has not the length given to [`new`](Stepper::new).
-    pub fn replace_start(&mut self, y: &[f64], dy: &[f64]) {
+    pub fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
         debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
     }

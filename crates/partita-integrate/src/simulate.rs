@@ -171,7 +171,13 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
 
 /// Is there a position, rather than a function, behind the failure?
 fn is_of_a_position(e: &SystemError) -> bool {
-    matches!(e, SystemError::Singular { .. } | SystemError::DeadPoint { .. } | SystemError::Limit { .. })
+    matches!(
+        e,
+        SystemError::Singular { .. }
+            | SystemError::DeadPoint { .. }
+            | SystemError::Limit { .. }
+            | SystemError::Passage { .. }
+    )
 }
 
 fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
@@ -253,9 +259,10 @@ impl March<'_> {
             if concluded == Conclusion::Rejected {
                 continue;
             }
+            let free = settings.options.fixed_step.is_none();
             if verdict == Verdict::Repeat {
                 stepper.reject(0.5);
-                self.commit(formulation, stepper, verdict, None)?;
+                self.commit(formulation, stepper, verdict, free)?;
                 continue;
             }
             match self.outputs(formulation, stepper, sink) {
@@ -267,18 +274,7 @@ impl March<'_> {
                 Err(failure) => return Err(failure),
             }
             stepper.commit();
-            let mut pace = Pace { next: stepper.step_size(), stretch: self.stretch, floor: 0.0, limit: 1.0 };
-            let free = settings.options.fixed_step.is_none();
-            self.commit(formulation, stepper, verdict, free.then_some(&mut pace))?;
-            if free {
-                stepper.set_step_size(pace.next);
-                stepper.set_lenience(pace.floor, pace.limit);
-                if pace.limit > 1.0 {
-                    // half a crossing step would end next to the position; others across it have their stages elsewhere
-                    stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
-                }
-            }
-            return Ok(());
+            return self.commit(formulation, stepper, verdict, free);
         }
     }
 
@@ -288,17 +284,28 @@ impl March<'_> {
         formulation: &mut F,
         stepper: &mut Stepper,
         verdict: Verdict,
-        pace: Option<&mut Pace>,
+        free: bool,
     ) -> Result<(), StepFailure<SystemError>> {
         let t = stepper.t_old();
         self.buffer.copy_from_slice(stepper.y_old());
         self.slope.copy_from_slice(stepper.dy_old());
+        let mut pace = Pace { next: stepper.step_size(), stretch: self.stretch, floor: 0.0, limit: 1.0 };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let rewritten = formulation.commit(verdict, Step { t, y, dy, turns, pace });
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace) };
+        let rewritten = formulation.commit(verdict, &mut step);
+        let now = step.t;
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
-            stepper.replace_start(&self.buffer, &self.slope);
+            stepper.replace_start(now, &self.buffer, &self.slope);
             formulation.natural_sizes(&mut self.buffer);
             stepper.set_sizes(&self.buffer);
+        }
+        if free {
+            stepper.set_step_size(pace.next);
+            stepper.set_lenience(pace.floor, pace.limit);
+            if pace.limit > 1.0 {
+                // half a crossing step would end next to the position; others across it have their stages elsewhere
+                stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
+            }
         }
         Ok(())
     }

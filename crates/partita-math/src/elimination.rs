@@ -8,6 +8,7 @@
 //! A [`Plan`] stays valid while its pivots keep their size; when one shrinks under the guard, [`Plan::factor`] says so and
 //! a new plan is due. Everything executed is a flat list, so that the cost is the count of multiplications.
 
+mod blocks;
 mod choice;
 mod pattern;
 mod plan;

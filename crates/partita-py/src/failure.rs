@@ -93,7 +93,7 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::Mass { name, .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }
-        SystemError::SingularStart { t, .. } | SystemError::Choice { t, .. } => {
+        SystemError::SingularStart { t, .. } | SystemError::Passage { t, .. } | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
         SystemError::Basis { t, .. } | SystemError::DeadPoint { t, .. } => {

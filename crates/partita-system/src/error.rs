@@ -107,6 +107,18 @@ pub enum SystemError {
         /// What was seen and what to try.
         message: String,
     },
+    /// No step led across a singular position on the branch of the motion.
+    #[error(
+        "at t = {t} the mechanism passes a singular position, in which its motions branch, and none of {tries} steps across \
+         it went on with the velocities from before; loosen the tolerances, start a little elsewhere, or take another \
+         formulation"
+    )]
+    Passage {
+        /// Time.
+        t: f64,
+        /// Steps tried.
+        tries: usize,
+    },
     /// A loop cannot close for these values of its inputs.
     #[error("{}", limit(block, *t, *shortfall))]
     Limit {

@@ -27,7 +27,7 @@ fn steps_allocate_nothing() {
                 slope.copy_from_slice(stepper.dy_new());
                 stepper.replace(&Kepler::at(stepper.t_new()), &slope);
                 stepper.commit();
-                stepper.replace_start(&Kepler::at(stepper.t_old()), &slope);
+                stepper.replace_start(stepper.t_old(), &Kepler::at(stepper.t_old()), &slope);
             }
         });
         assert!(stepper.counters().rejected >= 10, "{}", method.name);

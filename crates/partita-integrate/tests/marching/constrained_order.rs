@@ -182,19 +182,20 @@ impl<E: Equations> Formulation for Watched<'_, E> {
         let (verdict, evaluated) = self.inner.trial_end(t, y, dy, known)?;
         Ok((if self.force.is_some() { Verdict::Change } else { verdict }, evaluated))
     }
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
         if verdict != Verdict::Change {
             return self.inner.commit(verdict, step);
         }
         let Step { t, y, dy, turns, pace } = step;
+        let t = *t;
         let before = (y.to_vec(), self.velocities(t, y));
         let independent = self.inner.reduction().partition.independent.clone();
         match self.force {
             None => {
-                self.inner.commit(verdict, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
+                self.inner.commit(verdict, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut() })?;
             }
             Some(least) => {
-                self.inner.commit(Verdict::Keep, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
+                self.inner.commit(Verdict::Keep, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut() })?;
                 let r = self.inner.reduction();
                 let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
                 r.full_acceleration(&mut vdot);

@@ -381,7 +381,7 @@ fn a_rejected_step_is_repeated_shorter_from_the_same_or_a_replaced_start() {
         assert_eq!(stepper.t_new(), 0.05);
         assert_eq!(stepper.conclude(&mut ode, false), Ok(Conclusion::Done));
         stepper.reject(0.1);
-        stepper.replace_start(&[2.0], &[-2.0]);
+        stepper.replace_start(0.0, &[2.0], &[-2.0]);
         assert_eq!(stepper.step_size(), 0.05 * 0.1);
         finish(&mut stepper, &mut ode).unwrap();
         assert_eq!(stepper.counters().rejected, 2);

@@ -1,5 +1,6 @@
 //! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
+use super::blocks::Blocks;
 use super::choice;
 use super::program::{sparse::SparseRoom, Program};
 use super::Pattern;
@@ -71,6 +72,8 @@ pub struct Plan {
     /// Pivot magnitudes when the plan was made, and the least allowed.
     references: Vec<f64>,
     guards: Vec<f64>,
+    /// Diagonal block of each step, and what the order of its steps does to the sign of its determinant.
+    blocks: Blocks,
 }
 
 impl Plan {
@@ -107,9 +110,12 @@ impl Plan {
         let deficient = |(found, best)| PlanError::RankDeficient { found, wanted: rank, best };
         program.factor(values, &mut work, |k, pivot: f64| above(f64::MIN_POSITIVE, k, pivot)).map_err(deficient)?;
         let references: Vec<f64> = (0..rank).map(|k| 1.0 / work[program.pivot_place(k)].abs()).collect();
+        let pivot_rows: Vec<usize> = steps.iter().map(|s| s.row).collect();
+        let pivot_cols: Vec<usize> = steps.iter().map(|s| s.col).collect();
         Ok(Plan {
-            pivot_rows: steps.iter().map(|s| s.row).collect(),
-            pivot_cols: steps.iter().map(|s| s.col).collect(),
+            blocks: Blocks::new(pattern, &pivot_rows, &pivot_cols),
+            pivot_rows,
+            pivot_cols,
             smallest_pivot: steps.iter().fold(f64::INFINITY, |m, s| m.min(s.size)),
             guards: references.iter().map(|r| options.guard * r).collect(),
             references,
@@ -150,6 +156,22 @@ impl Plan {
     /// Magnitude of the pivot of step `k` in the factors of the last [`factor`](Self::factor).
     pub fn pivot<T: Scalar>(&self, work: &[T], k: usize) -> T {
         T::one() / work[self.program.pivot_place(k)].abs()
+    }
+
+    /// Signs of the determinants of the diagonal blocks of `C_D` and last that of all of it, true for negative, rows and columns
+    /// ascending, for the factors of the last [`factor`](Self::factor). Returned is what the blocks are known by: of the same
+    /// blocks, a sign that changes tells that `C_D` was singular in between; of the same rows and columns, the last does.
+    pub fn signs(&self, work: &[f64], out: &mut Vec<bool>) -> u64 {
+        out.clear();
+        out.extend_from_slice(&self.blocks.odd);
+        let mut all = self.blocks.all_odd;
+        for (k, &block) in self.blocks.of_step.iter().enumerate() {
+            let negative = work[self.program.pivot_place(k)] < 0.0;
+            out[block] ^= negative;
+            all ^= negative;
+        }
+        out.push(all);
+        self.blocks.signature
     }
 
     /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).

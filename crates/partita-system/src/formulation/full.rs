@@ -271,7 +271,7 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
         self.fading = self.r.rank() < size.rows && (self.r.factor(t).is_err() || self.r.rows_fade());
         Ok((Verdict::Keep, evaluates))
     }
-    fn commit(&mut self, _verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, _verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
         let nq = self.r.size().nq;
         self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
         self.corrections += u64::from(self.corrects());

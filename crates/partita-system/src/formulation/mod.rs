@@ -11,7 +11,8 @@ use crate::system::SystemError;
 
 pub use crate::singular::change_point::Pace;
 
-/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated.
+/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march that came
+/// too close to a singular position is put back: then t is an earlier time, and y, dy, turns are those of it.
 pub struct Step<'a> {
     /// Time.
     pub t: f64,
@@ -61,7 +62,7 @@ pub trait Formulation {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool)
         -> Result<(Verdict, bool), SystemError>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError>;
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError>;
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError>;
     /// Everything else at a closed (t, q, v), with the choice of `within`, an event of this run or of one with the same options
@@ -122,7 +123,7 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     ) -> Result<(Verdict, bool), SystemError> {
         (**self).trial_end(t, y, dy, known)
     }
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
         (**self).commit(verdict, step)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {

@@ -16,8 +16,9 @@ use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
-use crate::reduction::Reduction;
-use crate::singular::change_point::Passage;
+use crate::reduction::{Reduction, Sides};
+use crate::singular::change_point::{Advice, Passage, Probe};
+use crate::singular::crossing::{Seam, Trail};
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::basis::gram_schmidt::GramSchmidt;
 use crate::tangent::basis::Basis;
@@ -29,9 +30,9 @@ use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
 use partita_math::dense;
 
-/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
-/// distance is small already, and a guess that is off by more than this is none.
-const CONFIRMED: f64 = 0.3;
+/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
+/// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
+const LONGEST: f64 = 1.2;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -48,6 +49,23 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     passage: Passage,
     passing: bool,
+    /// The way since the last singular position.
+    trail: Trail,
+    /// Start of the step under way, and the end of the one that was judged.
+    seam: Seam,
+    seam_ahead: Seam,
+    /// Margin at the start of the step under way.
+    margin_before: Option<(f64, u64)>,
+    /// Is the length of steps free?
+    paced: bool,
+    /// Sides of C_D there and at the end of the step that was judged.
+    sides: Sides,
+    sides_ahead: Sides,
+    /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
+    flipped: bool,
+    lost: bool,
+    /// Largest rate at the end of the step that was judged, in reaches.
+    fastest: f64,
     /// |Φ| and |C v + a| at the end of the step that was judged.
     trial_open: (f64, f64),
     /// The largest of those taken.
@@ -142,6 +160,16 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             passage: Passage::default(),
             passing: false,
+            trail: Trail::default(),
+            seam: Seam::default(),
+            seam_ahead: Seam::default(),
+            margin_before: None,
+            paced: false,
+            sides: Sides::default(),
+            sides_ahead: Sides::default(),
+            flipped: false,
+            lost: false,
+            fastest: 0.0,
             trial_open: (0.0, 0.0),
             open: (0.0, 0.0),
             v: vec![0.0; n],
@@ -235,12 +263,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(true)
     }
 
-    /// Is the singular position that is expected `ahead` after the state (t, y) really there?
-    fn confirms(&mut self, t: f64, y: &[f64], ahead: f64) -> bool {
+    /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
+    fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
         if P::CLOSED || self.evaluate(t, y).is_err() {
-            return true;
+            return Probe::Unknown;
         }
-        let Some((here, _)) = self.tangent.margin() else { return true };
+        let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
         self.tangent.full_acceleration(&mut self.vdot);
         let v = &self.tangent.seen().v;
         let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
@@ -248,11 +276,120 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.system.step(&mut q, &moved);
         let there = t + ahead;
         let found = self.tangent.reduction().position(there, &q);
-        // a plan made there was made for a place that the step keeps away from; one for here follows with the next evaluation
         match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
-            Ok(()) => self.tangent.margin().is_none_or(|m| m.0 < CONFIRMED * here),
-            Err(_) => true,
+            // a plan made there was made for a place that the step keeps away from; one for here follows with the next
+            // evaluation
+            Ok(()) => match self.tangent.margin() {
+                Some((distance, same)) if same == plan => Probe::Distance(distance),
+                _ => Probe::Unknown,
+            },
+            Err(_) => Probe::Unknown,
         }
+    }
+
+    /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
+    fn look_back(&mut self, t: f64) {
+        self.tangent.full_acceleration(&mut self.vdot);
+        let r = self.tangent.seen();
+        self.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
+        self.seam_ahead.start(t, &r.v, &self.vdot);
+        (self.flipped, self.lost) = (false, false);
+        if P::CLOSED || self.margin.is_none() {
+            return;
+        }
+        r.sides(&mut self.sides_ahead);
+        self.flipped = self.sides.differ(&self.sides_ahead);
+        let crosses = self.flipped || self.passage.crossing().is_some();
+        self.lost = crosses && self.paced && !self.seam.holds(&self.seam_ahead, r.scales());
+    }
+
+    /// When C_D was singular within the step to t that was judged.
+    fn flip(&self, t: f64) -> Option<f64> {
+        let part = match (self.margin_before, self.margin) {
+            (Some((one, _)), Some((two, _))) if one + two > 0.0 => one / (one + two),
+            _ => 0.5,
+        };
+        self.flipped.then(|| self.seam.t() + part * (t - self.seam.t()))
+    }
+
+    /// The step that was judged lost the branch: cross with another length, or from farther away.
+    fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let zero = self.passage.crossing().or_else(|| self.flip(self.seam_ahead.t())).unwrap_or(step.t);
+        if let Some(pace) = step.pace.as_deref_mut() {
+            if self.passage.again(zero, step.t, pace) {
+                self.passing = true;
+                self.derivative(step.t, step.y, step.dy)?;
+                return Ok(true);
+            }
+        }
+        match self.passage.back(zero) {
+            Some(to) if self.go_back(zero, to, step)? => Ok(true),
+            _ => Err(SystemError::Passage { t: zero, tries: self.passage.tries() }),
+        }
+    }
+
+    /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
+    fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
+        let (p, w) = self.places();
+        let (Some(past), Some(pace)) = (self.trail.back_to(to).cloned(), step.pace.as_deref_mut()) else {
+            return Ok(false);
+        };
+        let (t, mut q) = (past.t, past.q);
+        self.tangent.resume(t, &mut q, &past.v)?;
+        self.positions.start(&mut self.tangent, t, &q, step.y);
+        self.tangent.select(&past.v, &mut step.y[p..w])?;
+        if self.observes_work {
+            step.y[w] = past.work;
+        }
+        step.turns.copy_from_slice(&past.turns);
+        step.t = t;
+        self.passage.put_back(zero, t, pace);
+        self.passing = true;
+        self.derivative(t, step.y, step.dy)?;
+        self.margin = self.tangent.margin();
+        self.look_back(t);
+        self.begin();
+        Ok(true)
+    }
+
+    /// The next step begins where the one that was judged ended.
+    fn begin(&mut self) {
+        std::mem::swap(&mut self.seam, &mut self.seam_ahead);
+        std::mem::swap(&mut self.sides, &mut self.sides_ahead);
+        self.margin_before = self.margin;
+        (self.flipped, self.lost) = (false, false);
+        let r = self.tangent.seen();
+        if r.choices() != self.sides.choice() {
+            r.sides(&mut self.sides); // of a choice made at the end
+        }
+    }
+
+    /// How the march goes on from (t, y).
+    fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let Some(pace) = step.pace.take() else { return Ok(false) };
+        self.paced = true;
+        if self.tangent.seen().rank() > 0 && self.fastest > 0.0 {
+            pace.next = pace.next.min(LONGEST / self.fastest);
+        }
+        let mut passage = std::mem::take(&mut self.passage);
+        let (t, y) = (step.t, &*step.y);
+        let advice = passage.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
+        self.passage = passage;
+        self.passing = advice != Advice::Free;
+        if let Advice::Back { zero, to } = advice {
+            step.pace = Some(pace);
+            if self.go_back(zero, to, step)? {
+                return Ok(true);
+            }
+            if let Some(pace) = step.pace.as_deref_mut() {
+                self.passage.cross(zero, t, pace);
+            }
+        } else if !P::CLOSED {
+            let (w, apart) = (self.work(y), 0.25 * self.passage.usual());
+            let (q, v) = (&y[..self.system.size().nq], self.seam.v());
+            self.trail.push(t, apart, |past| past.set(q, v, w, step.turns));
+        }
+        Ok(false)
     }
 }
 
@@ -305,6 +442,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.moved = false;
         self.trial_open = (self.tangent.seen().closure(), self.tangent.seen().velocity_closure());
         self.margin = self.tangent.margin();
+        self.look_back(t);
+        if self.lost {
+            return Ok((Verdict::Repeat, evaluates));
+        }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
         if verdict == Verdict::Keep {
             verdict = self.tangent.judge(t, self.positions.q());
@@ -319,31 +460,39 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok((verdict, evaluates))
     }
 
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
-        let Step { t, y, dy, turns, pace } = step;
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+        let t = step.t;
         if verdict == Verdict::Repeat {
-            self.evaluate(t, y)?;
+            if self.lost {
+                return self.cross_again(step);
+            }
+            self.evaluate(t, step.y)?;
             if let Some(e) = self.positions.broken(&mut self.tangent, t) {
                 return Err(e);
             }
-            self.choose_anew(t, y, dy, Occasion::Spoilt)?;
-            self.derivative(t, y, dy)?;
+            self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?;
+            self.derivative(t, step.y, step.dy)?;
+            self.tangent.seen().sides(&mut self.sides);
+            if let (Some(zero), Some(pace)) = (self.passage.crossing(), step.pace.as_deref_mut()) {
+                // half a crossing step would end next to the position
+                self.passage.cross(zero, t, pace);
+            }
             return Ok(true);
         }
         self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
-            self.evaluate(t, y)?; // outputs were evaluated since
+            self.evaluate(t, step.y)?; // outputs were evaluated since
         }
         let why = self.positions.wants_change().map_or(Occasion::Decayed, Occasion::Positions);
         self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
-        let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, y, dy, why)?;
+        let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
-        rewritten |= self.positions.wrap(&self.tangent, y, turns);
-        if let Some(pace) = pace {
-            let mut passage = std::mem::take(&mut self.passage);
-            self.passing = passage.foresee(t, pace, self.margin, |ahead| self.confirms(t, y, ahead));
-            self.passage = passage;
+        if self.passage.crossed(t, self.flip(t)) {
+            self.trail.clear();
         }
+        self.begin();
+        rewritten |= self.positions.wrap(&self.tangent, step.y, step.turns);
+        rewritten |= self.plan_ahead(step)?;
         Ok(rewritten)
     }
 

@@ -4,7 +4,7 @@ mod arithmetic;
 mod watch;
 
 pub use arithmetic::Choice;
-pub use watch::{largest, quality_of, velocity_residuals};
+pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;
@@ -127,6 +127,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub factorisations: u64,
     /// Plans made.
     pub plans: u64,
+    /// Choices of rows and independent velocities so far.
+    choices: u64,
 }
 
 impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
@@ -191,6 +193,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             fresh_distance: None,
             factorisations: 0,
             plans: 0,
+            choices: 0,
         }
     }
 
@@ -213,6 +216,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Do the accelerations come from a recursion over clusters?
     pub fn by_clusters(&self) -> bool {
         self.recursion.is_some()
+    }
+    /// Choices of rows and independent velocities so far: their number.
+    pub fn choices(&self) -> u64 {
+        self.choices
     }
     /// Rank of the constraints.
     pub fn rank(&self) -> usize {
@@ -305,6 +312,15 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     fn adopt(&mut self, plan: Plan, independent: &[usize]) {
         let pattern = self.system.pattern();
+        let sorted = |x: &[usize]| {
+            let mut x = x.to_vec();
+            x.sort_unstable();
+            x
+        };
+        let others = sorted(plan.pivot_rows()) != sorted(&self.partition.rows);
+        if others || sorted(plan.pivot_cols()) != sorted(&self.partition.dependent) {
+            self.choices += 1;
+        }
         self.partition.independent = independent.to_vec();
         self.partition.dependent = plan.pivot_cols().to_vec();
         self.partition.rows = plan.pivot_rows().to_vec();

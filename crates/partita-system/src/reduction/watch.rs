@@ -80,6 +80,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         (least.fold(f64::INFINITY, f64::min).sqrt(), self.plans)
     }
 
+    /// On which side of the singular positions of C_D the last factors stand.
+    pub fn sides(&self, sides: &mut Sides) {
+        sides.negative.clear();
+        sides.choice = self.choices;
+        if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
+            sides.blocks = plan.signs(&self.factors, &mut sides.negative);
+        }
+    }
+
     /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the rank of C
     /// and not with that of C_D alone.
     fn margins_without_a(&mut self) {
@@ -375,6 +384,33 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut work = vec![0.0; self.k];
         criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
         Ok(())
+    }
+}
+
+/// Signs of the determinants of C_D, block by block.
+#[derive(Clone, Debug, Default)]
+pub struct Sides {
+    negative: Vec<bool>,
+    /// The choice and the blocks they belong to.
+    choice: u64,
+    blocks: u64,
+}
+
+impl Sides {
+    /// The choice they belong to.
+    pub fn choice(&self) -> u64 {
+        self.choice
+    }
+
+    /// Was C_D singular in between? Not told from sides of another choice.
+    pub fn differ(&self, other: &Self) -> bool {
+        if self.choice != other.choice {
+            false
+        } else if self.blocks == other.blocks {
+            self.negative != other.negative
+        } else {
+            self.negative.last() != other.negative.last()
+        }
     }
 }
 

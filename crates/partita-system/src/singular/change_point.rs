@@ -29,8 +29,26 @@ pub struct Passage {
     crossing: Option<f64>,
     /// The usual step size away from singular positions.
     usual: f64,
+    /// Attempts at crossing the one expected, from ever new places or with ever new lengths.
+    tries: usize,
     /// Times stepped over.
     pub times: Vec<f64>,
+}
+
+/// What to do about a singular position ahead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Advice {
+    /// Nothing: none is near.
+    Free,
+    /// One is being passed.
+    Passing,
+    /// It is too close to be crossed from here.
+    Back {
+        /// When it is expected.
+        zero: f64,
+        /// Where to go back to.
+        to: f64,
+    },
 }
 
 impl Passage {
@@ -44,23 +62,99 @@ impl Passage {
     /// it. So many tolerances are accepted; its own error is small by its length.
     const CROSSING: f64 = 1e3;
 
-    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead; true
-    /// while one is being passed. `confirm` tells whether one so far ahead is really there.
+    /// From this part of a usual step on a crossing would have its first stages next to the position.
+    const TOO_CLOSE: f64 = 0.15;
+    /// Where to go back to, in usual steps before the position.
+    const BACK: f64 = 0.3;
+    /// Lengths to try, in multiples of the best: stages lie elsewhere with each.
+    const LENGTHS: [f64; 6] = [1.0, 1.25, 1.12, 0.9, 1.5, 1.06];
+    /// How far ahead the fall of the distance is probed, in steps.
+    const PROBE: f64 = 0.1;
+
+    /// The usual step away from singular positions; 0 at first.
+    pub fn usual(&self) -> f64 {
+        self.usual
+    }
+
+    /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was crossed.
+    pub fn crossed(&mut self, t: f64, flip: Option<f64>) -> bool {
+        let foreseen = self.crossing.take().filter(|zero| *zero < t);
+        let Some(zero) = foreseen.or(flip) else { return false };
+        self.times.push(zero);
+        self.tries = 0;
+        self.before = [None; 2];
+        self.expected = None;
+        true
+    }
+
+    /// The step under way failed to cross: another length from the same place, if there is one.
+    pub fn again(&mut self, zero: f64, t: f64, pace: &mut Pace) -> bool {
+        self.tries += 1;
+        if zero - t < Self::TOO_CLOSE * self.usual || self.tries >= Self::LENGTHS.len() {
+            return false;
+        }
+        self.cross(zero, t, pace);
+        true
+    }
+
+    /// The next step, from t, crosses the position at `zero`.
+    pub fn cross(&mut self, zero: f64, t: f64, pace: &mut Pace) {
+        self.crossing = Some(zero);
+        self.expected = None;
+        pace.next = Self::LENGTHS[self.tries.min(Self::LENGTHS.len() - 1)] * pace.stretch * (zero - t);
+        (pace.floor, pace.limit) = (Self::ROUND_OFF, Self::CROSSING);
+    }
+
+    /// Attempts at the one at hand.
+    pub fn tries(&self) -> usize {
+        self.tries
+    }
+
+    /// When the step under way is to cross one.
+    pub fn crossing(&self) -> Option<f64> {
+        self.crossing
+    }
+
+    /// The march was put back to t, before the position at `zero`.
+    pub fn put_back(&mut self, zero: f64, t: f64, pace: &mut Pace) {
+        self.before = [None; 2];
+        self.cross(zero, t, pace);
+        self.tries += 1;
+    }
+
+    /// Where to go back to before the position at `zero`; none where that was tried often enough.
+    pub fn back(&self, zero: f64) -> Option<f64> {
+        // each time from farther away
+        let far = Self::BACK * (1.0 + self.tries as f64 / 2.0);
+        (self.tries < Self::LENGTHS.len() && self.usual > 0.0).then(|| zero - far * self.usual)
+    }
+
+    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead. `probe`
+    /// tells the distance so far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,
         pace: &mut Pace,
         now: Option<(f64, u64)>,
-        confirm: impl FnOnce(f64) -> bool,
-    ) -> bool {
-        let Some((distance, plan)) = now else { return false };
-        // a step that had to be shortened may have ended before it
-        self.times.extend(self.crossing.take().filter(|zero| *zero < t));
+        mut probe: impl FnMut(f64) -> Probe,
+    ) -> Advice {
+        let Some((distance, plan)) = now else { return Advice::Free };
         let [one, two] = self.before;
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
-        if let Some(one) = same(one) {
-            self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < 10.0 * self.usual);
+        let reach = 10.0 * if self.usual > 0.0 { self.usual } else { pace.next };
+        match same(one) {
+            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < reach),
+            // a choice just made has no past
+            None => {
+                let ahead = Self::PROBE * pace.next.min(reach);
+                self.expected = match probe(ahead) {
+                    Probe::Distance(there) if there < distance => {
+                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < reach)
+                    }
+                    _ => self.expected.filter(|z| *z > t),
+                };
+            }
         }
         (pace.floor, pace.limit) = (0.0, 1.0);
         let Some(zero) = self.expected else {
@@ -69,37 +163,52 @@ impl Passage {
             if leaving {
                 pace.floor = Self::ROUND_OFF;
                 pace.next = pace.next.min(self.usual);
-            } else {
-                self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
+                return Advice::Passing;
             }
-            return leaving;
+            self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
+            return Advice::Free;
         };
         let ahead = zero - t;
         if ahead <= 0.0 || ahead > 3.0 * self.usual {
             self.expected = self.expected.filter(|_| ahead > 0.0);
-            return false;
+            return Advice::Free;
         }
         let crossing = pace.stretch * ahead;
         if crossing <= Self::PART * self.usual {
-            if !confirm(ahead) {
+            if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
                 // what fell was something else; look again from here
                 self.before = [None; 2];
                 self.expected = None;
-                return false;
+                return Advice::Free;
             }
-            pace.limit = Self::CROSSING;
-            pace.next = crossing;
-            self.crossing = Some(zero);
-            self.expected = None;
+            if ahead < Self::TOO_CLOSE * self.usual {
+                if let Some(to) = self.back(zero) {
+                    return Advice::Back { zero, to };
+                }
+            }
+            self.cross(zero, t, pace);
         } else {
             // leave the distance that one comfortable crossing needs
             let approach = ahead - 0.9 * Self::PART * self.usual / pace.stretch;
             pace.next = approach.min(pace.next);
         }
         pace.floor = Self::ROUND_OFF;
-        true
+        Advice::Passing
     }
 }
+
+/// What a look ahead finds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Probe {
+    /// So far from singular.
+    Distance(f64),
+    /// Nothing that could be compared.
+    Unknown,
+}
+
+/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
+/// distance is small already, and a guess that is off by more than this is none.
+const CONFIRMED: f64 = 0.3;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
 fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {

@@ -39,6 +39,10 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn seen(&self) -> &Reduction<'s, S>;
     /// The first choice, at the closed (t, q).
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError>;
+    /// A choice at a position that was passed already, to go on from there.
+    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+        self.start(t, q, v)
+    }
     /// u for v: `u = S v`.
     fn select(&mut self, v: &[f64], u: &mut [f64]) -> Result<(), SystemError>;
     /// D and γ at the position last evaluated; `factored` where whoever found the position has left the factors there.

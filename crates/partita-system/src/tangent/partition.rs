@@ -165,6 +165,13 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         self.r.evaluate(t, q, &speeds)?;
         self.log(t, q, &[], reason)
     }
+    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+        self.start(t, q, v)?;
+        if let Some(event) = self.events.last_mut() {
+            event.reason = "gone back to this time, to cross a singular position from farther away".into();
+        }
+        Ok(())
+    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
         u.iter_mut().zip(&self.r.partition.independent).for_each(|(u, &i)| *u = v[i]);
         Ok(())

@@ -380,3 +380,69 @@ fn a_column_shared_by_every_loop_costs_nothing_extra() {
     println!("star of {loops} loops: plan {:?}", clock.elapsed());
     assert!(made.nnz_factors() <= 4 * 2 * loops);
 }
+
+/// Sign of a determinant, true for negative, by dense elimination.
+fn negative(m: &Matrix) -> bool {
+    let n = m.rows();
+    let (mut a, mut pivots) = (m.data().to_vec(), vec![0; n]);
+    lu(&mut a, n, &mut pivots).unwrap();
+    let swaps = pivots.iter().enumerate().filter(|(i, p)| i != *p).count();
+    (0..n).fold(swaps % 2 == 1, |sign, i| sign ^ (a[i * n + i] < 0.0))
+}
+
+/// The determinant of some rows and columns of a square sparse matrix, rows and columns ascending: is it negative?
+fn negative_block(pattern: &Pattern, values: &[f64], mut rows: Vec<usize>, mut cols: Vec<usize>) -> bool {
+    rows.sort_unstable();
+    cols.sort_unstable();
+    let mut m = Matrix::new(rows.len(), rows.len());
+    for (i, &row) in rows.iter().enumerate() {
+        for e in pattern.row(row) {
+            if let Some(j) = cols.iter().position(|&x| x == pattern.col_idx[e]) {
+                m[(i, j)] = values[e];
+            }
+        }
+    }
+    negative(&m)
+}
+
+#[test]
+fn signs_are_those_of_the_determinants_of_the_blocks() {
+    let mut rng = fastrand::Rng::with_seed(51);
+    let mut several = 0;
+    for _ in 0..60 {
+        // full blocks in a chain, rows and columns shuffled
+        let sizes = [2usize, 3, 1, 2];
+        let n: usize = sizes.iter().sum();
+        let (mut rows, mut cols): (Vec<usize>, Vec<usize>) = ((0..n).collect(), (0..n).collect());
+        rng.shuffle(&mut rows);
+        rng.shuffle(&mut cols);
+        let mut lists = vec![Vec::new(); n];
+        let mut start = 0usize;
+        for size in sizes {
+            for i in start..start + size {
+                lists[rows[i]].extend((start.saturating_sub(1)..start + size).map(|j| cols[j]));
+            }
+            start += size;
+        }
+        let pattern = Pattern::from_rows(n, &lists);
+        let mut signs = Vec::new();
+        let values = random_values(&mut rng, pattern.nnz());
+        let Ok(made) = plan(&pattern, &values, n) else { continue };
+        // the same plan for other values
+        let values: Vec<f64> = values.iter().map(|x| x + 0.1 * (rng.f64() - 0.5)).collect();
+        let mut work = vec![0.0; made.factor_len()];
+        if made.factor(&values, &mut work).is_err() {
+            continue;
+        }
+        made.signs(&work, &mut signs);
+        let count = signs.len() - 1;
+        several += usize::from(count > 2);
+        for (block, sign) in signs[..count].iter().enumerate() {
+            let own = |of: &[usize]| (0..n).filter(|&k| made.blocks.of_step[k] == block).map(|k| of[k]).collect();
+            let wanted = negative_block(&pattern, &values, own(&made.pivot_rows), own(&made.pivot_cols));
+            assert_eq!(*sign, wanted, "block {block} of {count}");
+        }
+        assert_eq!(signs[count], negative_block(&pattern, &values, rows, cols));
+    }
+    assert!(several > 20, "{several}");
+}

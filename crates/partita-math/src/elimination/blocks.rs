@@ -1,0 +1,118 @@
+//! Diagonal blocks of C_D: what its determinant is a product of.
+
+use super::Pattern;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+
+/// Diagonal blocks of C_D with rows and columns in the order of the steps.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    /// Block of each step, numbered by their first columns.
+    pub of_step: Vec<usize>,
+    /// Is the order of its steps an odd permutation of rows against columns?
+    pub odd: Vec<bool>,
+    /// The same of all steps.
+    pub all_odd: bool,
+    /// Rows and columns of all blocks, as one number.
+    pub signature: u64,
+}
+
+impl Blocks {
+    /// For steps that pair `rows[k]` with `cols[k]`: the strongly connected components of "row k has an entry in column l".
+    /// The product of the pivots of a block is its determinant, up to the sign of that permutation.
+    pub fn new(pattern: &Pattern, rows: &[usize], cols: &[usize]) -> Self {
+        let n = rows.len();
+        let mut step_of = vec![usize::MAX; pattern.cols];
+        for (k, &c) in cols.iter().enumerate() {
+            step_of[c] = k;
+        }
+        let found = components(n, |k| pattern.row(rows[k]).map(|e| step_of[pattern.col_idx[e]]).filter(|&l| l < n));
+        // named by their first column, whatever the order of the steps was
+        let count = found.iter().max().map_or(0, |m| m + 1);
+        let mut first = vec![usize::MAX; count];
+        for (k, &b) in found.iter().enumerate() {
+            first[b] = first[b].min(cols[k]);
+        }
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_unstable_by_key(|&b| first[b]);
+        let mut place = vec![0; count];
+        order.iter().enumerate().for_each(|(i, &b)| place[b] = i);
+        let of_step: Vec<usize> = found.iter().map(|&b| place[b]).collect();
+        let mut steps = vec![Vec::new(); count];
+        of_step.iter().enumerate().for_each(|(k, &b)| steps[b].push(k));
+        let odd = steps.iter().map(|own| is_odd(own, rows) ^ is_odd(own, cols)).collect();
+        let all: Vec<usize> = (0..n).collect();
+        let mut named: Vec<(usize, usize, usize)> = (0..n).map(|k| (cols[k], rows[k], of_step[k])).collect();
+        named.sort_unstable();
+        let mut columns = DefaultHasher::new();
+        named.iter().for_each(|x| (x.0, x.2).hash(&mut columns));
+        named.sort_unstable_by_key(|x| x.1);
+        named.iter().for_each(|x| (x.1, x.2).hash(&mut columns));
+        Self { of_step, odd, all_odd: is_odd(&all, rows) ^ is_odd(&all, cols), signature: columns.finish() }
+    }
+}
+
+/// Is the order that `own` has by `key` an odd permutation of it?
+fn is_odd(own: &[usize], key: &[usize]) -> bool {
+    let mut sorted: Vec<usize> = (0..own.len()).collect();
+    sorted.sort_unstable_by_key(|&i| key[own[i]]);
+    let (mut seen, mut odd) = (vec![false; own.len()], false);
+    for i in 0..own.len() {
+        let (mut j, mut length) = (i, 0);
+        while !seen[j] {
+            seen[j] = true;
+            j = sorted[j];
+            length += 1;
+        }
+        odd ^= length > 0 && length % 2 == 0;
+    }
+    odd
+}
+
+/// Strongly connected component of each node (Tarjan, without recursion).
+fn components<I: Iterator<Item = usize>>(n: usize, next: impl Fn(usize) -> I) -> Vec<usize> {
+    const NONE: usize = usize::MAX;
+    let (mut index, mut low, mut of) = (vec![NONE; n], vec![0; n], vec![NONE; n]);
+    let (mut stack, mut count, mut found) = (Vec::new(), 0, 0);
+    for root in 0..n {
+        if index[root] != NONE {
+            continue;
+        }
+        let mut way = Vec::new();
+        let mut enter =
+            |k: usize, stack: &mut Vec<usize>, way: &mut Vec<(usize, I)>, low: &mut [usize], index: &mut [usize]| {
+                (index[k], low[k]) = (count, count);
+                count += 1;
+                stack.push(k);
+                way.push((k, next(k)));
+            };
+        enter(root, &mut stack, &mut way, &mut low, &mut index);
+        while let Some((k, edges)) = way.last_mut() {
+            let k = *k;
+            match edges.next() {
+                Some(l) if index[l] == NONE => enter(l, &mut stack, &mut way, &mut low, &mut index),
+                Some(l) => {
+                    if of[l] == NONE {
+                        low[k] = low[k].min(index[l]);
+                    }
+                }
+                None => {
+                    way.pop();
+                    if let Some((parent, _)) = way.last() {
+                        low[*parent] = low[*parent].min(low[k]);
+                    }
+                    if low[k] == index[k] {
+                        while let Some(l) = stack.pop() {
+                            of[l] = found;
+                            if l == k {
+                                break;
+                            }
+                        }
+                        found += 1;
+                    }
+                }
+            }
+        }
+    }
+    of
+}

@@ -1,0 +1,125 @@
+//! A singular position crossed: where the march stood before it, and whether the motion kept its branch.
+
+/// A state of the march.
+#[derive(Clone, Debug, Default)]
+pub struct Past {
+    /// Time.
+    pub t: f64,
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+    /// Work.
+    pub work: f64,
+    /// Whole turns taken off the coordinates so far.
+    pub turns: Vec<i32>,
+}
+
+impl Past {
+    /// What is kept of a state besides its time.
+    pub fn set(&mut self, q: &[f64], v: &[f64], work: f64, turns: &[i32]) {
+        self.q.clear();
+        self.q.extend_from_slice(q);
+        self.v.clear();
+        self.v.extend_from_slice(v);
+        self.turns.clear();
+        self.turns.extend_from_slice(turns);
+        self.work = work;
+    }
+}
+
+/// Some states since the last singular position, to go back to where a march came too close to the next one to cross it.
+#[derive(Clone, Debug, Default)]
+pub struct Trail {
+    states: Vec<Past>,
+    /// How many of them count; the latest first.
+    count: usize,
+}
+
+impl Trail {
+    /// States kept.
+    const LENGTH: usize = 8;
+
+    /// Forget all.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// A state at t, unless the latest is younger than `apart`; `fill` writes it. Takes memory the first times only.
+    pub fn push(&mut self, t: f64, apart: f64, fill: impl FnOnce(&mut Past)) {
+        if self.count > 0 && t - self.states[0].t < apart {
+            return;
+        }
+        if self.states.len() < Self::LENGTH {
+            self.states.push(Past::default());
+        }
+        self.states.rotate_right(1);
+        self.count = (self.count + 1).min(self.states.len());
+        self.states[0].t = t;
+        fill(&mut self.states[0]);
+    }
+
+    /// The latest state that is not after t; those after it are forgotten.
+    pub fn back_to(&mut self, t: f64) -> Option<&Past> {
+        while self.count > 0 && self.states[0].t > t {
+            self.states[..self.count].rotate_left(1);
+            self.count -= 1;
+        }
+        self.states[..self.count].first()
+    }
+}
+
+/// Start of a step, to hold its end against.
+#[derive(Clone, Debug, Default)]
+pub struct Seam {
+    t: f64,
+    v: Vec<f64>,
+    vdot: Vec<f64>,
+}
+
+impl Seam {
+    /// Of the mean speed, what accelerations may leave unexplained over a step that keeps its branch. The trapezoidal rule
+    /// misses a twentieth over half a radian; where branches part their velocities differ by about as much as they are.
+    const MISSED: f64 = 0.3;
+    /// In one velocity: of its change, and of the fastest.
+    const ONE: (f64, f64) = (0.75, 0.1);
+
+    /// A step begins here.
+    pub fn start(&mut self, t: f64, v: &[f64], vdot: &[f64]) {
+        self.t = t;
+        for (to, from) in [(&mut self.v, v), (&mut self.vdot, vdot)] {
+            to.clear();
+            to.extend_from_slice(from);
+        }
+    }
+
+    /// When it began.
+    pub fn t(&self) -> f64 {
+        self.t
+    }
+
+    /// Velocities there.
+    pub fn v(&self) -> &[f64] {
+        &self.v
+    }
+
+    /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their scales s, so
+    /// that the sum is nearly the mass metric's.
+    pub fn holds(&self, end: &Self, s: &[f64]) -> bool {
+        if self.v.len() != end.v.len() {
+            return true; // no step began yet
+        }
+        let (h, v) = (end.t - self.t, &end.v);
+        let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
+        let missed = |i: usize| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + end.vdot[i]);
+        let speed = 0.5 * (norm(&|i| self.v[i]) + norm(&|i| v[i]));
+        let fastest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(self.v[i].abs()) / s[i]));
+        let (unexplained, visible) = Self::ONE;
+        let jumps = |i: usize| {
+            let change = (v[i] - self.v[i]).abs();
+            change / s[i] > visible * fastest && missed(i).abs() > unexplained * change
+        };
+        // NaN does not hold
+        norm(&missed) <= Self::MISSED * speed && !(0..s.len()).any(jumps)
+    }
+}
