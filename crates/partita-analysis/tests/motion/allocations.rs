@@ -118,8 +118,8 @@ fn count(model: &Model, what: &str) {
             f.reduction().evaluate(0.0, &q, &speeds).unwrap();
             // corrects and evaluates the end; the scales are refreshed when it is taken, now and then
             f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
-            let step = Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
-            f.commit(Verdict::Keep, step).unwrap();
+            let mut step = Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+            f.commit(Verdict::Keep, &mut step).unwrap();
         }
     });
     assert_eq!(counted, 0, "{what}: {} allocations", counted);

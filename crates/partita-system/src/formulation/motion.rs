@@ -300,7 +300,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         r.sides(&mut self.sides_ahead);
         self.flipped = self.sides.differ(&self.sides_ahead);
         let crosses = self.flipped || self.passage.crossing().is_some();
-        self.lost = crosses && self.paced && !self.seam.holds(&self.seam_ahead, r.scales());
+        let creeps = self.flipped && self.passage.creeps(t - self.seam.t());
+        self.lost = crosses && self.paced && (creeps || !self.seam.holds(&self.seam_ahead, r.scales()));
     }
 
     /// When C_D was singular within the step to t that was judged.

@@ -27,8 +27,11 @@ pub struct Passage {
     expected: Option<f64>,
     /// The one that the step under way is to cross.
     crossing: Option<f64>,
-    /// The usual step size away from singular positions.
+    /// The usual step size away from singular positions, and whether one was seen yet.
     usual: f64,
+    settled: bool,
+    /// One that was to be crossed in the last step, while C_D changed no side.
+    unsigned: Option<f64>,
     /// Attempts at crossing the one expected, from ever new places or with ever new lengths.
     tries: usize,
     /// Times stepped over.
@@ -64,6 +67,8 @@ impl Passage {
 
     /// From this part of a usual step on a crossing would have its first stages next to the position.
     const TOO_CLOSE: f64 = 0.15;
+    /// Steps shorter than this part of a usual one do not cross.
+    const CREEPING: f64 = 0.02;
     /// Where to go back to, in usual steps before the position.
     const BACK: f64 = 0.3;
     /// Lengths to try, in multiples of the best: stages lie elsewhere with each.
@@ -79,7 +84,12 @@ impl Passage {
     /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was crossed.
     pub fn crossed(&mut self, t: f64, flip: Option<f64>) -> bool {
         let foreseen = self.crossing.take().filter(|zero| *zero < t);
-        let Some(zero) = foreseen.or(flip) else { return false };
+        // two that coincide change no sign: they count when the step after them has changed none either
+        let Some(zero) = flip.or(self.unsigned.take()) else {
+            self.unsigned = foreseen;
+            return foreseen.is_some();
+        };
+        self.unsigned = None;
         self.times.push(zero);
         self.tries = 0;
         self.before = [None; 2];
@@ -103,6 +113,11 @@ impl Passage {
         self.expected = None;
         pace.next = Self::LENGTHS[self.tries.min(Self::LENGTHS.len() - 1)] * pace.stretch * (zero - t);
         (pace.floor, pace.limit) = (Self::ROUND_OFF, Self::CROSSING);
+    }
+
+    /// Is a step of length h next to nothing? One that crosses a position has its stages too close to it.
+    pub fn creeps(&self, h: f64) -> bool {
+        self.crossing.is_none() && h < Self::CREEPING * self.usual
     }
 
     /// Attempts at the one at hand.
@@ -166,8 +181,13 @@ impl Passage {
                 return Advice::Passing;
             }
             self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
+            self.settled = true;
             return Advice::Free;
         };
+        if !self.settled {
+            // a run that begins next to one: the longest step so far
+            self.usual = self.usual.max(pace.next);
+        }
         let ahead = zero - t;
         if ahead <= 0.0 || ahead > 3.0 * self.usual {
             self.expected = self.expected.filter(|_| ahead > 0.0);
