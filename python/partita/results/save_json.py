@@ -10,7 +10,7 @@ from ..readable import Readable
 from .record import plain
 from .variables import variables
 
-VERSION = 2
+VERSION = 1
 
 
 def write_json(result: Readable, path: Path) -> None:

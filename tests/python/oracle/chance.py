@@ -1,8 +1,8 @@
 """Mechanisms drawn by chance: a tree of bodies, wherever it has got to, and joints that close its loops there.
 
 Families: in space; in a plane, with loads across it; with all axes through one point; with parallel axes in groups (the
-chains of Sarrus' linkage); parallelograms with more rockers than they need; bodies held by more joints than they need. Any of them may be driven, turned,
-shuffled and in other units.
+chains of Sarrus' linkage); parallelograms with more rockers, bodies held by more joints than they need. Any of them may
+be driven, turned, shuffled and in other units.
 """
 
 from __future__ import annotations
@@ -104,7 +104,11 @@ def in_plane(rng: Any) -> Drawing:
         add(f"j{i}", str(rng.choice(kinds)), (inner, name))
     for k in range(int(rng.integers(0, 3))):
         one, other = rng.choice([GROUND, *names], size=2, replace=False)
-        add(f"c{k}", str(rng.choice(["revolute", "revolute", "prismatic", "planar", "generic", "spherical"])), (one, other))
+        add(
+            f"c{k}",
+            str(rng.choice(["revolute", "revolute", "prismatic", "planar", "generic", "spherical"])),
+            (one, other),
+        )
     return drawn(rng, names, joints, "in a plane", points)
 
 
@@ -171,7 +175,18 @@ def held_twice(rng: Any) -> Drawing:
     return drawn(rng, names, joints, "held twice", points)
 
 
-FAMILIES = (in_space, in_space, in_space, in_plane, in_plane, about_a_point, by_parallel_axes, parallelogram, held_twice)
+WORDS = ("in space", "in a plane", "about a point", "by parallel axes", "parallelogram", "held twice")
+FAMILIES = (
+    in_space,
+    in_space,
+    in_space,
+    in_plane,
+    in_plane,
+    about_a_point,
+    by_parallel_axes,
+    parallelogram,
+    held_twice,
+)
 
 
 def loaded(rng: Any, d: Drawing) -> Drawing:
@@ -188,7 +203,7 @@ def loaded(rng: Any, d: Drawing) -> Drawing:
         axes, swing = str(rng.choice(["world", "body"])), float(rng.choice([0.0, 0.0, 3.0]))
         forces.append(Load(f"f{i}", name, rng.normal(size=3), rng.normal(size=3), axes, swing))
     for i, j in enumerate(d.joints):
-        slides, turns, ball = j.motions(j.some if j.planar else np.eye(3))
+        slides, turns, ball = j.motions(j.some)
         scalar, speeds = len(slides) + len(turns), len(slides) + len(turns) + 3 * ball
         if speeds and rng.random() < 0.2:
             forces.append(Torque(f"t{i}", j.name, int(rng.integers(speeds)), float(rng.normal())))
@@ -200,11 +215,7 @@ def loaded(rng: Any, d: Drawing) -> Drawing:
 
 def driven(rng: Any, d: Drawing) -> Drawing:
     """With one motion prescribed; it begins as drawn."""
-    candidates = [
-        (j, i)
-        for j in d.joints
-        for i in range(len(j.motions(j.some if j.planar else np.eye(3))[0]) + len(j.motions(j.some if j.planar else np.eye(3))[1]))
-    ]
+    candidates = [(j, i) for j in d.joints for i in range(len(j.motions(j.some)[0]) + len(j.motions(j.some)[1]))]
     if not candidates:
         return d
     j, i = candidates[int(rng.integers(len(candidates)))]

@@ -53,9 +53,29 @@ def compare(drawing: Drawing) -> Verdict:
         except pt.errors.PartitaError as error:
             verdict.counts[f"{coordinates} refused: {type(error).__name__}"] += 1
             continue
+        if drawing.drives and contradictory(drawing, frames_of(drawing, run)):
+            verdict.counts["contradiction"] += 1
+            verdict.counts["contradiction that succeeds"] += run.success
+            continue
         verdict.counts[f"{coordinates} {'run' if run.success else 'stopped'}"] += 1
         look(drawing, mechanism, run, coordinates, verdict, rng)
     return verdict
+
+
+def contradictory(drawing: Drawing, frames: dict[str, Array]) -> bool:
+    """Do the joints allow no velocities with the rates that the drives ask for, as drawn?"""
+    still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in drawing.bodies}
+    return Maximal(drawing, frames).open_rate(still) > 1e-9
+
+
+def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:
+    """Axes of the joints in the drawing, read off the first output."""
+    drawn = {b.name: b.rotation for b in drawing.bodies}
+    found = {}
+    for k, j in enumerate(drawing.joints):
+        carried = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
+        found[j.name] = carried.T @ run.reactions["joint_rotation"][0, k]
+    return found
 
 
 def needs_coordinates(drawing: Drawing) -> bool:
@@ -73,9 +93,7 @@ def moving(mechanism: pt.Mechanism, drawing: Drawing, rng: Any) -> pt.State:
     # the same pace at every point: slides by lengths, turns by angles
     sizes = np.where(np.abs(here.M.diagonal()) > 0, np.sqrt(drawing.mass / np.maximum(here.M.diagonal(), 1e-300)), 1.0)
     pace = drawing.size / drawing.time
-    rates = {
-        model.velocity_names[i]: float(rng.uniform(-0.5, 0.5) * pace * sizes[i]) for i in here.independent
-    }
+    rates = {model.velocity_names[i]: float(rng.uniform(-0.5, 0.5) * pace * sizes[i]) for i in here.independent}
     return mechanism.assemble(rates=rates, near=still)
 
 
@@ -89,15 +107,12 @@ def short_run(mechanism: pt.Mechanism, drawing: Drawing, state: pt.State, coordi
     )  # fmt: skip
 
 
-def look(
-    drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, verdict: Verdict, rng: Any
-) -> None:
+def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, verdict: Verdict, rng: Any) -> None:
     """Every output of a run against the independent program."""
     if not len(run.t):
         return
     rotations = run.reactions["joint_rotation"]
     bodies = {b.name: run.body(b.name) for b in drawing.bodies}
-    drawn = {b.name: b.rotation for b in drawing.bodies} | {GROUND: np.eye(3)}
     own = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     own *= np.linalg.det(own)
     joints = {j.name: run.joint(j.name) for j in drawing.joints}
@@ -105,15 +120,12 @@ def look(
         axes: {name: joint.in_frame(own if axes == "own" else axes).determined_at for name, joint in joints.items()}
         for axes in ("world", "joint", "own")
     }
+    program = Maximal(drawing, frames_of(drawing, run))
     for i, t in enumerate(run.t):
         poses = {
             name: Pose(b.position[i], b.rotation[i], b.velocity[i], b.angular_velocity[i]) for name, b in bodies.items()
         }
-        frames = {}
-        for k, j in enumerate(drawing.joints):
-            carried = poses[j.parent].rotation @ drawn[j.parent].T if j.parent != GROUND else np.eye(3)
-            frames[j.name] = carried.T @ rotations[i, k]
-        found = Maximal(drawing, frames).at(float(t), poses)
+        found = program.at(float(t), poses)
         words = f"{coordinates}, output {i}"
         # a run that says success has its loops closed
         verdict.seen("closure", found.gap, 1e-9, words)
@@ -131,10 +143,9 @@ def look(
         verdict.counts["redundant"] += found.redundant > 0
         accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words)
         reactions(drawing, joints, i, found, verdict, words)
-        turns = {"world": lambda k: np.eye(3), "joint": lambda k: rotations[i, k], "own": lambda k: own}
         for k, j in enumerate(drawing.joints):
-            for axes, turn in turns.items():
-                unique(found, j.name, flags[axes][j.name][i], turn(k), verdict, f"{words}, joint {j.name}, {axes} axes")
+            for axes, turn in (("world", np.eye(3)), ("joint", rotations[i, k]), ("own", own)):
+                unique(found, j.name, flags[axes][j.name][i], turn, verdict, f"{words}, joint {j.name}, {axes} axes")
 
 
 def accelerations(
@@ -146,7 +157,8 @@ def accelerations(
     pace = [np.linalg.norm(p.w) ** 2 * size for p in poses.values()] + [float(np.linalg.norm(drawing.gravity))]
     pairs = found.acceleration.values()
     top = max([np.linalg.norm(a) for a, _ in pairs] + [np.linalg.norm(x) * size for _, x in pairs] + pace)
-    top = max(top, 1e-300)
+    # where nothing moves though forces act, what they would do to a body left alone
+    top = max(top, found.largest / drawing.mass, 1e-300)
     if coordinates == "absolute":
         # velocities of bodies are linear in v, and in these coordinates nothing else adds to accelerations
         core = mechanism.compile(coordinates).core
@@ -183,13 +195,11 @@ def ball(j: Any) -> bool:
 
 
 def coordinate_units(j: Any, size: float) -> Array:
-    slides, turns, _ = j.motions(j.some if j.planar else np.eye(3))
+    slides, turns, _ = j.motions(j.some)
     return np.array([1.0] * len(slides) + [size] * len(turns))
 
 
-def reactions(
-    drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, verdict: Verdict, words: str
-) -> None:
+def reactions(drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, verdict: Verdict, words: str) -> None:
     """Forces and moments along every direction that no self-stress touches."""
     size = drawing.size
     named = [(name, joint.force[i], joint.moment[i]) for name, joint in joints.items()]
@@ -225,11 +235,6 @@ def unique(found: Motion, name: str, flags: Array, turn: Array, verdict: Verdict
             verdict.counts["flags"] += 1
             mine, theirs = bool(flags[3 * part + k]), bool(touched[k] <= UNLOADED)
             if mine != theirs:
-                what = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k]
-                verdict.wrong.append(
-                    f"{words}: {what} is {'determined' if theirs else 'open'} (a self-stress has {touched[k]:.1e} of it), "
-                    f"Partita says {'determined' if mine else 'open'}"
-                )
-
-
-
+                what, said = ("fx", "fy", "fz", "mx", "my", "mz")[3 * part + k], ("open", "determined")
+                share = f"a self-stress has {touched[k]:.1e} of it"
+                verdict.wrong.append(f"{words}: {what} is {said[theirs]} ({share}), Partita says {said[mine]}")

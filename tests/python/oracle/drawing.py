@@ -65,17 +65,15 @@ class Joint:
         turns = [a[:, "xyz".index(f[1])] for f in self.free if len(f) == 2]
         return slides, ([] if len(turns) == 3 else turns), len(turns) == 3
 
-    def freedoms(self) -> int:
-        """Number of its velocities."""
-        return sum(len(x) if isinstance(x, list) else 3 * x for x in self.motions(np.eye(3) if not self.planar else self.some))
-
     @property
     def planar(self) -> bool:
         return self.kind == "planar"
 
     @property
     def some(self) -> Array:
-        """Any frame about the normal."""
+        """Axes of the joint as far as they matter for what it leaves free: of a planar joint any about its normal."""
+        if not self.planar:
+            return np.eye(3)
         n = unit(np.asarray(self.axes)[:, 0])
         x = unit(np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))]))
         return np.column_stack([x, np.cross(n, x), n])
@@ -161,9 +159,7 @@ class Drawing:
         """Through the public face."""
         m = pt.Mechanism("by chance", gravity=tuple(self.gravity))
         for b in self.bodies:
-            m.add_body(
-                b.name, mass=b.mass, inertia=b.inertia, com=b.com, position=b.position, orientation=b.rotation
-            )
+            m.add_body(b.name, mass=b.mass, inertia=b.inertia, com=b.com, position=b.position, orientation=b.rotation)
         for j in self.joints:
             call, arguments = joint_call(j)
             getattr(m, call)(j.name, j.parent, j.child, **arguments)
@@ -226,7 +222,7 @@ class Drawing:
             )
             for b in self.bodies
         ]  # fmt: skip
-        slides = {j.name: len(j.motions(j.some if j.planar else np.eye(3))[0]) for j in self.joints}
+        slides = {j.name: len(j.motions(j.some)[0]) for j in self.joints}
 
         def along(name: str, coordinate: int) -> float:
             return length if coordinate < slides[name] else 1.0

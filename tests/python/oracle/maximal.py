@@ -1,9 +1,9 @@
 """Accelerations, reactions and what of them is unique, in six coordinates for each body.
 
-Dense NumPy, nothing shared with the core. At given poses and velocities the unknowns are the accelerations of all centres of
-mass and all angular accelerations. A joint is what its geometry says: the child's point moves, as seen from the parent,
-along the slides; the child turns, as seen from the parent, about the turns. Whatever is perpendicular to these is a row of
-J. J comes apart by singular values into what the joints forbid, what they leave free, and the self-stresses.
+Dense NumPy, nothing shared with the core. At given poses and velocities the unknowns are the accelerations of all
+centres of mass and all angular accelerations. A joint is what its geometry says: as seen from the parent, the child's
+point moves along the slides and the child turns about the turns. Whatever is perpendicular to these is a row of J.
+J comes apart by singular values into what the joints forbid, what they leave free, and the self-stresses.
 """
 
 from __future__ import annotations
@@ -146,9 +146,24 @@ class Maximal:
             {name: x.rows @ acc + x.rest for name, x in rates.items()},
             {j.name: self._backwards(j, sides, acc) for j in d.joints},
             free.shape[1], stresses.shape[1], unclear, gap, slip,
-            float(wanting) / max(float(np.abs(b).max(initial=0.0)), float(np.abs(acc / scale).max(initial=0.0)), 1e-300),
+            float(wanting) / max(np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
             max(top_force, top_moment / d.size, fed),
         )  # fmt: skip
+
+    def open_rate(self, poses: dict[str, Pose]) -> float:
+        """Over the rates asked for: by how much the drives miss them at t = 0, however the bodies move."""
+        sides = {name: self._side(name, poses) for name in [GROUND, *self.bodies]}
+        held = [row for j in self.drawing.joints for row in self._rows(j, sides)[0]]
+        asked = [self._rates(self.joints[d.joint], sides).rows[d.coordinate] for d in self.drawing.drives]
+        speeds = np.array([d.derivatives(0.0)[0] for d in self.drawing.drives])
+        scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3), self.n // 6)
+        rows = np.array([*held, *asked]).reshape(-1, self.n) * scale
+        wanted = np.concatenate([np.zeros(len(held)), speeds])
+        weights = np.linalg.norm(rows, axis=1)
+        weights[weights == 0.0] = 1.0
+        rows, wanted = rows / weights[:, None], wanted / weights
+        v = np.linalg.lstsq(rows, wanted, rcond=NOTHING)[0]
+        return float(np.abs(rows @ v - wanted).max(initial=0.0) / np.abs(wanted).max(initial=1e-300))
 
     def _side(self, name: str, poses: dict[str, Pose]) -> Side:
         if name == GROUND:
@@ -206,10 +221,10 @@ class Maximal:
         on_p, on_c = self._point(j, j.parent, p), self._point(j, j.child, c)
         gap, wp, wc = on_c - on_p, p.pose.w, c.pose.w
         # velocities and accelerations of the two points, as far as they follow from angular velocities
-        rate = c.pose.u + np.cross(wc, on_c - c.pose.x) - p.pose.u - np.cross(wp, on_c - p.pose.x)
+        rate = c.pose.u + cross(wc, on_c - c.pose.x) - p.pose.u - cross(wp, on_c - p.pose.x)
         rc, rp = on_c - c.centre, on_p - p.centre
-        own = np.cross(wc, np.cross(wc, rc)) - np.cross(wp, np.cross(wp, rp))
-        carried = np.cross(wp, np.cross(wp, gap)) + 2.0 * np.cross(wp, rate)
+        own = cross(wc, cross(wc, rc)) - cross(wp, cross(wp, rp))
+        carried = cross(wp, cross(wp, gap)) + 2.0 * cross(wp, rate)
         return Relative(on_c, gap, rate, own - carried, wc - wp)
 
     @staticmethod
@@ -218,8 +233,8 @@ class Maximal:
         if turns.shape[1] == 0:
             return np.zeros(3)
         speeds = np.linalg.pinv(turns) @ spin
-        first = np.cross(p.pose.w, turns[:, 0]) * speeds[0]
-        return first if len(speeds) == 1 else first + np.cross(c.pose.w, turns[:, 1]) * speeds[1]
+        first = cross(p.pose.w, turns[:, 0]) * speeds[0]
+        return first if len(speeds) == 1 else first + cross(c.pose.w, turns[:, 1]) * speeds[1]
 
     def _rates(self, j: Joint, sides: dict[str, Side]) -> Rates:
         """The joint's own coordinates: slides, then turns; three turns together in the child's axes."""
@@ -239,7 +254,7 @@ class Maximal:
         _, drawn, _ = j.motions(self.frames[j.name])
         duals = c.carried.T if ball else np.linalg.pinv(turns) if turns.size else []
         # the axes of three turns move with the child
-        bias = np.cross(c.pose.w, x.spin) if ball else self._gyration(turns, p, c, x.spin)
+        bias = cross(c.pose.w, x.spin) if ball else self._gyration(turns, p, c, x.spin)
         where = np.zeros(3) if ball else angles(drawn, p.carried.T @ c.carried)
         for i, axis in enumerate(duals):
             row = np.zeros(self.n)
@@ -254,19 +269,19 @@ class Maximal:
         return Rates(stacked[0], np.array(rest), np.array(velocity), np.array(position), stacked[1], stacked[2])
 
     def _backwards(self, j: Joint, sides: dict[str, Side], acc: Array) -> Array | None:
-        """Acceleration of three turns seen from the child: the parent's angular velocity relative to it in the parent's axes."""
+        """Acceleration of three turns seen from the child: those of the parent relative to it, in the parent's axes."""
         p, c = sides[j.parent], sides[j.child]
         if not j.motions(self.frames[j.name])[2]:
             return None
         alpha = [acc[x.at + 3 : x.at + 6] if x.at is not None else np.zeros(3) for x in (p, c)]
-        return p.carried.T @ (alpha[0] - alpha[1] - np.cross(p.pose.w, p.pose.w - c.pose.w))
+        return p.carried.T @ (alpha[0] - alpha[1] - cross(p.pose.w, p.pose.w - c.pose.w))
 
     @staticmethod
     def _add_force(row: Array, p: Side, c: Side, point: Array, axis: Array) -> None:
         for side, sign in ((c, 1.0), (p, -1.0)):
             if side.at is not None:
                 row[side.at : side.at + 3] += sign * axis
-                row[side.at + 3 : side.at + 6] += sign * np.cross(point - side.centre, axis)
+                row[side.at + 3 : side.at + 6] += sign * cross(point - side.centre, axis)
 
     @staticmethod
     def _add_moment(row: Array, p: Side, c: Side, axis: Array) -> None:
@@ -283,18 +298,18 @@ class Maximal:
             mass[i : i + 3, i : i + 3] = b.mass * np.eye(3)
             mass[i + 3 : i + 6, i + 3 : i + 6] = inertia
             h[i : i + 3] += b.mass * self.drawing.gravity
-            h[i + 3 : i + 6] -= np.cross(side.pose.w, inertia @ side.pose.w)
+            h[i + 3 : i + 6] -= cross(side.pose.w, inertia @ side.pose.w)
 
         def push(name: str, point: Array, force: Array) -> None:
             side = sides[name]
             if side.at is not None:
                 h[side.at : side.at + 3] += force
-                h[side.at + 3 : side.at + 6] += np.cross(point - side.centre, force)
+                h[side.at + 3 : side.at + 6] += cross(point - side.centre, force)
 
         def place(name: str, point: Array) -> tuple[Array, Array]:
             pose = sides[name].pose
             arm = pose.rotation @ point
-            return pose.x + arm, pose.u + np.cross(pose.w, arm)
+            return pose.x + arm, pose.u + cross(pose.w, arm)
 
         for f in self.drawing.forces:
             if isinstance(f, Spring):
@@ -319,14 +334,20 @@ class Maximal:
 
 @dataclass(frozen=True)
 class Relative:
-    """A joint's point on the child, its gap and the gap's rate as the parent sees it, the part of the relative acceleration
-    that follows from velocities, the relative angular velocity."""
+    """A joint's point on the child, its gap and the gap's rate as the parent sees it, the part of the relative
+    acceleration that follows from velocities, the relative angular velocity."""
 
     point: Array
     gap: Array
     rate: Array
     centripetal: Array
     spin: Array
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b of two vectors; NumPy's own serves stacks of them, at many times the cost."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def across(axes: Array) -> list[Array]:
@@ -356,7 +377,7 @@ def angles(axes: list[Array], r: Array) -> Array:
 
     def seen(axis: Array, before: Array, after: Array) -> float:
         before, after = before - axis * (axis @ before), after - axis * (axis @ after)
-        return float(np.arctan2(axis @ np.cross(before, after), before @ after))
+        return float(np.arctan2(axis @ cross(before, after), before @ after))
 
     if not axes:
         return np.zeros(0)

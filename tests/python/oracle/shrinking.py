@@ -61,7 +61,7 @@ def without_body(d: Drawing, name: str) -> Drawing:
         d = without_joint(d, j)
 
     def on(f: Any) -> bool:
-        return isinstance(f, Load) and f.body == name or isinstance(f, Spring) and name in (f.body1, f.body2)
+        return f.body == name if isinstance(f, Load) else isinstance(f, Spring) and name in (f.body1, f.body2)
 
     return replace(d, forces=tuple(f for f in d.forces if not on(f)))
 
