@@ -128,8 +128,8 @@ class Model:
         """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone."""
 
     def self_stresses(self, t: Array, q: Array, v: Array, joint: int) -> Array:
-        """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component along
-        a unit axis is determined where no product with them exceeds 1."""
+        """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
+        along a unit axis is determined where no product with them exceeds 1."""
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
