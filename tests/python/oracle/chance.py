@@ -215,12 +215,52 @@ def loaded(rng: Any, d: Drawing) -> Drawing:
 
 def driven(rng: Any, d: Drawing) -> Drawing:
     """With one motion prescribed; it begins as drawn."""
-    candidates = [(j, i) for j in d.joints for i in range(len(j.motions(j.some)[0]) + len(j.motions(j.some)[1]))]
+    taken = {(x.joint, x.coordinate) for x in d.drives}
+    scalars = {j.name: len(j.motions(j.some)[0]) + len(j.motions(j.some)[1]) for j in d.joints}
+    candidates = [(j, i) for j in d.joints for i in range(scalars[j.name]) if (j.name, i) not in taken]
     if not candidates:
         return d
     j, i = candidates[int(rng.integers(len(candidates)))]
     x = rng.normal(), rng.normal(), rng.uniform(0.5, 3.0)
-    return replace(d, drives=(Drive("drive", j.name, i, *map(float, x)),))
+    name = f"drive {len(d.drives)}"
+    return replace(d, drives=(*d.drives, Drive(name, j.name, i, *map(float, x))))
+
+
+def opened(rng: Any, d: Drawing) -> Drawing:
+    """With a closing joint drawn a little elsewhere on its child, so that it takes an assembly to close it."""
+    flat = d.words == "in a plane"
+    if d.words not in ("in space", "in a plane") or rng.random() < 0.6:
+        return d
+    joints = []
+    for j in d.joints:
+        if j.name.startswith("c") and j.kind in (
+            "revolute",
+            "cylindrical",
+            "spherical",
+            "prismatic",
+            "planar",
+            "generic",
+        ):
+            shift = 0.2 * rng.normal(size=3) * ([1.0, 1.0, 0.0] if flat else 1.0)
+            j = replace(j, child_point=j.point + shift)
+            if not flat and j.kind in ("revolute", "cylindrical", "prismatic", "planar"):
+                j = replace(j, child_axis=unit(unit(j.axes[:, 0]) + 0.2 * rng.normal(size=3)))
+        joints.append(j)
+    return replace(d, joints=tuple(joints))
+
+
+def slender(rng: Any, d: Drawing) -> Drawing:
+    """With bodies that have no inertia about one axis, or none at all."""
+    if rng.random() < 0.7:
+        return d
+
+    def one(b: Body) -> Body:
+        if rng.random() < 0.5:
+            return b
+        own = rotation(rng)
+        return replace(b, inertia=own @ np.diag([0.0, 1.0, 1.0]) @ own.T * float(rng.choice([0.0, 0.1])))
+
+    return replace(d, bodies=tuple(map(one, d.bodies)))
 
 
 def cut(rng: Any, d: Drawing) -> Drawing:
@@ -245,7 +285,9 @@ def mechanism(seed: int) -> Drawing:
     d = loaded(rng, d)
     if rng.random() < 0.25:
         d = driven(rng, d)
-    d = shuffled(rng, cut(rng, d))
+        if rng.random() < 0.3:
+            d = driven(rng, d)
+    d = shuffled(rng, cut(rng, slender(rng, opened(rng, d))))
     if rng.random() < 0.6:
         d = d.turned(rotation(rng))
     if rng.random() < 0.5:

@@ -26,7 +26,8 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """`axes`: the columns that the kind needs (one axis, two axes, or a frame)."""
+    """`axes`: the columns that the kind needs (one axis, two axes, or a frame). `child_point`, `child_axis`: where they
+    sit on the child in a drawing whose loops are open."""
 
     name: str
     kind: str
@@ -36,6 +37,23 @@ class Joint:
     axes: Array
     free: tuple[str, ...] = ()
     cut: str = "auto"
+    child_point: Array | None = None
+    child_axis: Array | None = None
+
+    @property
+    def on_child(self) -> Array:
+        """The point as the child carries it, world of the drawing."""
+        return self.point if self.child_point is None else self.child_point
+
+    @property
+    def alignment(self) -> Array:
+        """The shortest turn of the child in the drawing that puts its axis in line with the parent's."""
+        if self.child_axis is None:
+            return np.eye(3)
+        a, c = unit(np.asarray(self.axes)[:, 0]), unit(self.child_axis)
+        v = np.cross(c, a)
+        k = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+        return np.eye(3) + k + k @ k / (1.0 + c @ a)
 
     def motions(self, frame: Array) -> tuple[list[Array], list[Array], bool]:
         """Free slides and turns in the order of the coordinates, and whether all turns are free. World of the drawing.
@@ -199,7 +217,16 @@ class Drawing:
     def turned(self, r: Array) -> Drawing:
         """The whole mechanism, gravity included, turned by the rotation r."""
         bodies = [replace(b, position=r @ b.position, rotation=r @ b.rotation) for b in self.bodies]
-        joints = [replace(j, point=r @ j.point, axes=r @ j.axes) for j in self.joints]
+
+        def there(x: Array | None) -> Array | None:
+            return None if x is None else r @ x
+
+        joints = [
+            replace(
+                j, point=r @ j.point, axes=r @ j.axes, child_point=there(j.child_point), child_axis=there(j.child_axis)
+            )
+            for j in self.joints
+        ]
 
         def force(f: Any) -> Any:
             if isinstance(f, Load) and f.axes == "world":
@@ -246,9 +273,14 @@ class Drawing:
             x = along(d.joint, d.coordinate)
             return replace(d, rate=d.rate * x * rate, amplitude=d.amplitude * x, frequency=d.frequency * rate)
 
+        def there(j: Joint) -> Joint:
+            return replace(
+                j, point=j.point * length, child_point=None if j.child_point is None else j.child_point * length
+            )
+
         return replace(
-            self, gravity=self.gravity * (length / time**2), bodies=tuple(bodies),
-            joints=tuple(replace(j, point=j.point * length) for j in self.joints),
+            self, gravity=self.gravity * (length / time**2),
+            bodies=tuple(bodies), joints=tuple(map(there, self.joints)),
             forces=tuple(map(one, self.forces)), drives=tuple(map(drive, self.drives)),
             size=self.size * length, mass=self.mass * mass, time=self.time * time,
         )  # fmt: skip
@@ -270,6 +302,10 @@ def joint_call(j: Joint) -> tuple[str, dict[str, Any]]:
         found.update(axis1=a[:, 0], axis2=a[:, 1])
     elif j.kind == "generic":
         found.update(free=j.free, frame=a)
+    if j.child_point is not None:
+        found["child_point"] = j.child_point
+    if j.child_axis is not None:
+        found["child_axis"] = j.child_axis
     return "add_joint" if j.kind == "generic" else f"add_{j.kind}", {**found, "cut": j.cut}
 
 

@@ -173,16 +173,17 @@ class Maximal:
 
     def _point(self, j: Joint, name: str, side: Side) -> Array:
         """The joint's point as a body carries it."""
+        at = j.point if name == j.parent else j.on_child
         if name == GROUND:
-            return j.point
-        return side.pose.x + side.carried @ (j.point - self.bodies[name].position)
+            return at
+        return side.pose.x + side.carried @ (at - self.bodies[name].position)
 
     def _axes(self, j: Joint, p: Side, c: Side) -> tuple[Array, Array, bool]:
         """Slides and turns now, as columns."""
         slides, turns, ball = j.motions(self.frames[j.name])
         now = [p.carried @ turns[0]] if turns else []
         if len(turns) == 2:
-            now.append(c.carried @ turns[1])
+            now.append(c.carried @ turns[1])  # of such joints the drawing has the axes closed
         return np.array([p.carried @ x for x in slides]).reshape(-1, 3).T, np.array(now).reshape(-1, 3).T, ball
 
     def _rows(
@@ -211,7 +212,7 @@ class Maximal:
             wrenches.append((np.zeros(3), axis))
             slip = max(slip, abs(axis @ kinematics.spin) * time)
         if not ball:
-            r = p.carried.T @ c.carried
+            r = p.carried.T @ c.carried @ j.alignment.T
             _, drawn, _ = j.motions(self.frames[j.name])
             gap = max(gap, float(np.abs(turned_by(drawn, angles(drawn, r)) - r).max()))
         return rows, rest, wrenches, gap, slip
@@ -255,7 +256,7 @@ class Maximal:
         duals = c.carried.T if ball else np.linalg.pinv(turns) if turns.size else []
         # the axes of three turns move with the child
         bias = cross(c.pose.w, x.spin) if ball else self._gyration(turns, p, c, x.spin)
-        where = np.zeros(3) if ball else angles(drawn, p.carried.T @ c.carried)
+        where = np.zeros(3) if ball else angles(drawn, p.carried.T @ c.carried @ j.alignment.T)
         for i, axis in enumerate(duals):
             row = np.zeros(self.n)
             self._add_moment(row, p, c, axis)

@@ -142,9 +142,7 @@ fn reactions_do_not_depend_on_the_cut() {
 
 #[test]
 fn absolute_coordinates_give_the_same_motion_and_reactions() {
-    let all =
-        |r: &Reactions| -> Vec<f64> { r.joints.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect() };
-    let (mut compared, mut trees) = (0, 0);
+    let mut compared = 0;
     for planar in [false, true] {
         on_random_mechanisms(24, COUNT, Wishes { planar, ..UNBOUND }, |_, model, m| {
             let Some(other) = compile(&model.spec, Coordinates::Absolute) else { return };
@@ -154,14 +152,7 @@ fn absolute_coordinates_give_the_same_motion_and_reactions() {
             let Some(there) = in_coordinates(model, m, &other) else { return };
             let r = reactions(&other, &there);
             assert!(r.residual < 1e-9);
-            let here = reactions(model, m);
-            if model.placed.topology.cuts.is_empty() {
-                // nothing is redundant: what acts across a plane is the same too
-                let off = apart(&all(&here), &all(&r));
-                assert!(off < 1e-8, "off by {off:e}");
-                trees += usize::from(planar);
-            }
-            let (x, y) = (wrenches(model, &here), wrenches(model, &r));
+            let (x, y) = (wrenches(model, &reactions(model, m)), wrenches(model, &r));
             if there.rank == other.size().rows {
                 // absolute coordinates: more rows, scaled worse
                 assert!(apart(&x, &y) < 1e-8, "off by {:e}", apart(&x, &y));
@@ -169,7 +160,7 @@ fn absolute_coordinates_give_the_same_motion_and_reactions() {
             }
         });
     }
-    assert!(compared > COUNT / 2 && trees > 5, "{compared} {trees}");
+    assert!(compared > COUNT / 2, "{compared}");
 }
 
 /// The drawings of this file contain what they are meant to contain.
