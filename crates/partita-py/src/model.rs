@@ -3,12 +3,12 @@
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, Acting, Motion};
+use crate::outputs::{self, Acting, Flags, Motion};
 use crate::run::{self, read_options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
-use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
@@ -485,7 +485,7 @@ impl Model {
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<bool>>, Bound<'py, PyArrayDyn<bool>>)> {
+    ) -> PyResult<(Flags<'py>, Flags<'py>)> {
         guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 

@@ -226,12 +226,11 @@ pub fn augmented_reactions<'py>(
     Ok((next(), next()))
 }
 
+/// Answers of yes or no.
+pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
+
 /// Flags of all joints in world axes and in joint axes (nt, nj, 6).
-pub fn determined<'py>(
-    py: Python<'py>,
-    m: &Model,
-    x: &Motion,
-) -> PyResult<(Bound<'py, PyArrayDyn<bool>>, Bound<'py, PyArrayDyn<bool>>)> {
+pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>)> {
     let (states, nj) = (x.states(), m.spec.joints.len());
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
     let mut next = || {

@@ -1,8 +1,8 @@
 """Mechanisms drawn by chance: a tree of bodies, wherever it has got to, and joints that close its loops there.
 
 Families: in space; in a plane, with loads across it; with all axes through one point; with parallel axes in groups (the
-chains of Sarrus' linkage); parallelograms with more rockers, bodies held by more joints than they need. Any of them may
-be driven, turned, shuffled and in other units.
+chains of Sarrus' linkage); parallelograms with more rockers, bodies held by more joints than they need; many bodies
+with loops of their own. Any of them may be driven, turned, shuffled and in other units.
 """
 
 from __future__ import annotations
@@ -175,8 +175,52 @@ def held_twice(rng: Any) -> Drawing:
     return drawn(rng, names, joints, "held twice", points)
 
 
-WORDS = ("in space", "in a plane", "about a point", "by parallel axes", "parallelogram", "held twice")
+def many(rng: Any) -> Drawing:
+    """Bodies, parallelograms and loops in space, one carried by another: many freedoms, loops that share nothing."""
+    names: list[str] = []
+    joints: list[Joint] = []
+    flat = rng.random() < 0.4
+
+    def new() -> str:
+        names.append(f"b{len(names)}")
+        return names[-1]
+
+    def link(kind: str, ends: tuple[str, str], point: Array, axes: Array) -> None:
+        joints.append(joint(rng, f"j{len(joints)}", kind, ends, point, axes))
+
+    for _ in range(int(rng.integers(4, 9))):
+        base = str(rng.choice([GROUND, *names]))
+        axes = np.eye(3)[:, [2, 0, 1]] if flat else rng.normal(size=(3, 3))
+        feet, arm = rng.normal(size=(2, 3)), rng.normal(size=3) * [1.0, 1.0, 0.3]
+        what = rng.random()
+        if what < 0.5:
+            kinds = (
+                ["revolute", "revolute", "prismatic"] if flat else ["revolute", "spherical", "universal", "cylindrical"]
+            )
+            kind = str(rng.choice(kinds))
+            if flat and kind == "prismatic":
+                axes = axes[:, [1, 2, 0]]
+            link(kind, (base, new()), feet[0], axes)
+        elif what < 0.8:
+            one, other, coupler = new(), new(), new()
+            link("revolute", (base, one), feet[0], axes)
+            link("revolute", (base, other), feet[1], axes)
+            link("revolute", (one, coupler), feet[0] + arm, axes)
+            link("revolute", (other, coupler), feet[1] + arm, axes)
+        else:
+            crank, rod, rocker = new(), new(), new()
+            second = axes if flat else rng.normal(size=(3, 3))
+            link("revolute", (base, crank), feet[0], axes)
+            link("revolute", (base, rocker), feet[1], second)
+            link("revolute" if flat else "spherical", (crank, rod), feet[0] + arm, axes)
+            link("revolute" if flat else "universal", (rod, rocker), feet[1] + rng.normal(size=3), axes)
+    points = {name: rng.normal(size=3) for name in names}
+    return drawn(rng, names, joints, "many", points)
+
+
+WORDS = ("many", "in space", "in a plane", "about a point", "by parallel axes", "parallelogram", "held twice")
 FAMILIES = (
+    many,
     in_space,
     in_space,
     in_space,
