@@ -1,6 +1,5 @@
 //! Rules that turn S1-S5 into ordinary differential equations: a tangent basis times position coordinates, or all of both.
 
-pub mod full;
 pub mod motion;
 pub mod registry;
 

@@ -1,4 +1,4 @@
-//! The motion in a tangent basis times position coordinates: the one implementation of all reduced forms.
+//! The motion in a tangent basis times position coordinates: the one implementation of all forms.
 //!
 //! ```text
 //! y = (position coordinates, u, work),   v = Dᵀ u + γ,   M_d u' = D (h − M δ)                 (F1)
@@ -8,6 +8,7 @@
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
 use super::{Formulation, Step, Verdict};
+use crate::equations::full::AccelerationRule;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -19,6 +20,7 @@ use crate::record::{Journal, Output, PartitionEvent, Sample};
 use crate::reduction::Reduction;
 use crate::singular::change_point::Passage;
 use crate::system::{ConstrainedSystem, SystemError};
+use crate::tangent::all::Everything;
 use crate::tangent::basis::gram_schmidt::GramSchmidt;
 use crate::tangent::basis::Basis;
 use crate::tangent::blocks::Blocks;
@@ -27,7 +29,6 @@ use crate::tangent::instant::Describer;
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
-use partita_math::dense;
 
 /// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
 /// distance is small already, and a guess that is off by more than this is none.
@@ -54,7 +55,6 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     open: (f64, f64),
     v: Vec<f64>,
     vdot: Vec<f64>,
-    residual: Vec<f64>,
 }
 
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
@@ -69,6 +69,8 @@ pub type TangentVelocities<'s, S> = Motion<'s, S, Frozen<'s, S>, All>;
 pub type TangentSpace<'s, S> = Motion<'s, S, Frozen<'s, S>, Chart>;
 /// The user's basis and all coordinates.
 pub type UserTangent<'s, S> = Motion<'s, S, Given<'s, S>, All>;
+/// All coordinates and all velocities, by the rule R.
+pub type FullState<'s, S, R> = Motion<'s, S, Everything<'s, S, R>, All>;
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
@@ -127,13 +129,23 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     }
 }
 
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
+    /// For a system of the given rank, with v' and λ from a rule.
+    pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+        let name = rule.name();
+        let tangent = Everything::new(system, rank, rule, options);
+        let positions = All::new(system.size().nq, tangent.correction);
+        Self::with(name, system, tangent, positions)
+    }
+}
+
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
         let (n, r) = (system.size().nv, tangent.seen());
         Self {
             name,
             system,
-            k: r.k(),
+            k: tangent.count(),
             describer: if r.is_dense() { Describer::dense(system, r.rank()) } else { Describer::new(system, r.rank()) },
             tangent,
             positions,
@@ -146,7 +158,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             open: (0.0, 0.0),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
-            residual: vec![0.0; n],
         }
     }
 
@@ -203,19 +214,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
-    ///
-    /// −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
     fn power(&mut self, t: f64) -> Result<f64, SystemError> {
         let q = self.positions.q();
         let r = self.tangent.reduction();
-        let mut p = r.system.power(t, q, &r.v, &mut r.scratch)?;
-        if self.system.rheonomic() {
-            self.tangent.full_acceleration(&mut self.vdot);
-            let r = self.tangent.reduction();
-            r.system.inverse_dynamics(t, q, &r.v, &self.vdot, &mut r.scratch, &mut self.residual)?;
-            p += dense::dot(&self.residual, self.tangent.offset());
-        }
-        Ok(p)
+        let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
+        Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
@@ -228,8 +231,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return Ok(false);
         }
         self.positions.rewrite(&mut self.tangent, &q, y);
-        self.tangent.select(&self.v, &mut y[p..w])?;
-        self.tangent.select(&self.vdot, &mut dy[p..w])?; // S δ = 0
+        self.tangent.select(&self.v, &mut y[p..w]);
+        self.tangent.select(&self.vdot, &mut dy[p..w]); // S δ = 0
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         Ok(true)
@@ -271,9 +274,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let mut of_q = vec![1.0; self.system.size().nq];
         super::sizes_of_coordinates(self.system, &mut of_q);
         self.positions.sizes(&of_q, &mut out[..p]);
-        // other tangent velocities are measured by the mass metric already
-        let independent = self.tangent.independent(None).unwrap_or(&[]);
-        out[p..w].iter_mut().zip(independent).for_each(|(x, &i)| *x = self.system.reach(i));
+        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
 
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
@@ -282,7 +283,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.start(t, &mut q, v)?;
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
-        self.tangent.select(v, &mut y[p..w])
+        self.tangent.select(v, &mut y[p..w]);
+        Ok(())
     }
 
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
@@ -298,7 +300,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         dy: &mut [f64],
         known: bool,
     ) -> Result<(Verdict, bool), SystemError> {
-        let evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
+        let (p, w) = self.places();
+        let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
+        let (of_q, rest) = y.split_at_mut(p);
+        evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
         if evaluates {
             self.derivative(t, y, dy)?;
         }
@@ -352,10 +357,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
         self.tangent.tangent(t, self.positions.q(), factored)?;
-        self.tangent.spread(&y[p..w]);
+        let u = &mut self.v[..w - p];
+        u.copy_from_slice(&y[p..w]);
+        self.tangent.settle(t, self.positions.q(), u)?;
+        self.tangent.spread(u);
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
-        out.choice = self.tangent.events().len().saturating_sub(1);
+        out.choice = self.tangent.base().events().len().saturating_sub(1);
         Ok(())
     }
 
@@ -367,20 +375,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         within: Option<&PartitionEvent>,
         out: &mut Sample,
     ) -> Result<(), SystemError> {
-        let Some(r) = self.describer.describe(t, q, v, self.tangent.independent(within), out)? else { return Ok(()) };
-        if out.brief {
-            return Ok(());
-        }
-        if let Some(quality) = self.tangent.quality(r, t, q, within)? {
-            (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
-        }
-        Ok(())
+        let r = self.describer.describe(t, q, v, self.tangent.independent(within), out)?;
+        self.tangent.describe(r, within, out)
     }
 
     fn journal(&self) -> Journal {
         let mut journal =
             Journal { name: self.name, passages: self.passage.times.clone(), open: self.open, ..Journal::default() };
-        journal.events = self.tangent.events().to_vec();
+        self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);
         journal

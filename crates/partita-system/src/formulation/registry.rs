@@ -1,7 +1,6 @@
 //! All formulations by name.
 
-use super::full::FullState;
-use super::motion::{ExplicitClosing, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
+use super::motion::{ExplicitClosing, FullState, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
 use super::Formulation;
 use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;

@@ -20,6 +20,7 @@ use super::{turns, Positions};
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
+use crate::tangent::Tangent;
 use partita_math::dense;
 
 /// Newton's method squares the error: from a stage away (1e-2 of a large move) it is at round-off after five.
@@ -47,6 +48,8 @@ pub struct Chart {
     trial: Vec<f64>,
     q: Vec<f64>,
     w: Vec<f64>,
+    /// What is missing of w.
+    miss: Vec<f64>,
     rhs: Vec<f64>,
     covectors: Vec<f64>,
     iterations: u32,
@@ -69,6 +72,7 @@ impl Chart {
             trial: vec![0.0; n],
             q: vec![0.0; size.nq],
             w: vec![0.0; k],
+            miss: vec![0.0; k],
             rhs: vec![0.0; n],
             covectors: vec![0.0; k * n],
             iterations: 0,
@@ -82,7 +86,7 @@ impl Chart {
 
     /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
     fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<(), SystemError> {
-        let (n, k) = (self.delta.len(), self.w.len());
+        let n = self.delta.len();
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
         self.delta.copy_from_slice(&self.accepted);
@@ -97,22 +101,22 @@ impl Chart {
                 )));
             }
             self.q.copy_from_slice(&self.base);
-            x.r.system.step(&mut self.q, &self.delta);
-            x.r.position(t, &self.q)?;
-            self.factor(x, t)?;
-            for j in 0..k {
-                self.rhs[j] = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
+            let r = x.reduction();
+            r.system.step(&mut self.q, &self.delta);
+            r.position(t, &self.q)?;
+            self.turn_covectors(x);
+            let covectors = (!self.balls.is_empty()).then_some(&self.covectors[..]);
+            x.solve_levels(t, &self.q, covectors)?;
+            for (j, miss) in self.miss.iter_mut().enumerate() {
+                *miss = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
             }
-            for (rhs, &row) in self.rhs[k..].iter_mut().zip(&x.r.partition.rows) {
-                *rhs = -x.r.phi[row];
-            }
-            x.solve(&mut self.rhs);
+            x.solve(covectors, &mut self.miss, &mut self.rhs);
             let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
             let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
-            let settled = moved <= 4.0 * f64::EPSILON * far && x.r.is_closed();
+            let settled = moved <= 4.0 * f64::EPSILON * far && x.seen().is_closed();
             if settled || (moved < STALLED * far && moved > 0.25 * before) {
                 if !self.balls.is_empty() {
-                    x.factor(t)?;
+                    x.factor(t, None)?;
                 }
                 return Ok(());
             }
@@ -133,21 +137,16 @@ impl Chart {
         Err(self.bent(t, reason))
     }
 
-    /// Factor [S T⁻¹; C] at the last position: the rows that tell p' from v, above those of C.
-    fn factor<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64) -> Result<(), SystemError> {
-        if self.balls.is_empty() {
-            return x.factor(t);
-        }
-        let n = self.delta.len();
+    /// Rows of S T⁻¹, which tell p' from v; none where they are those of S.
+    fn turn_covectors<S: ConstrainedSystem>(&mut self, x: &Frozen<S>) {
         self.covectors.copy_from_slice(x.orthonormal());
-        for row in self.covectors.chunks_exact_mut(n) {
+        for row in self.covectors.chunks_exact_mut(self.delta.len()) {
             for b in &self.balls {
                 // (T⁻¹)ᵀ turns the other way
                 let s = turn_rate(b.map(|i| -self.delta[i]), b.map(|i| row[i]));
                 (0..3).for_each(|i| row[b[i]] = s[i]);
             }
         }
-        x.factor_with(t, &self.covectors)
     }
 
     fn largest_turn(&self) -> f64 {
@@ -179,9 +178,9 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         if self.balls.is_empty() {
             dy[..k].copy_from_slice(u); // S v = u + S γ, and S γ = 0
         } else {
-            self.rhs.copy_from_slice(&x.r.v);
+            self.rhs.copy_from_slice(&x.seen().v);
             turned_back(&self.balls, &self.delta, &mut self.rhs);
-            x.values(&self.rhs, &mut dy[..k]);
+            x.select(&self.rhs, &mut dy[..k]);
         }
     }
     fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool, SystemError> {
@@ -211,7 +210,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     }
     fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
         self.base.copy_from_slice(q);
-        x.r.system.normalise(&mut self.base);
+        x.seen().system.normalise(&mut self.base);
         self.q.copy_from_slice(&self.base);
         self.accepted.fill(0.0);
         self.delta.fill(0.0);
@@ -220,10 +219,10 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
     fn wrap(&mut self, x: &Frozen<'s, S>, _y: &mut [f64], turns: &mut [i32]) -> bool {
         let mut q = self.base.clone();
-        x.r.system.step(&mut q, &self.accepted);
+        x.seen().system.step(&mut q, &self.accepted);
         for (i, q) in q.into_iter().enumerate() {
             let mut angle = q;
-            if turns::reduce_one(x.r.system, i, &mut angle, &mut turns[i]) {
+            if turns::reduce_one(x.seen().system, i, &mut angle, &mut turns[i]) {
                 self.base[i] += angle - q;
             }
         }

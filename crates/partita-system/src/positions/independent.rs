@@ -130,7 +130,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.states.gather(q, y);
         let margin = tangent.margin().map(|m| m.0);
         tangent.full_acceleration(&mut self.vdot);
-        let near = Continuity::nearness(tangent.gain(), margin.unwrap_or(f64::INFINITY));
+        let near = Continuity::nearness(best_gain(tangent), margin.unwrap_or(f64::INFINITY));
         self.core.continuity.start(t, &tangent.seen().v, &self.vdot, near);
         self.by.start(&self.core, tangent, margin);
     }
@@ -175,7 +175,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
     fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> Verdict {
         tangent.full_acceleration(&mut self.vdot);
-        self.gain = tangent.gain();
+        self.gain = best_gain(tangent);
         let near = Continuity::nearness(self.gain, margin.unwrap_or(f64::INFINITY));
         let r = tangent.seen();
         if !self.core.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
@@ -219,4 +219,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     fn report(&self, journal: &mut Journal) {
         self.by.report(journal);
     }
+}
+
+/// The largest gain an exchange of coordinates promises at the last evaluation.         (P6)
+fn best_gain<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(tangent: &mut T) -> f64 {
+    tangent.reduction().best_exchange().map_or(0.0, |x| x.gain)
 }

@@ -138,6 +138,20 @@ fn undetermined(n: usize, rows: usize, e: SystemError, out: &mut Sample) {
     out.note = Some(format!("accelerations and multipliers are not determined here: {e}"));
 }
 
+/// `S M⁻¹ Sᵀ` at the last position of r.
+pub(super) fn block_of_selector<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    s: &Matrix,
+) -> Result<Matrix, SystemError> {
+    let n = r.size().nv;
+    let all: Vec<usize> = (0..n).collect();
+    let mut inverse = Matrix::new(n, n);
+    r.system.inverse_mass_columns(t, q, &all, &mut r.scratch, inverse.data_mut())?;
+    Ok(s.matmul(&inverse).matmul(&s.transpose()))
+}
+
 /// σ and √μ_S of a constant S (k x n), at the last evaluation of r.
 ///
 /// `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹` for any D, so M_d of S is `(S Dᵀ)⁻ᵀ M_d (S Dᵀ)⁻¹`; √μ_S holds it against `S M⁻¹ Sᵀ`.
@@ -148,10 +162,7 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
     s: &Matrix,
 ) -> Result<Quality, SystemError> {
     let (n, k) = (r.size().nv, r.k());
-    let all: Vec<usize> = (0..n).collect();
-    let mut inverse = Matrix::new(n, n);
-    r.system.inverse_mass_columns(t, q, &all, &mut r.scratch, inverse.data_mut())?;
-    let block = s.matmul(&inverse).matmul(&s.transpose());
+    let block = block_of_selector(r, t, q, s)?;
     let mut sd = s.matmul(&Matrix::from_vec(n, k, r.dt.clone())).into_vec();
     let mut pivots = vec![0; k];
     if dense::lu(&mut sd, k, &mut pivots).is_err() {
