@@ -9,7 +9,7 @@ use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
 use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::record::{Correction, Sample};
-use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
+use partita_system::tangent::basis::Rule;
 use partita_system::tangent::frozen::Frozen;
 use partita_system::tangent::Tangent;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -119,7 +119,7 @@ fn renewing_is_free_of_error() {
 #[test]
 fn decay_of_a_frozen_basis() {
     let system = ByHand::new(FourBar);
-    let mut x = Frozen::new(&system, 8, Box::new(GramSchmidt), 0.5);
+    let mut x = Frozen::new(&system, 8, Box::new(Rule::GramSchmidt), 0.5);
     let at = |degrees: f64| {
         let crank = 0.8 + degrees.to_radians();
         let [a, b] = Angles::close(crank);

@@ -14,11 +14,7 @@ use partita_system::formulation::{Formulation, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
-use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
-use partita_system::tangent::basis::qr::OrthogonalTriangular;
-use partita_system::tangent::basis::svd::SingularValues;
-use partita_system::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
-use partita_system::tangent::basis::Basis;
+use partita_system::tangent::basis::{Basis, Rule};
 use partita_system::tangent::frozen::Frozen;
 use partita_system::tangent::Tangent;
 use partita_system::SystemError;
@@ -44,7 +40,8 @@ impl Basis for Picked {
 }
 
 fn rules() -> [Box<dyn Basis>; 4] {
-    [Box::new(ZeroEigenvalue), Box::new(SingularValues), Box::new(OrthogonalTriangular), Box::new(GramSchmidt)]
+    [Rule::ZeroEigenvalue, Rule::SingularValues, Rule::OrthogonalTriangular, Rule::GramSchmidt]
+        .map(|rule| Box::new(rule) as Box<dyn Basis>)
 }
 
 /// Random systems with a velocity of natural size that satisfies C v + a = 0.
@@ -233,7 +230,7 @@ fn renewing_keeps_the_motion() {
 fn gram_schmidt_is_best_where_it_is_frozen() {
     on_random_systems(4, |_, system, q, v| {
         let m = system.equations.c.rows();
-        let mut x = Frozen::new(system, m, Box::new(GramSchmidt), 0.5);
+        let mut x = Frozen::new(system, m, Box::new(Rule::GramSchmidt), 0.5);
         let u = evaluated(&mut x, q, v);
         let (d, k) = (columns(&mut x, &u), u.len());
         let md = d.transpose().matmul(&system.equations.mass).matmul(&d);
@@ -303,7 +300,7 @@ impl Basis for Once {
     }
     fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
         let used = self.0.swap(true, std::sync::atomic::Ordering::Relaxed);
-        let mut s = OrthogonalTriangular.basis(mass, c)?;
+        let mut s = Rule::OrthogonalTriangular.basis(mass, c)?;
         if used {
             let first = s.row(0).to_vec();
             (0..s.rows()).for_each(|j| s.row_mut(j).copy_from_slice(&first));

@@ -1,12 +1,12 @@
-//! Rules that turn S1-S5 into ordinary differential equations: a tangent basis times position coordinates, or all of both.
+//! Rules that turn S1-S5 into ordinary differential equations: a tangent basis times position coordinates.
 
 pub mod motion;
 pub mod registry;
 
 use crate::record::{Journal, Output, PartitionEvent, Sample};
 
+use crate::error::Result;
 pub use crate::record::Verdict;
-use crate::system::SystemError;
 
 pub use crate::singular::change_point::Pace;
 
@@ -52,27 +52,19 @@ pub trait Formulation {
         out.fill(1.0);
     }
     /// Take over the assembled state and write y.
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError>;
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
     /// `y' = f(t, y)`.
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError>;
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known` tells that
     /// dy holds `f(t, y)` from the last evaluation. The second answer is true where f was evaluated anew.
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool)
-        -> Result<(Verdict, bool), SystemError>;
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError>;
+    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool>;
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError>;
-    /// Everything else at a closed (t, q, v), with the choice of `within`, an event of this run or of one with the same options
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the same options
     /// (`None`: with the choice in use); turns and work are left to the caller. May be asked before `start` and after the run.
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError>;
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
     fn journal(&self) -> Journal;
 }
@@ -86,9 +78,9 @@ impl Sample {
         formulation: &mut F,
         output: &Output,
         events: &[PartitionEvent],
-    ) -> Result<Self, SystemError> {
+    ) -> Result<Self> {
         let mut sample = Self::default();
-        formulation.describe(output.t, &output.q, &output.v, events.get(output.choice), &mut sample)?;
+        formulation.describe(output, events.get(output.choice), &mut sample)?;
         sample.turns.clone_from(&output.turns);
         sample.work = output.work;
         Ok(sample)
@@ -105,37 +97,24 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn natural_sizes(&self, out: &mut [f64]) {
         (**self).natural_sizes(out);
     }
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
         (**self).start(t, q, v, y)
     }
     #[inline]
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         (**self).derivative(t, y, dy)
     }
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         (**self).trial_end(t, y, dy, known)
     }
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool> {
         (**self).commit(verdict, step)
     }
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)
     }
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError> {
-        (**self).describe(t, q, v, within, out)
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
+        (**self).describe(at, within, out)
     }
     fn journal(&self) -> Journal {
         (**self).journal()

@@ -9,6 +9,7 @@
 
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::AccelerationRule;
+use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -21,8 +22,7 @@ use crate::reduction::Reduction;
 use crate::singular::change_point::Passage;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::all::Everything;
-use crate::tangent::basis::gram_schmidt::GramSchmidt;
-use crate::tangent::basis::Basis;
+use crate::tangent::basis::{Basis, Rule};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::frozen::Frozen;
 use crate::tangent::instant::Describer;
@@ -83,7 +83,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 
 impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows. There is nothing left to correct.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
         let positions = Independent::new(system, rank, Newton::default());
         Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
@@ -92,7 +92,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
 
 impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
         let positions = Independent::new(system, rank, InverseKinematics::default());
         Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
@@ -109,16 +109,16 @@ impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
 
 impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     /// For a system of the given rank without nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "tangent-space", "parametrises closed positions")?;
-        let tangent = Frozen::new(system, rank, Box::new(GramSchmidt), options.renew);
+        let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
         Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
     }
 }
 
 impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     /// For a system of the given rank; needs the user's tangent velocities in the options. Their functions may count whole turns.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         let Some(map) = &options.tangent else {
             let message =
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
@@ -146,7 +146,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             name,
             system,
             k: tangent.count(),
-            describer: if r.is_dense() { Describer::dense(system, r.rank()) } else { Describer::new(system, r.rank()) },
+            describer: Describer::new(system, r.rank(), r.is_dense()),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
@@ -190,7 +190,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// All levels at (t, y).
-    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         let (p, w) = self.places();
         let factored = self.positions.locate(&mut self.tangent, t, y, self.passing)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
@@ -203,7 +203,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// Rates of all states at the point last evaluated.
-    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         let (p, w) = self.places();
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         self.tangent.rates(&mut dy[p..w]);
@@ -214,7 +214,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
-    fn power(&mut self, t: f64) -> Result<f64, SystemError> {
+    fn power(&mut self, t: f64) -> Result<f64> {
         let q = self.positions.q();
         let r = self.tangent.reduction();
         let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
@@ -222,7 +222,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
-    fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool, SystemError> {
+    fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.places();
         self.v.copy_from_slice(&self.tangent.seen().v);
         self.tangent.full_acceleration(&mut self.vdot);
@@ -277,7 +277,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
 
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
@@ -287,19 +287,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok(())
     }
 
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         self.moved = true;
         self.evaluate(t, y)?;
         self.rates(t, y, dy)
     }
 
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         let (p, w) = self.places();
         let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
         let (of_q, rest) = y.split_at_mut(p);
@@ -324,7 +318,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok((verdict, evaluates))
     }
 
-    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool> {
         let Step { t, y, dy, turns, pace } = step;
         if verdict == Verdict::Repeat {
             self.evaluate(t, y)?;
@@ -352,7 +346,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok(rewritten)
     }
 
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         let (p, w) = self.places();
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
@@ -367,15 +361,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok(())
     }
 
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError> {
-        let r = self.describer.describe(t, q, v, self.tangent.independent(within), out)?;
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
+        let r = self.describer.describe(at, self.tangent.independent(within), out)?;
         self.tangent.describe(r, within, out)
     }
 

@@ -9,14 +9,15 @@
 //!
 //! Without turns in space Δ' = v, so p' = u. A turn in space advances by q₀ exp(Θ), and its rotation vector at the rate
 //! `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
-//! [`gram_schmidt`](crate::tangent::basis::gram_schmidt)). The chart is left for a new one, based where the mechanism stands, when the
+//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is left for a new one, based where the mechanism stands, when the
 //! quality of S falls, when Newton's method needs many iterations, or when a ball has turned far; (q, v) stay the same.
 //!
 //! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or tables must
 //! never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four factorisations of [S; C] per
-//! evaluation, n³/3 each. Nonholonomic rows have no positions to parametrise and are refused.
+//! evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to parametrise and are refused.
 
 use super::{turns, Positions};
+use crate::error::Result;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
@@ -59,7 +60,7 @@ pub struct Chart {
 impl Chart {
     /// For a system of the given rank without nonholonomic rows. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
-    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self, SystemError> {
+    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self> {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Ok(Self {
@@ -85,7 +86,7 @@ impl Chart {
     }
 
     /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
-    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<(), SystemError> {
+    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<()> {
         let n = self.delta.len();
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
@@ -166,7 +167,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.accepted.fill(0.0);
         y[..self.w.len()].fill(0.0);
     }
-    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool, SystemError> {
+    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool> {
         self.find(x, t, &y[..self.w.len()])?;
         Ok(true)
     }
@@ -183,10 +184,10 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
             x.select(&self.rhs, &mut dy[..k]);
         }
     }
-    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
         Ok(false) // closed at every evaluation
     }
-    fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool, SystemError> {
+    fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
         self.locate(x, t, y, false)
     }
     fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
@@ -240,7 +241,7 @@ fn larger(m: f64, x: f64) -> f64 {
 }
 
 /// Velocities that form a ball: three that change the same quaternion.
-fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>, SystemError> {
+fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     let n = system.size().nv;
     let mut found: Vec<(usize, Vec<usize>)> = Vec::new();
     for i in 0..n {

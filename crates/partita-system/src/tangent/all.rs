@@ -7,6 +7,7 @@
 
 use super::{Base, Tangent};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
+use crate::error::Result;
 use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
 use crate::options::FormulationOptions;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
@@ -58,7 +59,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 
     /// Choose rows, and the coordinates that (34) moves.
-    fn choose(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn choose(&mut self, t: f64, q: &[f64]) -> Result<()> {
         start::choose_partition(&mut self.base.r, t, q, None, None)?;
         self.take_rows();
         Ok(())
@@ -75,7 +76,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 
     /// S1 and S5 at the last position with velocities v, left in `self.base.r`, `self.mass` and `self.h`.
-    fn levels(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+    fn levels(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         r.v.copy_from_slice(v);
         r.system.velocity(t, q, v, &mut r.scratch, &mut r.b)?;
@@ -103,7 +104,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 
     /// v' and λ at the last position with velocities v, left in `self.vdot` and `self.lambda`.
-    fn solve(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+    fn solve(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         self.levels(t, q, v)?;
         let mut asked = self.ask();
         let (rank, size) = (self.base.r.rank(), self.base.r.size());
@@ -141,7 +142,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn natural_size(&self, j: usize) -> f64 {
         self.base.r.system.reach(j)
     }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.choose(t, q)?;
         if self.correction == Correction::Partition {
             self.base.evaluate(t, q, v)?;
@@ -153,13 +154,13 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(v);
     }
-    fn tangent(&mut self, _t: f64, _q: &[f64], _factored: bool) -> Result<(), SystemError> {
+    fn tangent(&mut self, _t: f64, _q: &[f64], _factored: bool) -> Result<()> {
         Ok(())
     }
     fn spread(&mut self, u: &[f64]) {
         self.base.r.v.copy_from_slice(u);
     }
-    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         self.solve(t, q, u)
     }
     fn rates(&mut self, du: &mut [f64]) {
@@ -168,10 +169,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn full_acceleration(&self, out: &mut [f64]) {
         out.copy_from_slice(&self.vdot);
     }
-    fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64, SystemError> {
+    fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
         Ok(-dense::dot(&self.lambda, &self.base.r.a))
     }
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
             correct_orthogonally(r, t, q)?;
@@ -188,7 +189,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         Ok(self.base.r.correct_dependent(q))
     }
     /// `v ← v − M⁻¹ Cᵀ M_c⁻¹ (C v + a)`, twice: from an interpolation error to round-off.                     (35)
-    fn settle(&mut self, t: f64, q: &[f64], v: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, t: f64, q: &[f64], v: &mut [f64]) -> Result<bool> {
         if self.correction == Correction::None {
             return Ok(false);
         }
@@ -209,7 +210,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         self.base.fading = r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade());
         Verdict::Keep
     }
-    fn accept(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         if self.base.fading {
             self.base.accept(t, q, false);
             self.take_rows();
@@ -222,7 +223,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         _r: Option<&mut Reduction<'s, S>>,
         _within: Option<&PartitionEvent>,
         out: &mut Sample,
-    ) -> Result<(), SystemError> {
+    ) -> Result<()> {
         if self.rows.is_empty() && self.base.r.rank() > 0 {
             self.choose(out.t, &out.q)?;
         }

@@ -1,8 +1,9 @@
 //! What all tangents have: the levels of the system with their rows, and the choices so far.
 
+use crate::error::Result;
 use crate::record::{FormulationCounters, Journal, PartitionEvent};
 use crate::reduction::Reduction;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::ConstrainedSystem;
 use partita_math::dense;
 
 /// Steps after which the scales are looked at again: they are only scales.
@@ -39,13 +40,13 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     }
 
     /// All levels at the closed (t, q) with velocities v.
-    pub(super) fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+    pub(super) fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
         self.r.evaluate(t, q, &speeds)
     }
 
     /// Write down the choice of independent velocities, at the tangent last evaluated.
-    pub(super) fn log(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<(), SystemError> {
+    pub(super) fn log(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         // M_d of the new choice, at the same (q, v)
         self.r.velocity(t, q)?;
         self.r.acceleration(t, q)?;
@@ -72,7 +73,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     }
 
     /// −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
-    pub(super) fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+    pub(super) fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         let r = &mut self.r;
         r.full_acceleration(&mut self.vdot);
         r.system.inverse_dynamics(t, q, &r.v, &self.vdot, &mut r.scratch, &mut self.residual)?;

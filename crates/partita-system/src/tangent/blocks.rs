@@ -8,6 +8,7 @@
 use super::base::PERIOD;
 use super::{Base, Occasion, Tangent};
 use crate::closing::Closing;
+use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::partition::normalised_determinant;
 use crate::record::{Correction, Journal, PartitionEvent, Verdict};
@@ -33,7 +34,7 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
 
 impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]). There must be no nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         let mut fixed = options.independent.clone();
@@ -55,7 +56,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     ///
     /// # Errors
     /// Before the start, when none was chosen.
-    pub fn closing(&mut self) -> Result<&mut (dyn Closing + Send + 's), SystemError> {
+    pub fn closing(&mut self) -> Result<&mut (dyn Closing + Send + 's)> {
         match &mut self.closing {
             Some(closing) => Ok(&mut **closing),
             None => Err(SystemError::Request("no closing was chosen before the evaluation".into())),
@@ -63,7 +64,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     }
 
     /// The position level at q; refuses a q that the closing has left open by more than `limit` (in reaches).
-    pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<(), SystemError> {
+    pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
         let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
@@ -96,7 +97,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     }
 
     /// Use a closing from the closed position q on.
-    fn adopt(&mut self, t: f64, q: &mut [f64], mut closing: Box<dyn Closing + Send + 's>) -> Result<(), SystemError> {
+    fn adopt(&mut self, t: f64, q: &mut [f64], mut closing: Box<dyn Closing + Send + 's>) -> Result<()> {
         self.check_blocks(&*closing)?;
         closing.close(t, q)?;
         let r = &mut self.base.r;
@@ -108,7 +109,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     }
 
     /// Every velocity must be an input, or be solved for by one block.
-    fn check_blocks(&self, closing: &dyn Closing) -> Result<(), SystemError> {
+    fn check_blocks(&self, closing: &dyn Closing) -> Result<()> {
         let system = self.base.r.system;
         let mut solved = vec![false; system.size().nv];
         closing.inputs().iter().for_each(|&i| solved[i] = true);
@@ -174,7 +175,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let closing = self.base.r.system.closing(t, q, self.fixed.as_deref())?;
         self.adopt(t, q, closing)?;
         self.base.evaluate(t, q, v)?;
@@ -184,12 +185,12 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         };
         self.base.log(t, q, &[], reason.into())
     }
-    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<(), SystemError> {
+    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
         let evaluated = self.base.r.tangent(t);
         evaluated.map_err(|e| self.pivotless(t, q, e))
     }
     /// Closed by inverse kinematics: there is nothing to correct.
-    fn correct(&mut self, _t: f64, _q: &mut [f64], _rule: Correction) -> Result<bool, SystemError> {
+    fn correct(&mut self, _t: f64, _q: &mut [f64], _rule: Correction) -> Result<bool> {
         Ok(false)
     }
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
@@ -207,11 +208,11 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
     fn attends(&self) -> bool {
         self.base.fading || self.base.steps_since_scales + 1 >= PERIOD
     }
-    fn accept(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         self.base.accept(t, q, true);
         Ok(())
     }
-    fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool, SystemError> {
+    fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool> {
         let Some(next) = self.next.take().filter(|_| why == Occasion::Decayed) else { return Ok(false) };
         let before = self.inputs().to_vec();
         let growth = self.growth(next.inputs());
@@ -224,7 +225,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         Ok(true)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
-        (self.base.r.rank() > 0).then(|| self.base.r.distance())
+        // with the same inputs distances compare, whatever the order of elimination
+        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.events.len() as u64))
     }
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or_else(|| self.inputs(), |event| &event.independent))

@@ -17,6 +17,7 @@
 use super::basis::Basis;
 use super::instant::{block_of_selector, quality_of_selector};
 use super::{Base, Occasion, Tangent};
+use crate::error::Result;
 use crate::kinematics::projection::{correct_orthogonally, dense_rows};
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
@@ -99,7 +100,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     }
 
     /// Take S from the rule at `(t, q)`; on failure the old one stays. Leaves v at zero.
-    fn freeze(&mut self, t: f64, q: &[f64], reason: impl Fn(f64) -> String) -> Result<(), SystemError> {
+    fn freeze(&mut self, t: f64, q: &[f64], reason: impl Fn(f64) -> String) -> Result<()> {
         let (r, name) = (&mut self.base.r, self.basis.name());
         let (n, k) = (r.size().nv, r.k());
         let failed = |reason: &str| failed(name, t, reason);
@@ -146,7 +147,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     }
 
     /// Solve for the partition and factor S Dᵀ at the last position, or the same with other covectors (k x n).
-    pub fn solve_levels(&mut self, t: f64, q: &[f64], covectors: Option<&[f64]>) -> Result<(), SystemError> {
+    pub fn solve_levels(&mut self, t: f64, q: &[f64], covectors: Option<&[f64]>) -> Result<()> {
         let r = &mut self.base.r;
         match r.tangent(t) {
             // another partition may do where this one has become singular inside a step
@@ -157,7 +158,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     }
 
     /// Factor S Dᵀ, or the same with other covectors (k x n), at the last tangent of the partition.
-    pub fn factor(&mut self, t: f64, covectors: Option<&[f64]>) -> Result<(), SystemError> {
+    pub fn factor(&mut self, t: f64, covectors: Option<&[f64]>) -> Result<()> {
         let r = &self.base.r;
         let (n, k, s) = (r.size().nv, r.k(), r.scales());
         let covectors = covectors.unwrap_or(&self.orthonormal);
@@ -214,7 +215,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     }
 
     /// σ and √μ_S at `(t, q)`, the point last evaluated. Cost: about n³.
-    pub fn quality_here(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+    pub fn quality_here(&mut self, t: f64, q: &[f64]) -> Result<Quality> {
         quality_of_selector(&mut self.base.r, t, q, &self.selector)
     }
 }
@@ -226,7 +227,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn start(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
         let name = self.basis.name();
         self.freeze(t, q, |_| {
             format!(
@@ -238,7 +239,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(j, u)| *u = dense::dot(self.selector.row(j), v));
     }
-    fn tangent(&mut self, t: f64, q: &[f64], factored: bool) -> Result<(), SystemError> {
+    fn tangent(&mut self, t: f64, q: &[f64], factored: bool) -> Result<()> {
         match factored {
             true => Ok(()),
             false => self.solve_levels(t, q, None),
@@ -264,7 +265,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         self.x = vdot;
     }
     /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least move.
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
         let size = self.base.r.size();
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
             correct_orthogonally(&mut self.base.r, t, q)?;
@@ -300,7 +301,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
             false => Verdict::Keep,
         }
     }
-    fn accept(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         if std::mem::take(&mut self.base.fading) {
             // should none better be found, the next evaluation tells
             let _ = start::choose_partition(&mut self.base.r, t, q, None, None);
@@ -308,7 +309,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         Ok(())
     }
     /// Freeze anew; a basis that cannot be had here leaves the old one in place.
-    fn renew(&mut self, t: f64, q: &mut [f64], _v: &[f64], why: Occasion) -> Result<bool, SystemError> {
+    fn renew(&mut self, t: f64, q: &mut [f64], _v: &[f64], why: Occasion) -> Result<bool> {
         let why = match why {
             Occasion::Decayed => "it had decayed along the motion",
             Occasion::Spoilt => "it went bad inside the step, which is repeated",
@@ -331,7 +332,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         r: Option<&mut Reduction<'s, S>>,
         within: Option<&PartitionEvent>,
         out: &mut Sample,
-    ) -> Result<(), SystemError> {
+    ) -> Result<()> {
         let Some(r) = r.filter(|_| !out.brief) else { return Ok(()) };
         let frozen = within.and_then(|event| event.basis.as_deref()).unwrap_or(&self.selector);
         let quality = quality_of_selector(r, out.t, &out.q, frozen)?;

@@ -12,6 +12,7 @@ pub mod user;
 
 pub use base::Base;
 
+use crate::error::Result;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -54,13 +55,13 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         self.independent(None).map_or(1.0, |i| self.seen().system.reach(i[j]))
     }
     /// The first choice, at the closed (t, q).
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError>;
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
     /// u for v: `u = S v`.
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().zip(&self.seen().partition.independent).for_each(|(u, &i)| *u = v[i]);
     }
     /// D and γ at the position last evaluated; `factored` where whoever found the position has left the factors there.
-    fn tangent(&mut self, t: f64, _q: &[f64], _factored: bool) -> Result<(), SystemError> {
+    fn tangent(&mut self, t: f64, _q: &[f64], _factored: bool) -> Result<()> {
         self.reduction().tangent(t)
     }
     /// `v = Dᵀ u + γ`, left in the reduction's `v`.                                        (P2)
@@ -68,7 +69,7 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         self.reduction().spread(u);
     }
     /// b, δ and u'.                                                                        (P3)
-    fn accelerate(&mut self, t: f64, q: &[f64], _u: &[f64]) -> Result<(), SystemError> {
+    fn accelerate(&mut self, t: f64, q: &[f64], _u: &[f64]) -> Result<()> {
         self.reduction().velocity(t, q)?;
         self.reduction().acceleration(t, q)
     }
@@ -81,13 +82,13 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         self.seen().full_acceleration(out);
     }
     /// Power of the drives at the last evaluation, −λᵀa.
-    fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+    fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         self.base_mut().driving(t, q)
     }
     /// One correction of q at the position last evaluated; true if it moved.               (33, 34)
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError>;
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool>;
     /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not integrated.
-    fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
         Ok(false)
     }
     /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation depends on.
@@ -99,11 +100,11 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         self.base().fading
     }
     /// The step that was judged is taken; (t, q) is the point last evaluated if this tangent attends.
-    fn accept(&mut self, _t: f64, _q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, _t: f64, _q: &[f64]) -> Result<()> {
         Ok(())
     }
     /// A new choice at (t, q), the point last evaluated with velocities v; true if there is one.
-    fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool, SystemError> {
+    fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool> {
         Ok(false)
     }
     /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number of the
@@ -126,7 +127,7 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         _r: Option<&mut Reduction<'s, S>>,
         _within: Option<&PartitionEvent>,
         _out: &mut Sample,
-    ) -> Result<(), SystemError> {
+    ) -> Result<()> {
         Ok(())
     }
     /// What belongs to the journal of a run besides what all tangents have.

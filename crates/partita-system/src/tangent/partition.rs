@@ -6,6 +6,7 @@
 use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
 use super::{Base, Occasion, Tangent};
+use crate::error::Result;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::options::FormulationOptions;
 use crate::partition::exchange::Exchange;
@@ -60,13 +61,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     }
 
     /// Swap one pair in each of some clusters at the point last evaluated; the position level must be that of `t`.
-    fn exchange(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        pairs: &[Exchange],
-        why: impl Fn(&Exchange) -> String,
-    ) -> Result<(), SystemError> {
+    fn exchange(&mut self, t: f64, q: &[f64], pairs: &[Exchange], why: impl Fn(&Exchange) -> String) -> Result<()> {
         let before = self.base.r.partition.independent.clone();
         let name = |i: usize| self.base.r.system.velocity_name(i);
         let mut next = before.clone();
@@ -87,7 +82,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     }
 
     /// Take the choice of the rule at the point last evaluated.
-    fn obey(&mut self, t: f64, q: &[f64], change: &Change) -> Result<(), SystemError> {
+    fn obey(&mut self, t: f64, q: &[f64], change: &Change) -> Result<()> {
         let before = self.base.r.partition.independent.clone();
         let Some(chooser) = &mut self.chooser else { return Ok(()) };
         chooser.change(&mut self.base.r, t, change)?;
@@ -102,7 +97,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
     }
 
     /// Exchange, or ask the rule, until nothing gains any more.
-    fn choose_anew(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+    fn choose_anew(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         for _ in 0..4 * self.base.r.k() {
             if let Some(chooser) = &mut self.chooser {
                 let Some(change) = chooser.propose(&self.base.r, t)? else { break };
@@ -133,7 +128,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         let o = &self.options;
         let mut chooser = Chooser::new(o.selection, o.exchange, o.weights.as_deref(), o.window)?;
         let reason = chooser.start(&mut self.base.r, t, q, o.independent.as_deref())?;
@@ -142,7 +137,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         self.base.evaluate(t, q, v)?;
         self.base.log(t, q, &[], reason)
     }
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError> {
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
             correct_orthogonally(r, t, q)?;
@@ -178,13 +173,13 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
     fn attends(&self) -> bool {
         self.base.fading || (!self.stays() && self.base.steps_since_scales + 1 >= PERIOD)
     }
-    fn accept(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         if self.base.accept(t, q, !self.stays()) {
             self.refresh_weighted();
         }
         Ok(())
     }
-    fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool, SystemError> {
+    fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool> {
         // what looked better by scales of some steps ago need not be
         self.base.r.refresh_scales(t, q)?;
         self.refresh_weighted();

@@ -10,6 +10,7 @@
 
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{Base, Tangent};
+use crate::error::Result;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::options::TangentMap;
 use crate::record::{Correction, Journal, PartitionEvent, Sample};
@@ -68,7 +69,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         }
     }
 
-    fn basis_vectors(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+    fn basis_vectors(&mut self, t: f64, q: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         self.map.tangent(t, q, &mut r.dt)?;
         self.map.offset(t, q, &mut r.gamma)?;
@@ -79,7 +80,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// δ, then b and u', at the velocities last computed.
-    fn levels(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+    fn levels(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
         if !self.map.bias(t, q, &r.v, &mut r.delta)? {
             self.bias_by_differences(t, q, u)?;
@@ -105,7 +106,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// δ: how `Dᵀ u + γ` changes along the motion with u held fast.
-    fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+    fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         let rate = self.base.r.v.iter().zip(&self.reach).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         // a large move in the time of one unit where nothing moves (only t does)
         let mut s = MOVE / (1.0 + rate);
@@ -141,7 +142,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// `Dᵀ u + γ` where the motion will be (was) after `s`, into `values[i]`.
-    fn velocity_near(&mut self, t: f64, q: &[f64], u: &[f64], s: f64, i: usize) -> Result<(), SystemError> {
+    fn velocity_near(&mut self, t: f64, q: &[f64], u: &[f64], s: f64, i: usize) -> Result<()> {
         let k = u.len();
         self.near.copy_from_slice(q);
         self.step.iter_mut().zip(&self.base.r.v).for_each(|(x, v)| *x = s * v);
@@ -173,7 +174,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// `C Dᵀ = 0` and `C γ + a = 0` at the last position.
-    fn check_tangent(&self) -> Result<(), SystemError> {
+    fn check_tangent(&self) -> Result<()> {
         let k = self.base.r.k();
         for row in 0..self.base.r.size().rows {
             let words = || self.base.r.system.row_words(row);
@@ -201,7 +202,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// `C δ + b = 0` at the last evaluation.
-    fn check_bias(&self) -> Result<(), SystemError> {
+    fn check_bias(&self) -> Result<()> {
         let rate = self.base.r.v.iter().zip(&self.reach).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         for row in 0..self.base.r.size().rows {
             let (sum, size) = self.along(row, |i| self.base.r.delta[i]);
@@ -220,7 +221,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 
     /// u for v by least squares in the mass metric.
-    fn fit(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
+    fn fit(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>> {
         let (n, k) = (v.len(), self.base.r.k());
         let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
         self.base.r.system.velocity(t, q, v, &mut self.base.r.scratch, &mut self.base.r.b)?;
@@ -258,7 +259,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         start::choose_partition(&mut self.base.r, t, q, None, None)?; // for the rows and the scales
         self.base.r.position(t, q)?;
         self.basis_vectors(t, q)?;
@@ -281,14 +282,14 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
     fn select(&mut self, _v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(&self.first);
     }
-    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<(), SystemError> {
+    fn tangent(&mut self, t: f64, q: &[f64], _factored: bool) -> Result<()> {
         self.basis_vectors(t, q)
     }
-    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError> {
+    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         self.levels(t, q, u)
     }
     /// Always by the least move: there are no coordinates that could stay untouched.
-    fn correct(&mut self, t: f64, q: &mut [f64], _rule: Correction) -> Result<bool, SystemError> {
+    fn correct(&mut self, t: f64, q: &mut [f64], _rule: Correction) -> Result<bool> {
         correct_orthogonally(&mut self.base.r, t, q)?;
         Ok(true)
     }
@@ -297,7 +298,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
         r: Option<&mut Reduction<'s, S>>,
         _within: Option<&PartitionEvent>,
         out: &mut Sample,
-    ) -> Result<(), SystemError> {
+    ) -> Result<()> {
         let Some(r) = r.filter(|_| !out.brief) else { return Ok(()) };
         self.map.tangent(out.t, &out.q, &mut self.dt)?;
         let quality = quality_of_tangent(r, &self.dt);
