@@ -1,7 +1,7 @@
 //! All coordinates as states: `q' = N(q) v`.
 //!
-//! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to round-off
-//! because v is computed, not integrated. After a step the remainder of S3 is removed.
+//! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to
+//! round-off because v is computed, not integrated. After a step the remainder of S3 is removed.
 
 use super::{turns, Positions};
 use crate::error::Result;
@@ -36,9 +36,11 @@ impl All {
         self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0
     }
 
-    /// Correct q until the loops are closed to round-off or nothing is gained any more; leaves the position level there.
+    /// Correct q until the loops are closed to round-off or nothing is gained any more; leaves the position level
+    /// there.
     ///
-    /// Two iterations of Newton's method reach round-off from an interpolation error, one more sees that nothing is gained.
+    /// Two iterations of Newton's method reach round-off from an interpolation error, one more sees that nothing is
+    /// gained.
     fn close<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
         &mut self,
         tangent: &mut T,
@@ -77,8 +79,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     fn start(&mut self, _tangent: &mut T, _t: f64, q: &[f64], y: &mut [f64]) {
         y[..q.len()].copy_from_slice(q);
     }
-    /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers there, and
-    /// what one stage leaves open the next one divides again.
+    /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers
+    /// there, and what one stage leaves open the next one divides again.
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool> {
         let nq = self.q.len();
         self.q.copy_from_slice(&y[..nq]);

@@ -1,7 +1,7 @@
 //! Tangent-space parametrisation: 2k states in a chart of the closed positions (Potra, Yen 1991; Yen 1993; Haug).
 //!
-//! From a base position q₀ the mechanism is moved by `q = step(q₀, Δ)`; the chart gives p = S Δ, and Newton's method finds the Δ
-//! with `Φ(q, t) = 0`, `S Δ = p` at every evaluation:
+//! From a base position q₀ the mechanism is moved by `q = step(q₀, Δ)`; the chart gives p = S Δ, and Newton's method
+//! finds the Δ with `Φ(q, t) = 0`, `S Δ = p` at every evaluation:
 //!
 //! ```text
 //! p' = S Δ',   u = S v,   M_d u' = D_S (h + M G b)                                            (36)
@@ -9,12 +9,14 @@
 //!
 //! Without turns in space Δ' = v, so p' = u. A turn in space advances by q₀ exp(Θ), and its rotation vector at the rate
 //! `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
-//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is left for a new one, based where the mechanism stands, when the
-//! quality of S falls, when Newton's method needs many iterations, or when a ball has turned far; (q, v) stay the same.
+//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is left for a new one, based where the
+//! mechanism stands, when the quality of S falls, when Newton's method needs many iterations, or when a ball has turned
+//! far; (q, v) stay the same.
 //!
-//! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or tables must
-//! never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four factorisations of [S; C] per
-//! evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to parametrise and are refused.
+//! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or
+//! tables must never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four
+//! factorisations of [S; C] per evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to parametrise
+//! and are refused.
 
 use super::{turns, Positions};
 use crate::error::Result;
@@ -30,8 +32,8 @@ const ITERATIONS: u32 = 12;
 const MANY: u32 = 7;
 /// Moves below this part of a large one that no longer shrink are round-off.
 const STALLED: f64 = 1e-9;
-/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without bounds
-/// towards 2π, and a quarter of the way there it is still as good as straight ...
+/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without
+/// bounds towards 2π, and a quarter of the way there it is still as good as straight ...
 const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// ... and one that turned this far inside a step spoils the step.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;

@@ -1,9 +1,9 @@
 //! All velocities as states, u = v: one frame for every method that gives `v'` and λ at an instant.
 //!
-//! The position drifts like t² and the velocity like t (`C v' + b = 0` is all that holds by itself), so after a step the
-//! remainders of S3 and S4 are removed: q by the least change in the mass metric (33) or in dependent coordinates alone
-//! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything but
-//! checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
+//! The position drifts like t² and the velocity like t (`C v' + b = 0` is all that holds by itself), so after a step
+//! the remainders of S3 and S4 are removed: q by the least change in the mass metric (33) or in dependent coordinates
+//! alone (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything
+//! but checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
 
 use super::{Base, Tangent};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
@@ -21,8 +21,8 @@ const DEPENDENT: f64 = 1e-14;
 
 /// All velocities of a system, v' and λ by the rule R.
 ///
-/// Of the options it reads `correction`, and `exchange` for the partition that (34) moves; it has no independent coordinates of
-/// its own.
+/// Of the options it reads `correction`, and `exchange` for the partition that (34) moves; it has no independent
+/// coordinates of its own.
 pub struct Everything<'s, S: ConstrainedSystem, R> {
     base: Base<'s, S>,
     rule: R,

@@ -56,8 +56,8 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         Ok(())
     }
 
-    /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and then; true
-    /// if they are.
+    /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and
+    /// then; true if they are.
     pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {
         if std::mem::take(&mut self.fading) {
             // should no better rows be found, the next evaluation tells

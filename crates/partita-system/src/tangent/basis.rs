@@ -16,25 +16,25 @@ pub trait Basis: Send {
 /// The rules of the literature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// Eigenvectors of the zero eigenvalues of CᵀC (Kamman, Huston 1984): orthonormal, they span the null space of C in the
-    /// units at hand. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are told apart only down to √ε,
-    /// 1e-8 of the largest. Cost when frozen: n²m/2 + about 4.5 n³. Of historical interest; prefer `OrthogonalTriangular` for
-    /// the same space at less cost and full accuracy.
+    /// Eigenvectors of the zero eigenvalues of CᵀC (Kamman, Huston 1984): orthonormal, they span the null space of C in
+    /// the units at hand. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are told apart only
+    /// down to √ε, 1e-8 of the largest. Cost when frozen: n²m/2 + about 4.5 n³. Of historical interest; prefer
+    /// `OrthogonalTriangular` for the same space at less cost and full accuracy.
     ZeroEigenvalue,
-    /// Right singular vectors of C (Singh, Likins 1985; Mani, Haug, Atkinson 1985): `C = U Σ [V₁ V₂]ᵀ`, S = V₂ᵀ, orthonormal
-    /// in the units at hand, to full accuracy however small the singular values are. Cost when frozen: about
-    /// 2n²m + 4nm² + 4.5m³, the dearest of the bases and the most reliable. The singular values depend on the units of the
-    /// velocities; the space does not.
+    /// Right singular vectors of C (Singh, Likins 1985; Mani, Haug, Atkinson 1985): `C = U Σ [V₁ V₂]ᵀ`, S = V₂ᵀ,
+    /// orthonormal in the units at hand, to full accuracy however small the singular values are. Cost when frozen:
+    /// about 2n²m + 4nm² + 4.5m³, the dearest of the bases and the most reliable. The singular values depend on the
+    /// units of the velocities; the space does not.
     SingularValues,
-    /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units at hand, the cheapest such
-    /// basis: nm² − m³/3 + (2nm − m²)k when frozen.
+    /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units at hand, the cheapest
+    /// such basis: nm² − m³/3 + (2nm − m²)k when frozen.
     OrthogonalTriangular,
     /// Mass-orthonormal tangent velocities (Liang, Lance 1987; Agrawal, Saigal 1989; Blajer 1995).
     ///
-    /// `D₀ M₀ D₀ᵀ = 1`, S = D₀ M₀: the reduced mass matrix is the identity when the basis is frozen and its quality √μ_S is 1,
-    /// the best there is, whatever the units; u' is the reduced force itself there. The vectors are those of a Gram-Schmidt
-    /// process in the mass metric that begins with the constraints. Cost when frozen: that of `OrthogonalTriangular` +
-    /// n³/6 + n²(m + k)/2. The basis to take where one is to last.
+    /// `D₀ M₀ D₀ᵀ = 1`, S = D₀ M₀: the reduced mass matrix is the identity when the basis is frozen and its quality
+    /// √μ_S is 1, the best there is, whatever the units; u' is the reduced force itself there. The vectors are those of
+    /// a Gram-Schmidt process in the mass metric that begins with the constraints. Cost when frozen: that of
+    /// `OrthogonalTriangular` + n³/6 + n²(m + k)/2. The basis to take where one is to last.
     GramSchmidt,
 }
 
@@ -63,7 +63,8 @@ impl Basis for Rule {
     }
 }
 
-/// Twice is enough: what the first pass leaves of a vector along the others, up to ε times its condition, the second removes.
+/// Twice is enough: what the first pass leaves of a vector along the others, up to ε times its condition, the second
+/// removes.
 const PASSES: usize = 2;
 
 /// Rows of S: mass-orthonormal tangent vectors, seen as covectors.

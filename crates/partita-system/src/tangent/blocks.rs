@@ -1,9 +1,9 @@
 //! The tangent of an explicit closing: the partition whose independent velocities are the inputs of its blocks.
 //!
-//! C_D is block-triangular in the blocks, so its elimination fills nothing but them: A, η and ξ follow block by block (38). The
-//! inputs are those for which the system closes its loops by inverse kinematics; which ones is the system's choice, or the
-//! user's. An input that runs into a dead point of its block is changed between steps where the choice is the system's own.
-//! (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+//! C_D is block-triangular in the blocks, so its elimination fills nothing but them: A, η and ξ follow block by block
+//! (38). The inputs are those for which the system closes its loops by inverse kinematics; which ones is the system's
+//! choice, or the user's. An input that runs into a dead point of its block is changed between steps where the choice
+//! is the system's own. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
 
 use super::base::PERIOD;
 use super::{Base, Occasion, Tangent};
@@ -17,8 +17,8 @@ use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis of a
-/// change of inputs).
+/// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis
+/// of a change of inputs).
 pub struct Blocks<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     fixed: Option<Vec<usize>>,
@@ -78,8 +78,8 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         }
     }
 
-    /// What to say where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive leads, a
-    /// limit of the block that meets its other branch first.
+    /// What to say where two branches meet and the inputs lead no further: a dead point of theirs, or, where a drive
+    /// leads, a limit of the block that meets its other branch first.
     pub fn undecided(&self, t: f64, q: &[f64]) -> SystemError {
         self.at_dead_point(t, q, "would have to go over to its other branch, where it meets this one")
     }

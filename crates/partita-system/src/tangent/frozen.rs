@@ -4,15 +4,15 @@
 //! [D_Sᵀ G] = [S; C]⁻¹,   v = D_Sᵀ u − G a,   v' = D_Sᵀ u' − G b,   (D_S M D_Sᵀ) u' = D_S (h + M G b)          (36)
 //! ```
 //!
-//! Rows of the identity in S are a partition; a [`Basis`] provides others: `zero-eigenvalue`, `svd`, `qr`, `gram-schmidt`. All
-//! give the same accelerations as any other form; they differ in the velocities integrated, in cost and in how long a basis
-//! lasts. With S frozen its quality decays along the motion
-//! as that of a partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
-//! measured by M⁻¹, and the tangent space.
+//! Rows of the identity in S are a partition; a [`Basis`] provides others: `zero-eigenvalue`, `svd`, `qr`,
+//! `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities integrated, in cost
+//! and in how long a basis lasts. With S frozen its quality decays along the motion as that of a partition does, and
+//! the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors measured by M⁻¹, and the
+//! tangent space.
 //!
-//! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3) gives
-//! `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no consequence: a better
-//! one takes its place when an exchange gains.
+//! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3)
+//! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no
+//! consequence: a better one takes its place when an exchange gains.
 
 use super::basis::Basis;
 use super::instant::{block_of_selector, quality_of_selector};
@@ -35,8 +35,8 @@ const POOR: f64 = 4.0;
 
 /// The reduced equations (36) of a system at one point, for a frozen S.
 ///
-/// Computed with `w = L⁻¹ u` in the place of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made orthonormal, so
-/// that pivots do not depend on the units a rule works in.
+/// Computed with `w = L⁻¹ u` in the place of u, where `S M⁻¹ Sᵀ = L Lᵀ` when frozen: the same covectors made
+/// orthonormal, so that pivots do not depend on the units a rule works in.
 pub struct Frozen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     renew: f64,
@@ -264,7 +264,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         self.select(&vdot, du);
         self.x = vdot;
     }
-    /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least move.
+    /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least
+    /// move.
     fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
         let size = self.base.r.size();
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {

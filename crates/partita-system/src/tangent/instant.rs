@@ -1,7 +1,8 @@
-//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one place.
+//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one
+//! place.
 //!
-//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a tangent
-//! share this; the full equations put their own in their place.
+//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a
+//! tangent share this; the full equations put their own in their place.
 
 use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
@@ -11,7 +12,8 @@ use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 
-/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it allocates.
+/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it
+/// allocates.
 pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
@@ -20,8 +22,8 @@ pub struct Describer<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
-    /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those whose
-    /// quality is told by them.
+    /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
+    /// whose quality is told by them.
     pub fn new(system: &'s S, rank: usize, dense: bool) -> Self {
         Self { system, rank, dense, probe: None }
     }
@@ -161,7 +163,8 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
     Ok(criterion::quality(md.data(), &lengths, block.data()))
 }
 
-/// σ of tangent velocities with the matrix `dt` (n x k), at the last evaluation of r: they span the tangent space exactly.
+/// σ of tangent velocities with the matrix `dt` (n x k), at the last evaluation of r: they span the tangent space
+/// exactly.
 pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f64]) -> Quality {
     let k = r.k();
     // the rows of the independent velocities tell how the one basis follows from the other: Dᵀ = D_Iᵀ T
@@ -174,8 +177,8 @@ pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f
     quality_of_exact(md.data(), k)
 }
 
-/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in units of
-/// the velocities themselves; 0 where they depend on each other.
+/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in
+/// units of the velocities themselves; 0 where they depend on each other.
 pub(super) fn quality_of_exact(md: &[f64], k: usize) -> Quality {
     let mut factor = md.to_vec();
     if dense::cholesky(&mut factor, k).is_err() {

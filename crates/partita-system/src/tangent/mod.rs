@@ -31,8 +31,8 @@ pub enum Occasion {
 /// A tangent basis in use.
 ///
 /// Levels follow each other: the reduction's `position`, then [`tangent`](Self::tangent), [`spread`](Self::spread),
-/// [`accelerate`](Self::accelerate). What is not said otherwise is that of independent velocities, the reduction's partition;
-/// what a basis is chosen by, and when it is to be chosen anew, is its own.
+/// [`accelerate`](Self::accelerate). What is not said otherwise is that of independent velocities, the reduction's
+/// partition; what a basis is chosen by, and when it is to be chosen anew, is its own.
 pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     /// What all tangents have.
     fn base(&self) -> &Base<'s, S>;
@@ -87,11 +87,13 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     }
     /// One correction of q at the position last evaluated; true if it moved.               (33, 34)
     fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool>;
-    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not integrated.
+    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
+    /// integrated.
     fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
         Ok(false)
     }
-    /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation depends on.
+    /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation
+    /// depends on.
     fn judge(&mut self, _t: f64, _q: &[f64]) -> Verdict {
         Verdict::Keep
     }
@@ -107,8 +109,8 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool> {
         Ok(false)
     }
-    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number of the
-    /// plan it was measured with. `None`: the basis does not suffer there.
+    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number
+    /// of the plan it was measured with. `None`: the basis does not suffer there.
     fn margin(&mut self) -> Option<(f64, u64)> {
         None
     }
@@ -116,12 +118,13 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
         e
     }
-    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is no choice of them.
+    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is no choice of
+    /// them.
     fn independent<'a>(&'a self, _within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         None
     }
-    /// What the basis of `within`, or of the one in use, puts in the place of what independent velocities tell of `out`; r was
-    /// evaluated there, none where the position is singular.
+    /// What the basis of `within`, or of the one in use, puts in the place of what independent velocities tell of
+    /// `out`; r was evaluated there, none where the position is singular.
     fn describe(
         &mut self,
         _r: Option<&mut Reduction<'s, S>>,

@@ -269,13 +269,10 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
         self.levels(t, q, &u)?;
         self.check_bias()?;
         self.first = u;
-        let (r, reason) = (
-            &self.base.r,
-            "the user's tangent velocities are integrated; named is the best choice of coordinates at this time",
-        );
+        let (r, named) = (&self.base.r, "named is the best choice of coordinates at this time");
+        let reason = format!("the user's tangent velocities are integrated; {named}");
         let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
-        self.base.events =
-            vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason.into(), quality)];
+        self.base.events = vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality)];
         Ok(())
     }
     /// The u that was fitted to the start; there is no other choice later.

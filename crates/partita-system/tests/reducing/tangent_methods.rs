@@ -124,7 +124,7 @@ fn identities_of_the_selector() {
             x.rates(&mut udot);
             let (d, minv) = (columns(&mut x, &u), inverse(&e.mass));
             for j in 0..k {
-                // the column of [S; C]⁻¹ that belongs to the j-th orthonormal covector: Φ is left over where it is solved for none
+                // the column of [S; C]⁻¹ of the j-th orthonormal covector; solved for none, what belongs to Φ is left
                 let mut solved = |value: f64| {
                     let (mut values, mut column) = (vec![0.0; k], vec![0.0; n]);
                     values[j] = value;
