@@ -2,6 +2,9 @@
 
 use thiserror::Error;
 
+/// What was asked of a system, or why it could not be evaluated.
+pub type Result<T, E = SystemError> = std::result::Result<T, E>;
+
 /// Why a system could not be evaluated.
 #[derive(Debug, Error)]
 pub enum SystemError {

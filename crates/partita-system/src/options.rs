@@ -1,22 +1,23 @@
 //! What a formulation may be told. Each reads what concerns it; what it needs and does not find it asks for.
 
+use crate::error::{Result, SystemError};
 use crate::partition::Selection;
 use crate::record::Correction;
 use crate::start;
-use crate::system::SystemError;
+
 use std::sync::Arc;
 
 /// Tangent velocities of the user: `v = Dᵀ(t, q) u + γ(t, q)`, `v' = Dᵀ u' + δ(t, q, v)`.
 pub trait TangentMap: Send + Sync {
     /// `Dᵀ` (nv x k), row by row, with `C Dᵀ = 0`.
-    fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<(), SystemError>;
+    fn tangent(&self, t: f64, q: &[f64], dt: &mut [f64]) -> Result<()>;
     /// `γ` (nv) with `C γ + a = 0`. Zero where the constraints do not depend on time.
-    fn offset(&self, _t: f64, _q: &[f64], gamma: &mut [f64]) -> Result<(), SystemError> {
+    fn offset(&self, _t: f64, _q: &[f64], gamma: &mut [f64]) -> Result<()> {
         gamma.fill(0.0);
         Ok(())
     }
     /// `δ = (dDᵀ/dt) u + dγ/dt` (nv) at v; false: not known, to be found by differences along the motion.
-    fn bias(&self, _t: f64, _q: &[f64], _v: &[f64], _delta: &mut [f64]) -> Result<bool, SystemError> {
+    fn bias(&self, _t: f64, _q: &[f64], _v: &[f64], _delta: &mut [f64]) -> Result<bool> {
         Ok(false)
     }
 }
@@ -50,7 +51,7 @@ impl FormulationOptions {
     ///
     /// # Errors
     /// `Request`, with the option, what was given and what to give.
-    pub fn check(&self, n: usize) -> Result<(), SystemError> {
+    pub fn check(&self, n: usize) -> Result<()> {
         let refuse = |message: String| Err(SystemError::Request(message));
         if self.exchange.is_nan() || self.exchange < 1.0 {
             return refuse(format!(

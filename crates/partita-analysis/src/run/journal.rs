@@ -162,5 +162,5 @@ fn describe<F: partita_system::formulation::Formulation + ?Sized>(
     events: &[PartitionEvent],
     sample: &mut Sample,
 ) -> Result<(), SystemError> {
-    f.describe(output.t, &output.q, &output.v, events.get(output.choice), sample)
+    f.describe(output, events.get(output.choice), sample)
 }

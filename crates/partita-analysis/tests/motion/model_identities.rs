@@ -6,8 +6,7 @@ use crate::mechanisms::{
 use partita_math::dense::{self, Matrix};
 use partita_model::{Evaluator, Model};
 use partita_system::equations::full::saddle::Saddle;
-use partita_system::formulation::full::FullState;
-use partita_system::formulation::motion::Projective;
+use partita_system::formulation::motion::{FullState, Projective};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Output, Sample};

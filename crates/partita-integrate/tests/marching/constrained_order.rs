@@ -223,15 +223,8 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
         self.inner.state_at(t, y, out)
     }
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError> {
-        self.inner.describe(t, q, v, within, out)
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
+        self.inner.describe(at, within, out)
     }
     fn journal(&self) -> Journal {
         self.inner.journal()

@@ -1,13 +1,12 @@
-//! Rules that turn S1-S5 into ordinary differential equations: a tangent basis times position coordinates, or all of both.
+//! Rules that turn S1-S5 into ordinary differential equations: a tangent basis times position coordinates.
 
-pub mod full;
 pub mod motion;
 pub mod registry;
 
 use crate::record::{Journal, Output, PartitionEvent, Sample};
 
+use crate::error::Result;
 pub use crate::record::Verdict;
-use crate::system::SystemError;
 
 pub use crate::singular::change_point::Pace;
 
@@ -39,42 +38,35 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
 
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back.
 ///
-/// `derivative` is called at any point near the motion; `trial_end` at the end of a step that may be taken; `commit` when it
-/// is, after the outputs inside it. Before `commit` nothing changes what a later evaluation gives, so a step is given up by
-/// forgetting it.
+/// `derivative` is called at any point near the motion; `trial_end` at the end of a step that may be taken; `commit`
+/// when it is, after the outputs inside it. Before `commit` nothing changes what a later evaluation gives, so a step is
+/// given up by forgetting it.
 pub trait Formulation {
     /// Length of y.
     fn dim(&self) -> usize;
     /// How many leading components of y the step size answers for.
     fn controlled(&self) -> usize;
     /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
-    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked again
-    /// after `start` and wherever `commit` rewrites.
+    /// rates [1/s]. Absolute tolerances are in these, so that they mean the same for a watch and for a crane. Asked
+    /// again after `start` and wherever `commit` rewrites.
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
     }
     /// Take over the assembled state and write y.
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError>;
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
     /// `y' = f(t, y)`.
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError>;
-    /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known` tells that
-    /// dy holds `f(t, y)` from the last evaluation. The second answer is true where f was evaluated anew.
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool)
-        -> Result<(Verdict, bool), SystemError>;
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()>;
+    /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
+    /// tells that dy holds `f(t, y)` from the last evaluation. The second answer is true where f was evaluated anew.
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError>;
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError>;
-    /// Everything else at a closed (t, q, v), with the choice of `within`, an event of this run or of one with the same options
-    /// (`None`: with the choice in use); turns and work are left to the caller. May be asked before `start` and after the run.
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError>;
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
+    /// same options (`None`: with the choice in use); turns and work are left to the caller. May be asked before
+    /// `start` and after the run.
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
     fn journal(&self) -> Journal;
 }
@@ -88,9 +80,9 @@ impl Sample {
         formulation: &mut F,
         output: &Output,
         events: &[PartitionEvent],
-    ) -> Result<Self, SystemError> {
+    ) -> Result<Self> {
         let mut sample = Self::default();
-        formulation.describe(output.t, &output.q, &output.v, events.get(output.choice), &mut sample)?;
+        formulation.describe(output, events.get(output.choice), &mut sample)?;
         sample.turns.clone_from(&output.turns);
         sample.work = output.work;
         Ok(sample)
@@ -107,37 +99,24 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn natural_sizes(&self, out: &mut [f64]) {
         (**self).natural_sizes(out);
     }
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
         (**self).start(t, q, v, y)
     }
     #[inline]
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         (**self).derivative(t, y, dy)
     }
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
         (**self).trial_end(t, y, dy, known)
     }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
     }
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)
     }
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError> {
-        (**self).describe(t, q, v, within, out)
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
+        (**self).describe(at, within, out)
     }
     fn journal(&self) -> Journal {
         (**self).journal()

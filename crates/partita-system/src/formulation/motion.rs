@@ -1,4 +1,4 @@
-//! The motion in a tangent basis times position coordinates: the one implementation of all reduced forms.
+//! The motion in a tangent basis times position coordinates: the one implementation of all forms.
 //!
 //! ```text
 //! y = (position coordinates, u, work),   v = Dᵀ u + γ,   M_d u' = D (h − M δ)                 (F1)
@@ -8,6 +8,8 @@
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
 use super::{Formulation, Step, Verdict};
+use crate::equations::full::AccelerationRule;
+use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -20,15 +22,14 @@ use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Passage, Probe};
 use crate::singular::crossing::{Seam, Trail};
 use crate::system::{ConstrainedSystem, SystemError};
-use crate::tangent::basis::gram_schmidt::GramSchmidt;
-use crate::tangent::basis::Basis;
+use crate::tangent::all::Everything;
+use crate::tangent::basis::{Basis, Rule};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::frozen::Frozen;
 use crate::tangent::instant::Describer;
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
-use partita_math::dense;
 
 /// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
 /// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
@@ -72,7 +73,6 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     open: (f64, f64),
     v: Vec<f64>,
     vdot: Vec<f64>,
-    residual: Vec<f64>,
 }
 
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
@@ -87,6 +87,8 @@ pub type TangentVelocities<'s, S> = Motion<'s, S, Frozen<'s, S>, All>;
 pub type TangentSpace<'s, S> = Motion<'s, S, Frozen<'s, S>, Chart>;
 /// The user's basis and all coordinates.
 pub type UserTangent<'s, S> = Motion<'s, S, Given<'s, S>, All>;
+/// All coordinates and all velocities, by the rule R.
+pub type FullState<'s, S, R> = Motion<'s, S, Everything<'s, S, R>, All>;
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
@@ -99,7 +101,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
 
 impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows. There is nothing left to correct.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
         let positions = Independent::new(system, rank, Newton::default());
         Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
@@ -108,7 +110,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
 
 impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     /// For a system of the given rank. There must be no nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
         let positions = Independent::new(system, rank, InverseKinematics::default());
         Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
@@ -125,16 +127,16 @@ impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
 
 impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     /// For a system of the given rank without nonholonomic rows.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "tangent-space", "parametrises closed positions")?;
-        let tangent = Frozen::new(system, rank, Box::new(GramSchmidt), options.renew);
+        let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
         Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
     }
 }
 
 impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     /// For a system of the given rank; needs the user's tangent velocities in the options. Their functions may count whole turns.
-    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self, SystemError> {
+    pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         let Some(map) = &options.tangent else {
             let message =
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
@@ -145,14 +147,24 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
     }
 }
 
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
+    /// For a system of the given rank, with v' and λ from a rule.
+    pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+        let name = rule.name();
+        let tangent = Everything::new(system, rank, rule, options);
+        let positions = All::new(system.size().nq, tangent.correction);
+        Self::with(name, system, tangent, positions)
+    }
+}
+
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
         let (n, r) = (system.size().nv, tangent.seen());
         Self {
             name,
             system,
-            k: r.k(),
-            describer: if r.is_dense() { Describer::dense(system, r.rank()) } else { Describer::new(system, r.rank()) },
+            k: tangent.count(),
+            describer: Describer::new(system, r.rank(), r.is_dense()),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
@@ -174,7 +186,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             open: (0.0, 0.0),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
-            residual: vec![0.0; n],
         }
     }
 
@@ -207,7 +218,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// All levels at (t, y).
-    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<(), SystemError> {
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         let (p, w) = self.places();
         let factored = self.positions.locate(&mut self.tangent, t, y, self.passing)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
@@ -220,7 +231,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// Rates of all states at the point last evaluated.
-    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         let (p, w) = self.places();
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         self.tangent.rates(&mut dy[p..w]);
@@ -231,23 +242,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
-    ///
-    /// −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
-    fn power(&mut self, t: f64) -> Result<f64, SystemError> {
+    fn power(&mut self, t: f64) -> Result<f64> {
         let q = self.positions.q();
         let r = self.tangent.reduction();
-        let mut p = r.system.power(t, q, &r.v, &mut r.scratch)?;
-        if self.system.rheonomic() {
-            self.tangent.full_acceleration(&mut self.vdot);
-            let r = self.tangent.reduction();
-            r.system.inverse_dynamics(t, q, &r.v, &self.vdot, &mut r.scratch, &mut self.residual)?;
-            p += dense::dot(&self.residual, self.tangent.offset());
-        }
-        Ok(p)
+        let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
+        Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
-    fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool, SystemError> {
+    fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.places();
         self.v.copy_from_slice(&self.tangent.seen().v);
         self.tangent.full_acceleration(&mut self.vdot);
@@ -256,8 +259,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return Ok(false);
         }
         self.positions.rewrite(&mut self.tangent, &q, y);
-        self.tangent.select(&self.v, &mut y[p..w])?;
-        self.tangent.select(&self.vdot, &mut dy[p..w])?; // S δ = 0
+        self.tangent.select(&self.v, &mut y[p..w]);
+        self.tangent.select(&self.vdot, &mut dy[p..w]); // S δ = 0
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         Ok(true)
@@ -338,7 +341,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let (t, mut q) = (past.t, past.q);
         self.tangent.resume(t, &mut q, &past.v)?;
         self.positions.start(&mut self.tangent, t, &q, step.y);
-        self.tangent.select(&past.v, &mut step.y[p..w])?;
+        self.tangent.select(&past.v, &mut step.y[p..w]);
         if self.observes_work {
             step.y[w] = past.work;
         }
@@ -409,34 +412,30 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let mut of_q = vec![1.0; self.system.size().nq];
         super::sizes_of_coordinates(self.system, &mut of_q);
         self.positions.sizes(&of_q, &mut out[..p]);
-        // other tangent velocities are measured by the mass metric already
-        let independent = self.tangent.independent(None).unwrap_or(&[]);
-        out[p..w].iter_mut().zip(independent).for_each(|(x, &i)| *x = self.system.reach(i));
+        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
 
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
-        self.tangent.select(v, &mut y[p..w])
+        self.tangent.select(v, &mut y[p..w]);
+        Ok(())
     }
 
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         self.moved = true;
         self.evaluate(t, y)?;
         self.rates(t, y, dy)
     }
 
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
-        let evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
+        let (p, w) = self.places();
+        let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
+        let (of_q, rest) = y.split_at_mut(p);
+        evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
         if evaluates {
             self.derivative(t, y, dy)?;
         }
@@ -461,7 +460,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok((verdict, evaluates))
     }
 
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         let t = step.t;
         if verdict == Verdict::Repeat {
             if self.lost {
@@ -497,40 +496,30 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok(rewritten)
     }
 
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         let (p, w) = self.places();
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
         self.tangent.tangent(t, self.positions.q(), factored)?;
-        self.tangent.spread(&y[p..w]);
+        let u = &mut self.v[..w - p];
+        u.copy_from_slice(&y[p..w]);
+        self.tangent.settle(t, self.positions.q(), u)?;
+        self.tangent.spread(u);
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
-        out.choice = self.tangent.events().len().saturating_sub(1);
+        out.choice = self.tangent.base().events().len().saturating_sub(1);
         Ok(())
     }
 
-    fn describe(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        within: Option<&PartitionEvent>,
-        out: &mut Sample,
-    ) -> Result<(), SystemError> {
-        let Some(r) = self.describer.describe(t, q, v, self.tangent.independent(within), out)? else { return Ok(()) };
-        if out.brief {
-            return Ok(());
-        }
-        if let Some(quality) = self.tangent.quality(r, t, q, within)? {
-            (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
-        }
-        Ok(())
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
+        let r = self.describer.describe(at, self.tangent.independent(within), out)?;
+        self.tangent.describe(r, within, out)
     }
 
     fn journal(&self) -> Journal {
         let mut journal =
             Journal { name: self.name, passages: self.passage.times.clone(), open: self.open, ..Journal::default() };
-        journal.events = self.tangent.events().to_vec();
+        self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);
         journal

@@ -1,18 +1,15 @@
 //! All formulations by name.
 
-use super::full::FullState;
-use super::motion::{ExplicitClosing, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
+use super::motion::{ExplicitClosing, FullState, Projective, TangentSpace, TangentVelocities, UserTangent, WehageHaug};
 use super::Formulation;
 use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;
 use crate::equations::full::range_space::Range;
 use crate::equations::full::saddle::Saddle;
+use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::system::{ConstrainedSystem, SystemError};
-use crate::tangent::basis::gram_schmidt::GramSchmidt;
-use crate::tangent::basis::qr::OrthogonalTriangular;
-use crate::tangent::basis::svd::SingularValues;
-use crate::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
+use crate::tangent::basis::Rule;
 
 /// Names, the default first.
 pub const NAMES: &[&str] = &[
@@ -41,10 +38,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     system: &'s S,
     rank: usize,
     options: &FormulationOptions,
-) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
+) -> Result<Box<dyn Formulation + Send + 's>> {
     let (o, size) = (options, system.size());
     o.check(size.nv)?;
-    let frozen = |basis| Box::new(TangentVelocities::new(system, rank, basis, o));
+    let frozen = |rule| Box::new(TangentVelocities::new(system, rank, Box::new(rule), o));
     Ok(match name {
         "projective" => Box::new(Projective::new(system, rank, o)),
         "fixed" => {
@@ -53,10 +50,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         }
         "wehage-haug" => Box::new(WehageHaug::new(system, rank, o)?),
         "explicit-closing" => Box::new(ExplicitClosing::new(system, rank, o)?),
-        "zero-eigenvalue" => frozen(Box::new(ZeroEigenvalue)),
-        "svd" => frozen(Box::new(SingularValues)),
-        "qr" => frozen(Box::new(OrthogonalTriangular)),
-        "gram-schmidt" => frozen(Box::new(GramSchmidt)),
+        "zero-eigenvalue" => frozen(Rule::ZeroEigenvalue),
+        "svd" => frozen(Rule::SingularValues),
+        "qr" => frozen(Rule::OrthogonalTriangular),
+        "gram-schmidt" => frozen(Rule::GramSchmidt),
         "tangent-space" => Box::new(TangentSpace::new(system, rank, o)?),
         "user-tangent" => Box::new(UserTangent::new(system, rank, o)?),
         "multipliers" => Box::new(FullState::new(system, rank, Saddle::new(size.nv, rank), o)),

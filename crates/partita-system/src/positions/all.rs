@@ -1,12 +1,13 @@
 //! All coordinates as states: `q' = N(q) v`.
 //!
-//! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to round-off
-//! because v is computed, not integrated. After a step the remainder of S3 is removed.
+//! No equation for q_D is solved inside a step: along solutions Φ is a first integral, and `C v + a = 0` holds to
+//! round-off because v is computed, not integrated. After a step the remainder of S3 is removed.
 
-use super::correction::close_with;
 use super::{turns, Positions};
+use crate::error::Result;
 use crate::record::{Correction, Journal};
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::reduction::Reduction;
+use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
 
 /// q itself (nq states).
@@ -15,18 +16,54 @@ pub struct All {
     /// May angles lose whole turns?
     wraps: bool,
     q: Vec<f64>,
+    last: Vec<f64>,
     corrections: u64,
 }
 
 impl All {
     /// For nq coordinates.
     pub fn new(nq: usize, correction: Correction) -> Self {
-        Self { correction, wraps: true, q: vec![0.0; nq], corrections: 0 }
+        Self { correction, wraps: true, q: vec![0.0; nq], last: vec![0.0; nq], corrections: 0 }
     }
 
     /// Angles keep their whole turns: somebody counts on them.
     pub fn whole_turns(self) -> Self {
         Self { wraps: false, ..self }
+    }
+
+    /// Is there nothing to correct?
+    fn stays<S: ConstrainedSystem>(&self, r: &Reduction<S>) -> bool {
+        self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0
+    }
+
+    /// Correct q until the loops are closed to round-off or nothing is gained any more; leaves the position level
+    /// there.
+    ///
+    /// Two iterations of Newton's method reach round-off from an interpolation error, one more sees that nothing is
+    /// gained.
+    fn close<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
+        &mut self,
+        tangent: &mut T,
+        t: f64,
+        rule: Correction,
+    ) -> Result<()> {
+        let mut left = f64::INFINITY;
+        for _ in 0..8 {
+            tangent.reduction().position(t, &self.q)?;
+            let now = tangent.seen().closure();
+            if now >= left {
+                self.q.copy_from_slice(&self.last);
+                break;
+            }
+            let done = tangent.seen().is_closed() || (left.is_finite() && now > 0.25 * left);
+            self.last.copy_from_slice(&self.q);
+            left = now;
+            // what cannot be removed here, next to a singular position, stays
+            if done || !matches!(tangent.correct(t, &mut self.q, rule), Ok(true)) {
+                break;
+            }
+        }
+        tangent.reduction().position(t, &self.q)
     }
 }
 
@@ -42,21 +79,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     fn start(&mut self, _tangent: &mut T, _t: f64, q: &[f64], y: &mut [f64]) {
         y[..q.len()].copy_from_slice(q);
     }
-    /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers there, and
-    /// what one stage leaves open the next one divides again.
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool, SystemError> {
+    /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers
+    /// there, and what one stage leaves open the next one divides again.
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool> {
         let nq = self.q.len();
         self.q.copy_from_slice(&y[..nq]);
-        let r = tangent.reduction();
-        r.position(t, &self.q)?;
-        let size = r.size();
-        if passing && size.rows == size.holonomic && r.rank() > 0 {
-            for _ in 0..3 {
-                if tangent.reduction().is_closed() || !tangent.correct(t, &mut self.q, Correction::Partition)? {
-                    break;
-                }
-                tangent.reduction().position(t, &self.q)?;
-            }
+        let size = tangent.seen().size();
+        match passing && size.rows == size.holonomic && tangent.seen().rank() > 0 {
+            true => self.close(tangent, t, Correction::Partition)?,
+            false => tangent.reduction().position(t, &self.q)?,
         }
         Ok(false)
     }
@@ -67,10 +98,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         let (nq, r) = (self.q.len(), tangent.reduction());
         r.system.rate(&self.q, &r.v, &mut dy[..nq]);
     }
-    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
         let (q, r) = (&mut y[..self.q.len()], tangent.reduction());
         let moved = r.system.normalise(q);
-        if self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0 {
+        if self.stays(r) {
             return Ok(moved);
         }
         r.position(t, q)?;
@@ -80,25 +111,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         self.corrections += 1;
         Ok(true)
     }
-    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool, SystemError> {
+    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
         let nq = self.q.len();
         self.q.copy_from_slice(&y[..nq]);
-        let r = tangent.reduction();
-        r.system.normalise(&mut self.q);
-        if self.correction == Correction::None || r.size().holonomic == 0 || r.rank() == 0 {
-            r.position(t, &self.q)?;
-            return Ok(false);
-        }
-        let open = |tangent: &mut &mut T, q: &[f64]| {
-            let r = tangent.reduction();
-            r.position(t, q)?;
-            Ok((!r.is_closed()).then(|| r.closure()))
-        };
-        // what cannot be removed here, next to a singular position, stays
-        let step = |tangent: &mut &mut T, q: &mut [f64]| Ok(matches!(tangent.correct(t, q, self.correction), Ok(true)));
-        let mut x = tangent;
-        if !close_with(&mut x, &mut self.q, open, step)? {
-            x.reduction().position(t, &self.q)?;
+        tangent.seen().system.normalise(&mut self.q);
+        match self.stays(tangent.seen()) {
+            true => tangent.reduction().position(t, &self.q)?,
+            false => self.close(tangent, t, self.correction)?,
         }
         Ok(false)
     }

@@ -1,7 +1,7 @@
 //! Tangent-space parametrisation: 2k states in a chart of the closed positions (Potra, Yen 1991; Yen 1993; Haug).
 //!
-//! From a base position q₀ the mechanism is moved by `q = step(q₀, Δ)`; the chart gives p = S Δ, and Newton's method finds the Δ
-//! with `Φ(q, t) = 0`, `S Δ = p` at every evaluation:
+//! From a base position q₀ the mechanism is moved by `q = step(q₀, Δ)`; the chart gives p = S Δ, and Newton's method
+//! finds the Δ with `Φ(q, t) = 0`, `S Δ = p` at every evaluation:
 //!
 //! ```text
 //! p' = S Δ',   u = S v,   M_d u' = D_S (h + M G b)                                            (36)
@@ -9,17 +9,21 @@
 //!
 //! Without turns in space Δ' = v, so p' = u. A turn in space advances by q₀ exp(Θ), and its rotation vector at the rate
 //! `Θ' = ω + ½ Θ×ω + c(θ) Θ×(Θ×ω)` for body rates ω (46). S is mass-orthonormal when frozen (see
-//! [`gram_schmidt`](crate::tangent::basis::gram_schmidt)). The chart is left for a new one, based where the mechanism stands, when the
-//! quality of S falls, when Newton's method needs many iterations, or when a ball has turned far; (q, v) stay the same.
+//! [`Rule::GramSchmidt`](crate::tangent::basis::Rule::GramSchmidt)). The chart is left for a new one, based where the
+//! mechanism stands, when the quality of S falls, when Newton's method needs many iterations, or when a ball has turned
+//! far; (q, v) stay the same.
 //!
-//! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or tables must
-//! never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four factorisations of [S; C] per
-//! evaluation, n³/3 each. Nonholonomic rows have no positions to parametrise and are refused.
+//! The loops are closed to round-off at every stage, with nothing to correct afterwards: prefer it where forces or
+//! tables must never see open loops, or where 2k states matter (long smooth arcs); it costs some two to four
+//! factorisations of [S; C] per evaluation, of C_D and of S Dᵀ each. Nonholonomic rows have no positions to parametrise
+//! and are refused.
 
 use super::{turns, Positions};
+use crate::error::Result;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
+use crate::tangent::Tangent;
 use partita_math::dense;
 
 /// Newton's method squares the error: from a stage away (1e-2 of a large move) it is at round-off after five.
@@ -28,8 +32,8 @@ const ITERATIONS: u32 = 12;
 const MANY: u32 = 7;
 /// Moves below this part of a large one that no longer shrink are round-off.
 const STALLED: f64 = 1e-9;
-/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without bounds
-/// towards 2π, and a quarter of the way there it is still as good as straight ...
+/// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without
+/// bounds towards 2π, and a quarter of the way there it is still as good as straight ...
 const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// ... and one that turned this far inside a step spoils the step.
 const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
@@ -47,6 +51,8 @@ pub struct Chart {
     trial: Vec<f64>,
     q: Vec<f64>,
     w: Vec<f64>,
+    /// What is missing of w.
+    miss: Vec<f64>,
     rhs: Vec<f64>,
     covectors: Vec<f64>,
     iterations: u32,
@@ -56,7 +62,7 @@ pub struct Chart {
 impl Chart {
     /// For a system of the given rank without nonholonomic rows. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
-    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self, SystemError> {
+    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self> {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Ok(Self {
@@ -69,6 +75,7 @@ impl Chart {
             trial: vec![0.0; n],
             q: vec![0.0; size.nq],
             w: vec![0.0; k],
+            miss: vec![0.0; k],
             rhs: vec![0.0; n],
             covectors: vec![0.0; k * n],
             iterations: 0,
@@ -81,8 +88,8 @@ impl Chart {
     }
 
     /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
-    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<(), SystemError> {
-        let (n, k) = (self.delta.len(), self.w.len());
+    fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<()> {
+        let n = self.delta.len();
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
         self.delta.copy_from_slice(&self.accepted);
@@ -97,22 +104,22 @@ impl Chart {
                 )));
             }
             self.q.copy_from_slice(&self.base);
-            x.r.system.step(&mut self.q, &self.delta);
-            x.r.position(t, &self.q)?;
-            self.factor(x, t)?;
-            for j in 0..k {
-                self.rhs[j] = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
+            let r = x.reduction();
+            r.system.step(&mut self.q, &self.delta);
+            r.position(t, &self.q)?;
+            self.turn_covectors(x);
+            let covectors = (!self.balls.is_empty()).then_some(&self.covectors[..]);
+            x.solve_levels(t, &self.q, covectors)?;
+            for (j, miss) in self.miss.iter_mut().enumerate() {
+                *miss = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
             }
-            for (rhs, &row) in self.rhs[k..].iter_mut().zip(&x.r.partition.rows) {
-                *rhs = -x.r.phi[row];
-            }
-            x.solve(&mut self.rhs);
+            x.solve(covectors, &mut self.miss, &mut self.rhs);
             let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
             let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
-            let settled = moved <= 4.0 * f64::EPSILON * far && x.r.is_closed();
+            let settled = moved <= 4.0 * f64::EPSILON * far && x.seen().is_closed();
             if settled || (moved < STALLED * far && moved > 0.25 * before) {
                 if !self.balls.is_empty() {
-                    x.factor(t)?;
+                    x.factor(t, None)?;
                 }
                 return Ok(());
             }
@@ -133,21 +140,16 @@ impl Chart {
         Err(self.bent(t, reason))
     }
 
-    /// Factor [S T⁻¹; C] at the last position: the rows that tell p' from v, above those of C.
-    fn factor<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64) -> Result<(), SystemError> {
-        if self.balls.is_empty() {
-            return x.factor(t);
-        }
-        let n = self.delta.len();
+    /// Rows of S T⁻¹, which tell p' from v; none where they are those of S.
+    fn turn_covectors<S: ConstrainedSystem>(&mut self, x: &Frozen<S>) {
         self.covectors.copy_from_slice(x.orthonormal());
-        for row in self.covectors.chunks_exact_mut(n) {
+        for row in self.covectors.chunks_exact_mut(self.delta.len()) {
             for b in &self.balls {
                 // (T⁻¹)ᵀ turns the other way
                 let s = turn_rate(b.map(|i| -self.delta[i]), b.map(|i| row[i]));
                 (0..3).for_each(|i| row[b[i]] = s[i]);
             }
         }
-        x.factor_with(t, &self.covectors)
     }
 
     fn largest_turn(&self) -> f64 {
@@ -167,7 +169,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.accepted.fill(0.0);
         y[..self.w.len()].fill(0.0);
     }
-    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool, SystemError> {
+    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool> {
         self.find(x, t, &y[..self.w.len()])?;
         Ok(true)
     }
@@ -179,15 +181,15 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         if self.balls.is_empty() {
             dy[..k].copy_from_slice(u); // S v = u + S γ, and S γ = 0
         } else {
-            self.rhs.copy_from_slice(&x.r.v);
+            self.rhs.copy_from_slice(&x.seen().v);
             turned_back(&self.balls, &self.delta, &mut self.rhs);
-            x.values(&self.rhs, &mut dy[..k]);
+            x.select(&self.rhs, &mut dy[..k]);
         }
     }
-    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
         Ok(false) // closed at every evaluation
     }
-    fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool, SystemError> {
+    fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
         self.locate(x, t, y, false)
     }
     fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
@@ -211,7 +213,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     }
     fn rewrite(&mut self, x: &mut Frozen<'s, S>, q: &[f64], y: &mut [f64]) {
         self.base.copy_from_slice(q);
-        x.r.system.normalise(&mut self.base);
+        x.seen().system.normalise(&mut self.base);
         self.q.copy_from_slice(&self.base);
         self.accepted.fill(0.0);
         self.delta.fill(0.0);
@@ -220,10 +222,10 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
     /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
     fn wrap(&mut self, x: &Frozen<'s, S>, _y: &mut [f64], turns: &mut [i32]) -> bool {
         let mut q = self.base.clone();
-        x.r.system.step(&mut q, &self.accepted);
+        x.seen().system.step(&mut q, &self.accepted);
         for (i, q) in q.into_iter().enumerate() {
             let mut angle = q;
-            if turns::reduce_one(x.r.system, i, &mut angle, &mut turns[i]) {
+            if turns::reduce_one(x.seen().system, i, &mut angle, &mut turns[i]) {
                 self.base[i] += angle - q;
             }
         }
@@ -241,7 +243,7 @@ fn larger(m: f64, x: f64) -> f64 {
 }
 
 /// Velocities that form a ball: three that change the same quaternion.
-fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>, SystemError> {
+fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     let n = system.size().nv;
     let mut found: Vec<(usize, Vec<usize>)> = Vec::new();
     for i in 0..n {

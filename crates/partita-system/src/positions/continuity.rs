@@ -9,39 +9,27 @@
 /// short it is, while no acceleration accounts for that.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Continuity {
-    t: f64,
-    v: Vec<f64>,
-    vdot: Vec<f64>,
-    /// Time, velocities and accelerations at the start of the last step, where there was one.
-    before: Option<f64>,
-    v_before: Vec<f64>,
-    vdot_before: Vec<f64>,
-    /// Nearness of a dead point or a singular position at the start of the step, see [`Continuity::nearness`].
-    near: f64,
+    /// The end of the step before the last one, of the last one, and of the one that was judged, not yet accepted.
+    before: End,
+    last: End,
+    next: End,
     /// Largest speed so far: a mechanism at rest has no direction to lose.
     fastest: f64,
     /// Longest step so far.
     longest: f64,
+    in_a_row: u32,
+}
+
+/// End of a step.
+#[derive(Clone, Debug, Default)]
+struct End {
+    t: f64,
+    v: Vec<f64>,
+    vdot: Vec<f64>,
+    /// Nearness of a dead point or a singular position, see [`Continuity::nearness`].
+    near: f64,
     /// Short steps in a row towards a dead point that hardly come nearer.
     creeping: u32,
-    in_a_row: u32,
-    /// The step that was judged, not yet accepted.
-    next: Ahead,
-    v_next: Vec<f64>,
-    vdot_next: Vec<f64>,
-}
-
-/// End of a step that was judged.
-#[derive(Clone, Copy, Debug, Default)]
-struct Ahead {
-    t: f64,
-    near: f64,
-    creeping: u32,
-}
-
-fn copy(from: &[f64], to: &mut Vec<f64>) {
-    to.clear();
-    to.extend_from_slice(from);
 }
 
 impl Continuity {
@@ -81,89 +69,78 @@ impl Continuity {
     /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations there go
     /// on, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
-        let h = t - self.t;
-        let part = match self.before {
-            Some(before) if h < 2.0 * (self.t - before) => h / (3.0 * (self.t - before)),
-            _ => 0.0,
-        };
+        let (h, last) = (t - self.last.t, self.last.t - self.before.t);
+        let part = if h < 2.0 * last { h / (3.0 * last) } else { 0.0 };
         for (i, d) in dv.iter_mut().enumerate() {
-            let change = if part > 0.0 { self.vdot[i] - self.vdot_before[i] } else { 0.0 };
-            *d = h * (self.v[i] + 0.5 * h * (self.vdot[i] + part * change));
+            let change = if part > 0.0 { self.last.vdot[i] - self.before.vdot[i] } else { 0.0 };
+            *d = h * (self.last.v[i] + 0.5 * h * (self.last.vdot[i] + part * change));
         }
     }
 
     /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends; where no
     /// step was judged, as [`predict`](Self::predict).
     pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
-        let h = self.next.t - self.t;
+        let (from, to) = (&self.last, &self.next);
+        let h = to.t - from.t;
         if h <= 0.0 {
             return self.predict(t, dv);
         }
         // integrals of Hermite's polynomials from the start of the step
-        let s = (t - self.t) / h;
+        let s = (t - from.t) / h;
         let (s2, s3, s4) = (s * s, s.powi(3), s.powi(4));
         let [p0, m0, p1, m1] =
             [s4 / 2.0 - s3 + s, s4 / 4.0 - 2.0 / 3.0 * s3 + s2 / 2.0, s3 - s4 / 2.0, s4 / 4.0 - s3 / 3.0]
                 .map(|x| x * h);
         for (i, d) in dv.iter_mut().enumerate() {
-            *d = p0 * self.v[i] + p1 * self.v_next[i] + h * (m0 * self.vdot[i] + m1 * self.vdot_next[i]);
+            *d = p0 * from.v[i] + p1 * to.v[i] + h * (m0 * from.vdot[i] + m1 * to.vdot[i]);
         }
     }
 
     /// From here on.
     pub(super) fn start(&mut self, t: f64, v: &[f64], vdot: &[f64], near: f64) {
-        (self.t, self.near, self.before) = (t, near, None);
-        self.next = Ahead { t, near, creeping: 0 };
-        for to in [&mut self.v, &mut self.v_before, &mut self.v_next] {
-            copy(v, to);
-        }
-        for to in [&mut self.vdot, &mut self.vdot_before, &mut self.vdot_next] {
-            copy(vdot, to);
-        }
+        self.last = End { t, v: v.to_vec(), vdot: vdot.to_vec(), near, creeping: 0 };
+        (self.before, self.next) = (self.last.clone(), self.last.clone());
     }
 
     /// Does the step to here hold together? Velocities count in their scales s. If it does, [`accept`](Self::accept) makes it
     /// the last one.
     pub(super) fn judge(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
+        let from = &self.last;
         let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
         let speed = norm(&|i| v[i]);
         self.fastest = self.fastest.max(speed);
-        let speeds = norm(&|i| self.v[i]) + speed;
-        let h = t - self.t;
-        let missed = |i: usize| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + vdot[i]);
+        let speeds = norm(&|i| from.v[i]) + speed;
+        let h = t - from.t;
+        let missed = |i: usize| v[i] - from.v[i] - 0.5 * h * (from.vdot[i] + vdot[i]);
         let moving = speeds > Self::REST * self.fastest;
-        let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(self.v[i].abs()) / s[i]));
+        let largest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from.v[i].abs()) / s[i]));
         let one_jumps = |i: usize| {
-            let change = (v[i] - self.v[i]).abs();
+            let change = (v[i] - from.v[i]).abs();
             change / s[i] > Self::VISIBLE * largest && missed(i).abs() > Self::UNEXPLAINED * change
         };
         let jumps = || norm(&missed) > Self::MISSED * speeds || (0..s.len()).any(one_jumps);
-        if h > 0.0 && self.near.max(near) > 1.0 && moving && jumps() {
+        if h > 0.0 && from.near.max(near) > 1.0 && moving && jumps() {
             self.in_a_row += 1;
             return false;
         }
         self.in_a_row = 0;
         // 1/nearness falls linearly: its relative growth is the step over the time left after it
-        let growth = (near - self.near) / self.near;
+        let growth = (near - from.near) / from.near;
         let short = h < Self::SHORT * self.longest.max(h);
         let creeps = near > Self::CLOSE && short && (0.0..Self::ADVANCE).contains(&growth);
-        let creeping = if creeps { self.creeping + 1 } else { 0 };
-        self.next = Ahead { t, near, creeping };
-        copy(v, &mut self.v_next);
-        copy(vdot, &mut self.vdot_next);
+        let creeping = if creeps { from.creeping + 1 } else { 0 };
+        let next = &mut self.next;
+        (next.t, next.near, next.creeping) = (t, near, creeping);
+        next.v.copy_from_slice(v);
+        next.vdot.copy_from_slice(vdot);
         true
     }
 
     /// The step that was judged is the last one from here on.
     pub(super) fn accept(&mut self) {
-        let Ahead { t, near, creeping } = self.next;
-        self.longest = self.longest.max(t - self.t);
-        self.before = Some(self.t);
-        std::mem::swap(&mut self.v_before, &mut self.v);
-        std::mem::swap(&mut self.vdot_before, &mut self.vdot);
-        std::mem::swap(&mut self.v, &mut self.v_next);
-        std::mem::swap(&mut self.vdot, &mut self.vdot_next);
-        (self.t, self.near, self.creeping) = (t, near, creeping);
+        self.longest = self.longest.max(self.next.t - self.last.t);
+        std::mem::swap(&mut self.before, &mut self.last);
+        std::mem::swap(&mut self.last, &mut self.next);
     }
 
     /// Is there no step that leads anywhere from the end of the one that was judged? For inputs that nothing replaces.
@@ -173,7 +150,7 @@ impl Continuity {
 
     /// Was a dead point or a singular position near at the end of the last step?
     pub(super) fn is_near(&self) -> bool {
-        self.near > 1.0
+        self.last.near > 1.0
     }
 
     /// Inputs that nothing can replace stand at their dead point: there is no step from here.

@@ -10,6 +10,7 @@
 use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Positions};
+use crate::error::Result;
 use crate::record::Journal;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -58,7 +59,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// The tangent was started at `core.q`.
     fn start(&mut self, _core: &Core, _tangent: &mut T, _margin: Option<f64>) {}
     /// Find `core.q` for y; leaves the position level there.
-    fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<(), SystemError>;
+    fn solve(&mut self, core: &mut Core, tangent: &mut T, t: f64, y: &[f64], at: Point) -> Result<()>;
     /// What is of the end of the step that is being judged.
     fn look(&mut self, _tangent: &mut T) {}
     /// That step is taken.
@@ -130,11 +131,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.states.gather(q, y);
         let margin = tangent.margin().map(|m| m.0);
         tangent.full_acceleration(&mut self.vdot);
-        let near = Continuity::nearness(tangent.gain(), margin.unwrap_or(f64::INFINITY));
+        let near = Continuity::nearness(best_gain(tangent), margin.unwrap_or(f64::INFINITY));
         self.core.continuity.start(t, &tangent.seen().v, &self.vdot, near);
         self.by.start(&self.core, tangent, margin);
     }
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool, SystemError> {
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool> {
         let at = if passing { Point::Passing } else { Point::Stage };
         self.by.solve(&mut self.core, tangent, t, y, at)?;
         Ok(false)
@@ -147,7 +148,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         r.system.rate(&self.core.q, &r.v, &mut self.rates);
         self.core.states.gather_rates(&self.rates, dy);
     }
-    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool> {
         if K::SOLVES {
             self.by.solve(&mut self.core, tangent, t, y, Point::Stage)?;
         } else {
@@ -160,7 +161,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.states.gather(&self.core.q, y); // a quaternion was turned or brought to length 1
         Ok(true)
     }
-    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool, SystemError> {
+    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
         if K::SOLVES {
             self.by.solve(&mut self.core, tangent, t, y, Point::Inside)?;
             return Ok(false);
@@ -175,7 +176,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
     fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> Verdict {
         tangent.full_acceleration(&mut self.vdot);
-        self.gain = tangent.gain();
+        self.gain = best_gain(tangent);
         let near = Continuity::nearness(self.gain, margin.unwrap_or(f64::INFINITY));
         let r = tangent.seen();
         if !self.core.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
@@ -219,4 +220,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     fn report(&self, journal: &mut Journal) {
         self.by.report(journal);
     }
+}
+
+/// The largest gain an exchange of coordinates promises at the last evaluation.         (P6)
+fn best_gain<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(tangent: &mut T) -> f64 {
+    tangent.reduction().best_exchange().map_or(0.0, |x| x.gain)
 }

@@ -5,7 +5,7 @@
 //! that stay the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
-use crate::closing::Closing;
+use crate::error::Result;
 use crate::record::Journal;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::blocks::Blocks;
@@ -39,9 +39,9 @@ pub struct InverseKinematics {
     flips: Vec<(String, f64, bool)>,
 }
 
-fn take_branches(closing: &dyn Closing, into: &mut Vec<i8>) {
+fn take_branches<S: ConstrainedSystem>(tangent: &mut Blocks<S>, into: &mut Vec<i8>) {
     into.clear();
-    into.extend(closing.state().iter().map(|s| s.branch));
+    into.extend(tangent.closing().iter().flat_map(|x| x.state()).map(|s| s.branch));
 }
 
 impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinematics {
@@ -50,9 +50,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
     fn start(&mut self, core: &Core, tangent: &mut Blocks<'s, S>, margin: Option<f64>) {
         self.good.clone_from(&core.q);
         self.far = margin.unwrap_or(f64::INFINITY);
-        if let Ok(closing) = tangent.closing() {
-            take_branches(closing, &mut self.branches);
-        }
+        take_branches(tangent, &mut self.branches);
         self.trial.clone_from(&self.branches);
     }
 
@@ -60,14 +58,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
     /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
     /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
     /// the path is known better than any such distance that matters.
-    fn solve(
-        &mut self,
-        core: &mut Core,
-        tangent: &mut Blocks<'s, S>,
-        t: f64,
-        y: &[f64],
-        at: Point,
-    ) -> Result<(), SystemError> {
+    fn solve(&mut self, core: &mut Core, tangent: &mut Blocks<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
         self.good.copy_from_slice(&core.q);
         let follow = match at {
             Point::Inside => self.trial_following,
@@ -97,9 +88,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
 
     fn look(&mut self, tangent: &mut Blocks<'s, S>) {
         self.trial_following = self.following;
-        if let Ok(closing) = tangent.closing() {
-            take_branches(closing, &mut self.trial);
-        }
+        take_branches(tangent, &mut self.trial);
     }
 
     fn accept(&mut self, tangent: &mut Blocks<'s, S>, t: f64, margin: Option<f64>) {
@@ -117,9 +106,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
     }
 
     fn chosen_anew(&mut self, tangent: &mut Blocks<'s, S>) {
-        if let Ok(closing) = tangent.closing() {
-            take_branches(closing, &mut self.branches);
-        }
+        take_branches(tangent, &mut self.branches);
         // distances of different inputs do not compare: be careful once
         self.approaching = true;
     }

@@ -3,13 +3,13 @@
 pub mod all;
 pub mod chart;
 mod continuity;
-mod correction;
 pub mod independent;
 pub mod inverse_kinematics;
 pub mod newton;
 mod state_coordinates;
 pub mod turns;
 
+use crate::error::Result;
 use crate::record::Journal;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -27,15 +27,15 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
     /// Find q for y, with the position level of the tangent's reduction there; `passing`: a singular position is being passed.
     /// True if the tangent's factors are of there too.
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool, SystemError>;
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool>;
     /// q, as last found.
     fn q(&self) -> &[f64];
     /// Rates of the leading components at the last evaluation, with tangent velocities u.
     fn rates(&mut self, tangent: &mut T, u: &[f64], dy: &mut [f64]);
     /// Remove what is open from y at the end of a step; true if y moved.
-    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool, SystemError>;
+    fn settle(&mut self, tangent: &mut T, t: f64, y: &mut [f64]) -> Result<bool>;
     /// As `locate`, closed to round-off.
-    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool, SystemError>;
+    fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool>;
     /// Does the step that ends at the point last evaluated hold together?
     fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
         Verdict::Keep
@@ -67,7 +67,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
 }
 
 /// Refuse constraints that have no positions, in the words of who needs them.
-pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_: &str) -> Result<(), SystemError> {
+pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_: &str) -> Result<()> {
     let size = system.size();
     if size.rows <= size.holonomic {
         return Ok(());

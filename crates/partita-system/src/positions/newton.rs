@@ -6,6 +6,7 @@
 //! velocities jump, are repeated. If none is left, as at most dead points of fixed coordinates, the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
+use crate::error::Result;
 use crate::record::Journal;
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
@@ -36,13 +37,7 @@ impl Newton {
     ///
     /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
     /// 1.
-    fn close<S: ConstrainedSystem>(
-        &mut self,
-        r: &mut Reduction<S>,
-        t: f64,
-        q: &mut [f64],
-        near: bool,
-    ) -> Result<f64, SystemError> {
+    fn close<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, q: &mut [f64], near: bool) -> Result<f64> {
         r.position(t, q)?;
         let mut last = f64::INFINITY;
         let mut first = None;
@@ -87,14 +82,7 @@ impl Newton {
 impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
     const SOLVES: bool = true;
 
-    fn solve(
-        &mut self,
-        core: &mut Core,
-        tangent: &mut Chosen<'s, S>,
-        t: f64,
-        y: &[f64],
-        at: Point,
-    ) -> Result<(), SystemError> {
+    fn solve(&mut self, core: &mut Core, tangent: &mut Chosen<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
         // where the velocities lead is nearest, and where solutions cross it tells the right one
         core.predict(tangent.reduction().system, t, y, at);
         let near = core.continuity.is_near();

@@ -2,6 +2,7 @@
 //!
 //! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
 
+use crate::error::Result;
 use crate::kinematics::projection::dense_rows;
 use crate::partition::persistence::Persistence;
 use crate::partition::{
@@ -11,20 +12,14 @@ use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// The choice of a rule at one instant.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Choice {
-    /// The k velocities, ascending.
-    pub independent: Vec<usize>,
-    /// True unless a determinant rule had too many partitions to compare them all.
-    pub exact: bool,
-}
+/// The choice of a rule at one instant; exact unless a determinant rule had too many partitions to compare them all.
+pub use crate::partition::volume::Largest as Choice;
 
 /// Refuses weights, and a window, where the rule has no use for them.
 ///
 /// # Errors
 /// `Request`, with the rule and what to leave out or to give.
-pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>) -> Result<(), SystemError> {
+pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>) -> Result<()> {
     let name = selection.name();
     let refuse = |message: String| Err(SystemError::Request(message));
     if weights.is_some() && matches!(selection, Selection::Determinant | Selection::CompletePivoting) {
@@ -59,17 +54,16 @@ pub fn ask<S: ConstrainedSystem>(
     t: f64,
     selection: Selection,
     weights: Option<&[f64]>,
-) -> Result<Choice, SystemError> {
+) -> Result<Choice> {
     let (k, now) = (r.k(), &r.partition.independent);
     let exact = |independent| Choice { independent, exact: true };
-    let found = |l: volume::Largest| Choice { independent: l.independent, exact: l.exact };
     Ok(match selection {
         Selection::Collective | Selection::Greedy | Selection::Persistence => {
             exact(criterion::choose(&r.dt, k, &r.md_factor, &r.s2, weights))
         }
         Selection::Individual => exact(individual::choose(&measures(r), k, weights)),
-        Selection::Determinant => found(determinant::choose(&r.dt, now, r.scales())),
-        Selection::NormalisedDeterminant => found(normalised_determinant::choose(&r.dt, now, r.scales(), weights)),
+        Selection::Determinant => determinant::choose(&r.dt, now, r.scales()),
+        Selection::NormalisedDeterminant => normalised_determinant::choose(&r.dt, now, r.scales(), weights),
         Selection::CompletePivoting => {
             let rows: Vec<usize> = (0..r.size().rows).collect();
             let c = dense_rows(r.system, &r.c, &rows);
@@ -77,12 +71,7 @@ pub fn ask<S: ConstrainedSystem>(
                 Some((independent, _)) => exact(independent),
                 None => {
                     let reason = format!("fewer than {} pivots are not zero", r.rank());
-                    return Err(SystemError::Choice {
-                        rule: selection.name(),
-                        coordinates: "nothing".into(),
-                        t,
-                        reason,
-                    });
+                    return Err(impossible(r, t, selection, &[], reason));
                 }
             }
         }
@@ -121,7 +110,7 @@ pub fn adopt<S: ConstrainedSystem>(
     t: f64,
     selection: Selection,
     independent: &[usize],
-) -> Result<(), SystemError> {
+) -> Result<()> {
     r.set_partition(t, independent).map_err(|e| match e {
         SystemError::Singular { pivot, limit, .. } => {
             let reason = format!("C_D is singular, its smallest scaled pivot {pivot:.1e} is below {limit:.0e}");
@@ -140,7 +129,8 @@ fn impossible<S: ConstrainedSystem>(
     reason: String,
 ) -> SystemError {
     let names: Vec<String> = independent.iter().map(|&i| r.system.velocity_name(i)).collect();
-    SystemError::Choice { rule: selection.name(), coordinates: names.join(", "), t, reason }
+    let coordinates = if names.is_empty() { "nothing".into() } else { names.join(", ") };
+    SystemError::Choice { rule: selection.name(), coordinates, t, reason }
 }
 
 /// Choose independent coordinates at `(t, q)` by a rule; persistence starts from the collective choice.
@@ -156,13 +146,14 @@ pub fn choose_by<S: ConstrainedSystem>(
     q: &[f64],
     selection: Selection,
     weights: Option<&[f64]>,
-) -> Result<Choice, SystemError> {
-    if matches!(selection, Selection::Collective | Selection::Persistence) {
+) -> Result<Choice> {
+    let collective = matches!(selection, Selection::Collective | Selection::Persistence);
+    if collective {
         start::choose_partition(r, t, q, weights, None)?;
-        return Ok(Choice { independent: r.partition.independent.clone(), exact: true });
+    } else {
+        start::first_partition(r, t, q)?;
     }
-    start::first_partition(r, t, q)?;
-    if r.k() == 0 || r.rank() == 0 {
+    if r.k() == 0 || r.rank() == 0 || collective {
         return Ok(Choice { independent: r.partition.independent.clone(), exact: true });
     }
     r.v.fill(0.0);
@@ -202,12 +193,7 @@ impl Chooser {
     ///
     /// # Errors
     /// As [`check`].
-    pub fn new(
-        selection: Selection,
-        exchange: f64,
-        weights: Option<&[f64]>,
-        window: Option<f64>,
-    ) -> Result<Self, SystemError> {
+    pub fn new(selection: Selection, exchange: f64, weights: Option<&[f64]>, window: Option<f64>) -> Result<Self> {
         check(selection, weights, window)?;
         let window = window.unwrap_or(0.0);
         let weights = weights.map(<[f64]>::to_vec);
@@ -224,7 +210,7 @@ impl Chooser {
         t: f64,
         q: &[f64],
         fixed: Option<&[usize]>,
-    ) -> Result<String, SystemError> {
+    ) -> Result<String> {
         if fixed.is_some() {
             if self.selection != Selection::Collective {
                 let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
@@ -270,7 +256,7 @@ impl Chooser {
     ///
     /// # Errors
     /// As [`ask`].
-    pub fn propose<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64) -> Result<Option<Change>, SystemError> {
+    pub fn propose<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64) -> Result<Option<Change>> {
         if !self.exchange.is_finite() {
             return Ok(None);
         }
@@ -299,12 +285,7 @@ impl Chooser {
     ///
     /// # Errors
     /// `Choice` where the rule takes what cannot be independent.
-    pub fn change<S: ConstrainedSystem>(
-        &mut self,
-        r: &mut Reduction<S>,
-        t: f64,
-        change: &Change,
-    ) -> Result<(), SystemError> {
+    pub fn change<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, change: &Change) -> Result<()> {
         let before = self.persistence.is_some().then(|| self.volumes(r));
         adopt(r, t, self.selection, &change.independent)?;
         if let (Some(p), Some((rows, base))) = (&mut self.persistence, before) {

@@ -1,16 +1,19 @@
-//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one place.
+//! An instant described: everything that follows from (t, q, v) and from the choice in use there, computed in one
+//! place.
 //!
-//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a tangent
-//! share this; the full equations put their own in their place.
+//! Accelerations and multipliers belong to the mechanism, not to the way it is integrated, so all formulations on a
+//! tangent share this; the full equations put their own in their place.
 
+use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
-use crate::record::Sample;
+use crate::record::{Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 
-/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it allocates.
+/// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it
+/// allocates.
 pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
@@ -19,14 +22,10 @@ pub struct Describer<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
-    /// For a system of the given rank; takes no memory before it is asked.
-    pub fn new(system: &'s S, rank: usize) -> Self {
-        Self { system, rank, dense: false, probe: None }
-    }
-
-    /// The same with D and M_d in full, for those whose quality is told by them.
-    pub fn dense(system: &'s S, rank: usize) -> Self {
-        Self { dense: true, ..Self::new(system, rank) }
+    /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
+    /// whose quality is told by them.
+    pub fn new(system: &'s S, rank: usize, dense: bool) -> Self {
+        Self { system, rank, dense, probe: None }
     }
 
     /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
@@ -34,21 +33,20 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     /// Returns the reduction there; `None` where the position is singular, and then what is not determined is NaN.
     pub fn describe(
         &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
+        at: &Output,
         independent: Option<&[usize]>,
         out: &mut Sample,
-    ) -> Result<Option<&mut Reduction<'s, S>>, SystemError> {
+    ) -> Result<Option<&mut Reduction<'s, S>>> {
         let (system, rank, dense) = (self.system, self.rank, self.dense);
+        let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
         let r = self.probe.get_or_insert_with(|| match dense {
             true => Reduction::dense(system, rank),
             false => Reduction::new(system, rank),
         });
         let independent = independent.filter(|x| x.len() == r.k());
         out.t = t;
-        copy(q, &mut out.q);
-        copy(v, &mut out.v);
+        out.q.clone_from(&at.q);
+        out.v.clone_from(&at.v);
         out.note = None;
         match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
             Ok(()) => Ok(Some(r)),
@@ -64,18 +62,8 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     }
 }
 
-fn copy(from: &[f64], to: &mut Vec<f64>) {
-    to.clear();
-    to.extend_from_slice(from);
-}
-
 /// The choice at (t, q), with the position level there; one in use is kept, of redundant rows others where they fade.
-fn choose<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    independent: Option<&[usize]>,
-) -> Result<(), SystemError> {
+fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], independent: Option<&[usize]>) -> Result<()> {
     match independent {
         None => {
             start::choose_partition(r, t, q, None, None)?;
@@ -101,13 +89,7 @@ fn closures<S: ConstrainedSystem>(r: &Reduction<S>, v: &[f64], out: &mut Sample)
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
 
-fn levels<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    v: &[f64],
-    out: &mut Sample,
-) -> Result<(), SystemError> {
+fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64], out: &mut Sample) -> Result<()> {
     let size = r.size();
     closures(r, v, out);
     r.tangent(t)?;
@@ -138,6 +120,20 @@ fn undetermined(n: usize, rows: usize, e: SystemError, out: &mut Sample) {
     out.note = Some(format!("accelerations and multipliers are not determined here: {e}"));
 }
 
+/// `S M⁻¹ Sᵀ` at the last position of r.
+pub(super) fn block_of_selector<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    s: &Matrix,
+) -> Result<Matrix> {
+    let n = r.size().nv;
+    let all: Vec<usize> = (0..n).collect();
+    let mut inverse = Matrix::new(n, n);
+    r.system.inverse_mass_columns(t, q, &all, &mut r.scratch, inverse.data_mut())?;
+    Ok(s.matmul(&inverse).matmul(&s.transpose()))
+}
+
 /// σ and √μ_S of a constant S (k x n), at the last evaluation of r.
 ///
 /// `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹` for any D, so M_d of S is `(S Dᵀ)⁻ᵀ M_d (S Dᵀ)⁻¹`; √μ_S holds it against `S M⁻¹ Sᵀ`.
@@ -146,12 +142,9 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
     t: f64,
     q: &[f64],
     s: &Matrix,
-) -> Result<Quality, SystemError> {
+) -> Result<Quality> {
     let (n, k) = (r.size().nv, r.k());
-    let all: Vec<usize> = (0..n).collect();
-    let mut inverse = Matrix::new(n, n);
-    r.system.inverse_mass_columns(t, q, &all, &mut r.scratch, inverse.data_mut())?;
-    let block = s.matmul(&inverse).matmul(&s.transpose());
+    let block = block_of_selector(r, t, q, s)?;
     let mut sd = s.matmul(&Matrix::from_vec(n, k, r.dt.clone())).into_vec();
     let mut pivots = vec![0; k];
     if dense::lu(&mut sd, k, &mut pivots).is_err() {
@@ -170,7 +163,8 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
     Ok(criterion::quality(md.data(), &lengths, block.data()))
 }
 
-/// σ of tangent velocities with the matrix `dt` (n x k), at the last evaluation of r: they span the tangent space exactly.
+/// σ of tangent velocities with the matrix `dt` (n x k), at the last evaluation of r: they span the tangent space
+/// exactly.
 pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f64]) -> Quality {
     let k = r.k();
     // the rows of the independent velocities tell how the one basis follows from the other: Dᵀ = D_Iᵀ T
@@ -183,8 +177,8 @@ pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f
     quality_of_exact(md.data(), k)
 }
 
-/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in units of
-/// the velocities themselves; 0 where they depend on each other.
+/// σ of tangent velocities that span the tangent space exactly (so √μ = 1), from their M_d: how it is conditioned in
+/// units of the velocities themselves; 0 where they depend on each other.
 pub(super) fn quality_of_exact(md: &[f64], k: usize) -> Quality {
     let mut factor = md.to_vec();
     if dense::cholesky(&mut factor, k).is_err() {

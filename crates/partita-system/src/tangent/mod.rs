@@ -1,19 +1,19 @@
 //! Tangent bases: `v = Dᵀ u + γ`, `v' = Dᵀ u' + δ`, `M_d u' = D (h − M δ)`.
 
+pub mod all;
+mod base;
 pub mod basis;
 pub mod blocks;
 pub mod chooser;
-mod dense;
 pub mod frozen;
-mod inputs;
 pub mod instant;
 pub mod partition;
-mod solver;
 pub mod user;
 
-use crate::partition::criterion::Quality;
-use crate::record::Verdict;
-use crate::record::{Correction, FormulationCounters, Journal, PartitionEvent};
+pub use base::Base;
+
+use crate::error::Result;
+use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -31,92 +31,112 @@ pub enum Occasion {
 /// A tangent basis in use.
 ///
 /// Levels follow each other: the reduction's `position`, then [`tangent`](Self::tangent), [`spread`](Self::spread),
-/// [`accelerate`](Self::accelerate). What a basis is chosen by, and when it is to be chosen anew, is its own.
+/// [`accelerate`](Self::accelerate). What is not said otherwise is that of independent velocities, the reduction's
+/// partition; what a basis is chosen by, and when it is to be chosen anew, is its own.
 pub trait Tangent<'s, S: ConstrainedSystem + 's> {
+    /// What all tangents have.
+    fn base(&self) -> &Base<'s, S>;
+    /// The same, to work with.
+    fn base_mut(&mut self) -> &mut Base<'s, S>;
     /// Levels of the system at the point last evaluated (Φ, C, a, b, v) and the rows kept.
-    fn reduction(&mut self) -> &mut Reduction<'s, S>;
+    fn reduction(&mut self) -> &mut Reduction<'s, S> {
+        &mut self.base_mut().r
+    }
     /// The same, to look at.
-    fn seen(&self) -> &Reduction<'s, S>;
+    fn seen(&self) -> &Reduction<'s, S> {
+        &self.base().r
+    }
+    /// Number of tangent velocities.
+    fn count(&self) -> usize {
+        self.seen().k()
+    }
+    /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
+    fn natural_size(&self, j: usize) -> f64 {
+        self.independent(None).map_or(1.0, |i| self.seen().system.reach(i[j]))
+    }
     /// The first choice, at the closed (t, q).
-    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError>;
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
     /// A choice at a position that was passed already, to go on from there.
-    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<(), SystemError> {
+    fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.start(t, q, v)
     }
     /// u for v: `u = S v`.
-    fn select(&mut self, v: &[f64], u: &mut [f64]) -> Result<(), SystemError>;
+    fn select(&mut self, v: &[f64], u: &mut [f64]) {
+        u.iter_mut().zip(&self.seen().partition.independent).for_each(|(u, &i)| *u = v[i]);
+    }
     /// D and γ at the position last evaluated; `factored` where whoever found the position has left the factors there.
-    fn tangent(&mut self, t: f64, q: &[f64], factored: bool) -> Result<(), SystemError>;
+    fn tangent(&mut self, t: f64, _q: &[f64], _factored: bool) -> Result<()> {
+        self.reduction().tangent(t)
+    }
     /// `v = Dᵀ u + γ`, left in the reduction's `v`.                                        (P2)
-    fn spread(&mut self, u: &[f64]);
+    fn spread(&mut self, u: &[f64]) {
+        self.reduction().spread(u);
+    }
     /// b, δ and u'.                                                                        (P3)
-    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<(), SystemError>;
+    fn accelerate(&mut self, t: f64, q: &[f64], _u: &[f64]) -> Result<()> {
+        self.reduction().velocity(t, q)?;
+        self.reduction().acceleration(t, q)
+    }
     /// u' of the last evaluation.
-    fn rates(&self, du: &mut [f64]);
+    fn rates(&mut self, du: &mut [f64]) {
+        du.copy_from_slice(&self.seen().vdot_independent);
+    }
     /// `v' = Dᵀ u' + δ` of the last evaluation.
-    fn full_acceleration(&self, out: &mut [f64]);
-    /// γ of the last evaluation.
-    fn offset(&self) -> &[f64];
+    fn full_acceleration(&self, out: &mut [f64]) {
+        self.seen().full_acceleration(out);
+    }
+    /// Power of the drives at the last evaluation, −λᵀa.
+    fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
+        self.base_mut().driving(t, q)
+    }
     /// One correction of q at the position last evaluated; true if it moved.               (33, 34)
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool, SystemError>;
-    /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation depends on.
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool>;
+    /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
+    /// integrated.
+    fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {
+        Ok(false)
+    }
+    /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation
+    /// depends on.
     fn judge(&mut self, _t: f64, _q: &[f64]) -> Verdict {
         Verdict::Keep
     }
     /// Does [`accept`](Self::accept) want to see the end of the step that was judged?
     fn attends(&self) -> bool {
-        false
+        self.base().fading
     }
     /// The step that was judged is taken; (t, q) is the point last evaluated if this tangent attends.
-    fn accept(&mut self, _t: f64, _q: &[f64]) -> Result<(), SystemError> {
+    fn accept(&mut self, _t: f64, _q: &[f64]) -> Result<()> {
         Ok(())
     }
     /// A new choice at (t, q), the point last evaluated with velocities v; true if there is one.
-    fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool, SystemError> {
+    fn renew(&mut self, _t: f64, _q: &mut [f64], _v: &[f64], _why: Occasion) -> Result<bool> {
         Ok(false)
     }
-    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number of the
-    /// plan it was measured with. `None`: the basis does not suffer there.
+    /// Distance from a singular position at the last evaluation, falling linearly to zero towards one, and the number
+    /// of the plan it was measured with. `None`: the basis does not suffer there.
     fn margin(&mut self) -> Option<(f64, u64)> {
         None
-    }
-    /// The largest gain an exchange of coordinates promises at the last evaluation.         (P6)
-    fn gain(&mut self) -> f64 {
-        0.0
     }
     /// Tell a choice that stays from a mechanism that is singular.
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
         e
     }
-    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is no choice of them.
+    /// Independent velocities of the choice of `within`, or of the one in use; none where the basis is no choice of
+    /// them.
     fn independent<'a>(&'a self, _within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         None
     }
-    /// σ and √μ of the basis of `within`, or of the one in use, at the instant r was last evaluated at; none where they are
-    /// those of the independent velocities.
-    fn quality(
+    /// What the basis of `within`, or of the one in use, puts in the place of what independent velocities tell of
+    /// `out`; r was evaluated there, none where the position is singular.
+    fn describe(
         &mut self,
-        _r: &mut Reduction<'s, S>,
-        _t: f64,
-        _q: &[f64],
+        _r: Option<&mut Reduction<'s, S>>,
         _within: Option<&PartitionEvent>,
-    ) -> Result<Option<Quality>, SystemError> {
-        Ok(None)
+        _out: &mut Sample,
+    ) -> Result<()> {
+        Ok(())
     }
-    /// Choices so far.
-    fn events(&self) -> &[PartitionEvent];
-    /// What belongs to the journal of a run.
+    /// What belongs to the journal of a run besides what all tangents have.
     fn report(&self, journal: &mut Journal);
-}
-
-/// Rows kept by a reduction, ascending.
-fn kept_rows<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<usize> {
-    let mut rows = r.partition.rows.clone();
-    rows.sort_unstable();
-    rows
-}
-
-/// Counts of a reduction.
-fn counted<S: ConstrainedSystem>(r: &Reduction<S>) -> FormulationCounters {
-    FormulationCounters { factorisations: r.factorisations, plans: r.plans, ..FormulationCounters::default() }
 }

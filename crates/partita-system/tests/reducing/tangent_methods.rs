@@ -12,12 +12,9 @@ use partita_system::formulation::{Formulation, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
-use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
-use partita_system::tangent::basis::qr::OrthogonalTriangular;
-use partita_system::tangent::basis::svd::SingularValues;
-use partita_system::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
-use partita_system::tangent::basis::Basis;
+use partita_system::tangent::basis::{Basis, Rule};
 use partita_system::tangent::frozen::Frozen;
+use partita_system::tangent::Tangent;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -41,7 +38,8 @@ impl Basis for Picked {
 }
 
 fn rules() -> [Box<dyn Basis>; 4] {
-    [Box::new(ZeroEigenvalue), Box::new(SingularValues), Box::new(OrthogonalTriangular), Box::new(GramSchmidt)]
+    [Rule::ZeroEigenvalue, Rule::SingularValues, Rule::OrthogonalTriangular, Rule::GramSchmidt]
+        .map(|rule| Box::new(rule) as Box<dyn Basis>)
 }
 
 /// Random systems with a velocity of natural size that satisfies C v + a = 0.
@@ -75,6 +73,35 @@ fn minus(x: &[f64], y: &[f64]) -> Vec<f64> {
     x.iter().zip(y).map(|(x, y)| x - y).collect()
 }
 
+/// S frozen at q, and all levels there with velocities v; u.
+fn evaluated(x: &mut Frozen<ByHand<Instant>>, q: &[f64], v: &[f64]) -> Vec<f64> {
+    x.start(0.0, &mut q.to_vec(), v).unwrap();
+    let mut u = vec![0.0; x.count()];
+    x.select(v, &mut u);
+    x.reduction().position(0.0, q).unwrap();
+    x.tangent(0.0, q, false).unwrap();
+    x.spread(&u);
+    x.accelerate(0.0, q, &u).unwrap();
+    u
+}
+
+/// D_Sᵀ: the velocities without those of time alone for each u of one; leaves those of u.
+fn columns(x: &mut Frozen<ByHand<Instant>>, u: &[f64]) -> Matrix {
+    let (n, k) = (x.seen().v.len(), u.len());
+    let mut d = Matrix::new(n, k);
+    let mut unit = vec![0.0; k];
+    x.spread(&unit);
+    let rest = x.seen().v.clone();
+    for j in 0..k {
+        unit.fill(0.0);
+        unit[j] = 1.0;
+        x.spread(&unit);
+        (0..n).for_each(|i| d[(i, j)] = x.seen().v[i] - rest[i]);
+    }
+    x.spread(u);
+    d
+}
+
 /// S D_Sᵀ = 1, C D_Sᵀ = 0, C v + a = 0, C v' + b = 0, S v = u.
 #[test]
 fn identities_of_the_selector() {
@@ -85,10 +112,7 @@ fn identities_of_the_selector() {
             let (n, m) = (e.mass.rows(), e.c.rows());
             let k = n - m;
             let mut x = Frozen::new(system, m, rule, 0.5);
-            x.begin(0.0, q).unwrap();
-            let mut u = vec![0.0; k];
-            x.values(v, &mut u);
-            x.evaluate(0.0, q, &u).unwrap();
+            let u = evaluated(&mut x, q, v);
             // S is orthonormal in units of its own: as covectors its rows may lie close together, which σ tells
             let sigma = x.fresh().sigma;
             let near = |row: &[f64], column: &dyn Fn(usize) -> f64, value: f64, size: f64, what: &str| {
@@ -96,11 +120,19 @@ fn identities_of_the_selector() {
                 assert!((sum - value).abs() <= ROUND_OFF * (terms + size), "{name}, {what}: {sum:e} for {value:e}");
             };
             let (mut vdot, mut udot) = (vec![0.0; n], vec![0.0; k]);
-            x.d.full_acceleration(&mut vdot);
-            x.tangent_acceleration(&mut udot);
-            let (d, minv) = (x.tangent_matrix(), inverse(&e.mass));
+            x.full_acceleration(&mut vdot);
+            x.rates(&mut udot);
+            let (d, minv) = (columns(&mut x, &u), inverse(&e.mass));
             for j in 0..k {
-                let w = |i: usize| x.d.dt[i * k + j];
+                // the column of [S; C]⁻¹ of the j-th orthonormal covector; solved for none, what belongs to Φ is left
+                let mut solved = |value: f64| {
+                    let (mut values, mut column) = (vec![0.0; k], vec![0.0; n]);
+                    values[j] = value;
+                    x.solve(None, &mut values, &mut column);
+                    column
+                };
+                let column = minus(&solved(1.0), &solved(0.0));
+                let w = |i: usize| column[i];
                 let row = |l: usize| &x.orthonormal()[l * n..(l + 1) * n];
                 (0..k).for_each(|l| near(row(l), &w, f64::from(l == j), 1.0, "orthonormal S and D"));
                 (0..m).for_each(|l| near(e.c.row(l), &w, 0.0, 0.0, "C D"));
@@ -109,11 +141,11 @@ fn identities_of_the_selector() {
                     let size = lengths[l] / lengths[j] / sigma;
                     near(x.selector().row(l), &|i| d[(i, j)], f64::from(l == j), size, "S D");
                 }
-                near(x.selector().row(j), &|i| x.r.v[i], u[j], lengths[j] * length(&e.mass, v) / sigma, "S v");
+                near(x.selector().row(j), &|i| x.seen().v[i], u[j], lengths[j] * length(&e.mass, v) / sigma, "S v");
                 near(x.selector().row(j), &|i| vdot[i], udot[j], lengths[j] * length(&e.mass, &vdot), "S v'");
             }
             for l in 0..m {
-                near(e.c.row(l), &|i| x.r.v[i], -e.a[l], 0.0, "C v");
+                near(e.c.row(l), &|i| x.seen().v[i], -e.a[l], 0.0, "C v");
                 near(e.c.row(l), &|i| vdot[i], -e.b[l], 0.0, "C v'");
             }
         }
@@ -196,15 +228,13 @@ fn renewing_keeps_the_motion() {
 fn gram_schmidt_is_best_where_it_is_frozen() {
     on_random_systems(4, |_, system, q, v| {
         let m = system.equations.c.rows();
-        let mut x = Frozen::new(system, m, Box::new(GramSchmidt), 0.5);
-        x.begin(0.0, q).unwrap();
-        let k = x.r.k();
-        let mut u = vec![0.0; k];
-        x.values(v, &mut u);
-        x.evaluate(0.0, q, &u).unwrap();
+        let mut x = Frozen::new(system, m, Box::new(Rule::GramSchmidt), 0.5);
+        let u = evaluated(&mut x, q, v);
+        let (d, k) = (columns(&mut x, &u), u.len());
+        let md = d.transpose().matmul(&system.equations.mass).matmul(&d);
         for e in 0..k * k {
-            let one = f64::from(e % k == e / k);
-            assert!((x.d.md[e] - one).abs() < 1e-10, "{:e}", x.d.md[e] - one);
+            let off = md[(e / k, e % k)] - f64::from(e % k == e / k);
+            assert!(off.abs() < 1e-10, "{off:e}");
         }
         for quality in [x.fresh(), x.quality_here(0.0, q).unwrap()] {
             assert!(quality.sqrt_mu > 1.0 - 1e-10 && quality.sigma > 1.0 - 1e-10, "{quality:?}");
@@ -212,7 +242,7 @@ fn gram_schmidt_is_best_where_it_is_frozen() {
         // other rules are oblique in the mass metric, never better
         for rule in rules() {
             let mut x = Frozen::new(system, m, rule, 0.5);
-            x.begin(0.0, q).unwrap();
+            x.start(0.0, &mut q.to_vec(), v).unwrap();
             assert!(x.fresh().sqrt_mu <= 1.0 && x.fresh().sqrt_mu > 0.0);
         }
     });
@@ -230,16 +260,15 @@ fn rows_of_the_identity_are_a_partition() {
         r.evaluate(0.0, q, &u).unwrap();
         let wanted = r.quality(0.0, q).unwrap();
         let mut x = Frozen::new(system, m, Box::new(Picked(independent)), 0.5);
-        x.begin(0.0, q).unwrap();
-        x.evaluate(0.0, q, &u).unwrap();
-        let (d, k) = (x.tangent_matrix(), n - m);
+        evaluated(&mut x, q, v);
+        let (d, k) = (columns(&mut x, &u), n - m);
         for i in 0..n {
             for j in 0..k {
                 // entries in natural scales
                 let scale = r.scales()[i] / r.scales()[r.partition.independent[j]];
                 assert!((d[(i, j)] - r.dt[i * k + j]).abs() < 1e-10 * scale);
             }
-            assert!((x.r.v[i] - r.v[i]).abs() < 1e-10 * r.scales()[i] * (1.0 + (r.v[i] / r.scales()[i]).abs()));
+            assert!((x.seen().v[i] - r.v[i]).abs() < 1e-10 * r.scales()[i] * (1.0 + (r.v[i] / r.scales()[i]).abs()));
         }
         let found = x.quality_here(0.0, q).unwrap();
         assert!((found.sigma - wanted.sigma).abs() < 1e-10, "{} {}", found.sigma, wanted.sigma);
@@ -255,7 +284,7 @@ fn a_basis_that_does_not_fit_is_blamed_itself() {
     let still = Instant { mass: Matrix::identity(3), c, h: vec![0.0; 3], a: vec![0.0], b: vec![0.0] };
     let system = still.by_hand();
     let mut x = Frozen::new(&system, 1, Box::new(Picked(vec![0, 1])), 0.5);
-    let refused = x.begin(0.0, &[0.0; 3]).unwrap_err();
+    let refused = x.start(0.0, &mut [0.0; 3], &[0.0; 3]).unwrap_err();
     let words = refused.to_string();
     assert!(refused.is_local() && words.contains("\"picked\"") && words.contains("regular"), "{words}");
 }
@@ -269,7 +298,7 @@ impl Basis for Once {
     }
     fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
         let used = self.0.swap(true, std::sync::atomic::Ordering::Relaxed);
-        let mut s = OrthogonalTriangular.basis(mass, c)?;
+        let mut s = Rule::OrthogonalTriangular.basis(mass, c)?;
         if used {
             let first = s.row(0).to_vec();
             (0..s.rows()).for_each(|j| s.row_mut(j).copy_from_slice(&first));

@@ -1,0 +1,255 @@
+//! All velocities as states, u = v: one frame for every method that gives `v'` and λ at an instant.
+//!
+//! The position drifts like t² and the velocity like t (`C v' + b = 0` is all that holds by itself), so after a step
+//! the remainders of S3 and S4 are removed: q by the least change in the mass metric (33) or in dependent coordinates
+//! alone (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms for everything
+//! but checking; prefer these where M is cheap to factor and a reference in all coordinates is wanted.
+
+use super::{Base, Tangent};
+use crate::equations::full::{AccelerationRule, Failure, Instant};
+use crate::error::Result;
+use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
+use crate::options::FormulationOptions;
+use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
+use crate::reduction::{velocity_residuals, Reduction};
+use crate::start;
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense;
+
+/// Squared sine under which the kernels call a row dependent on the others: what remains of it is rounding.
+const DEPENDENT: f64 = 1e-14;
+
+/// All velocities of a system, v' and λ by the rule R.
+///
+/// Of the options it reads `correction`, and `exchange` for the partition that (34) moves; it has no independent
+/// coordinates of its own.
+pub struct Everything<'s, S: ConstrainedSystem, R> {
+    base: Base<'s, S>,
+    rule: R,
+    /// How the remainders are removed.
+    pub(crate) correction: Correction,
+    exchange: f64,
+    /// The rows the rule is given.
+    rows: Vec<usize>,
+    mass: Vec<f64>,
+    h: Vec<f64>,
+    vdot: Vec<f64>,
+    lambda: Vec<f64>,
+    factorisations: u64,
+    iterations: u64,
+}
+
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
+    /// For a system of the given rank (see [`start::analyse`]).
+    pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
+        let size = system.size();
+        Self {
+            base: Base::new(Reduction::new(system, rank)),
+            correction: if rule.corrected() && rank > 0 { options.correction } else { Correction::None },
+            rule,
+            exchange: options.exchange,
+            rows: Vec::with_capacity(size.rows),
+            mass: vec![0.0; size.nv * size.nv],
+            h: vec![0.0; size.nv],
+            vdot: vec![0.0; size.nv],
+            lambda: vec![0.0; size.rows],
+            factorisations: 0,
+            iterations: 0,
+        }
+    }
+
+    /// Choose rows, and the coordinates that (34) moves.
+    fn choose(&mut self, t: f64, q: &[f64]) -> Result<()> {
+        start::choose_partition(&mut self.base.r, t, q, None, None)?;
+        self.take_rows();
+        Ok(())
+    }
+
+    fn take_rows(&mut self) {
+        self.rows.clear();
+        if self.rule.takes_all_rows() {
+            self.rows.extend(0..self.base.r.size().rows);
+        } else {
+            self.rows.extend_from_slice(&self.base.r.partition.rows);
+            self.rows.sort_unstable();
+        }
+    }
+
+    /// S1 and S5 at the last position with velocities v, left in `self.base.r`, `self.mass` and `self.h`.
+    fn levels(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
+        let r = &mut self.base.r;
+        r.v.copy_from_slice(v);
+        r.system.velocity(t, q, v, &mut r.scratch, &mut r.b)?;
+        r.system.dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h)
+    }
+
+    fn ask(&mut self) -> Result<(), Failure> {
+        let r = &self.base.r;
+        let x = Instant {
+            pattern: r.system.pattern(),
+            rows: &self.rows,
+            holonomic: r.size().holonomic,
+            mass: &self.mass,
+            h: &self.h,
+            phi: &r.phi,
+            c: &r.c,
+            a: &r.a,
+            b: &r.b,
+            v: &r.v,
+        };
+        self.lambda.fill(0.0);
+        self.factorisations += 1;
+        self.iterations += self.rule.solve(&x, &mut self.vdot, &mut self.lambda)?;
+        Ok(())
+    }
+
+    /// v' and λ at the last position with velocities v, left in `self.vdot` and `self.lambda`.
+    fn solve(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
+        self.levels(t, q, v)?;
+        let mut asked = self.ask();
+        let (rank, size) = (self.base.r.rank(), self.base.r.size());
+        if matches!(asked, Err(Failure::Rows { .. })) && rank > 0 && rank < size.rows {
+            // of redundant rows another selection may be independent here: v' and Cᵀ λ do not depend on it
+            self.choose(t, q)?;
+            self.levels(t, q, v)?;
+            asked = self.ask();
+        }
+        let r = &self.base.r;
+        match asked {
+            Ok(()) if self.vdot.iter().all(|x| x.is_finite()) => Ok(()),
+            Ok(()) => Err(SystemError::NotFinite { what: "an acceleration".into(), t }),
+            Err(Failure::Mass { index, pivot }) => {
+                Err(SystemError::Mass { name: r.system.velocity_name(index), pivot })
+            }
+            Err(Failure::Rows { sine2 }) if r.c.iter().all(|x| x.is_finite()) => {
+                Err(SystemError::Singular { t, pivot: sine2, limit: DEPENDENT })
+            }
+            Err(Failure::Rows { .. }) => Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t }),
+        }
+    }
+}
+
+impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everything<'s, S, R> {
+    fn base(&self) -> &Base<'s, S> {
+        &self.base
+    }
+    fn base_mut(&mut self) -> &mut Base<'s, S> {
+        &mut self.base
+    }
+    fn count(&self) -> usize {
+        self.base.r.size().nv
+    }
+    fn natural_size(&self, j: usize) -> f64 {
+        self.base.r.system.reach(j)
+    }
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        self.choose(t, q)?;
+        if self.correction == Correction::Partition {
+            self.base.evaluate(t, q, v)?;
+            let reason = "corrections leave the coordinates of largest projective measure untouched";
+            self.base.log(t, q, &[], reason.into())?;
+        }
+        Ok(())
+    }
+    fn select(&mut self, v: &[f64], u: &mut [f64]) {
+        u.copy_from_slice(v);
+    }
+    fn tangent(&mut self, _t: f64, _q: &[f64], _factored: bool) -> Result<()> {
+        Ok(())
+    }
+    fn spread(&mut self, u: &[f64]) {
+        self.base.r.v.copy_from_slice(u);
+    }
+    fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
+        self.solve(t, q, u)
+    }
+    fn rates(&mut self, du: &mut [f64]) {
+        du.copy_from_slice(&self.vdot);
+    }
+    fn full_acceleration(&self, out: &mut [f64]) {
+        out.copy_from_slice(&self.vdot);
+    }
+    fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
+        Ok(-dense::dot(&self.lambda, &self.base.r.a))
+    }
+    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
+        let (size, r) = (self.base.r.size(), &mut self.base.r);
+        if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
+            correct_orthogonally(r, t, q)?;
+            return Ok(true);
+        }
+        if r.tangent(t).is_err() || r.best_exchange().is_some_and(|x| x.gain > self.exchange) {
+            let (before, v) = (r.partition.independent.clone(), r.v.clone());
+            self.choose(t, q)?;
+            self.base.exchanges += 1;
+            self.base.evaluate(t, q, &v)?;
+            let reason = "corrections move other coordinates, those in use have become poor";
+            self.base.log(t, q, &before, reason.into())?;
+        }
+        Ok(self.base.r.correct_dependent(q))
+    }
+    /// `v ← v − M⁻¹ Cᵀ M_c⁻¹ (C v + a)`, twice: from an interpolation error to round-off.                     (35)
+    fn settle(&mut self, t: f64, q: &[f64], v: &mut [f64]) -> Result<bool> {
+        if self.correction == Correction::None {
+            return Ok(false);
+        }
+        self.base.r.position(t, q)?;
+        self.levels(t, q, v)?;
+        let r = &self.base.r;
+        let rows = &r.partition.rows;
+        let p = MassProjection::new(r.system, t, &self.mass, &dense_rows(r.system, &r.c, rows))?;
+        for _ in 0..2 {
+            let open: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
+            let x: Vec<f64> = rows.iter().map(|&i| open[i]).collect();
+            dense::axpy(1.0, &p.correction(&x), v);
+        }
+        Ok(true)
+    }
+    fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
+        let r = &mut self.base.r;
+        self.base.fading = r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade());
+        Verdict::Keep
+    }
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
+        if self.base.fading {
+            self.base.accept(t, q, false);
+            self.take_rows();
+        }
+        Ok(())
+    }
+    /// v' and λ are the rule's own; nothing is chosen, so named is the best choice of coordinates of the moment.
+    fn describe(
+        &mut self,
+        _r: Option<&mut Reduction<'s, S>>,
+        _within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<()> {
+        if self.rows.is_empty() && self.base.r.rank() > 0 {
+            self.choose(out.t, &out.q)?;
+        }
+        self.base.r.position(out.t, &out.q)?;
+        match self.solve(out.t, &out.q, &out.v) {
+            Ok(()) => {
+                out.vdot.clone_from(&self.vdot);
+                out.multipliers.clone_from(&self.lambda);
+                Ok(())
+            }
+            Err(SystemError::Singular { .. }) if out.note.is_some() => Ok(()),
+            Err(e) => Err(e),
+        }
+    }
+    fn report(&self, journal: &mut Journal) {
+        (journal.counters.factorisations, journal.counters.iterations) = (self.factorisations, self.iterations);
+        journal.rows.clone_from(&self.rows);
+        journal.notes.extend(self.rule.notes());
+        if self.correction == Correction::None && self.base.r.rank() > 0 {
+            journal.notes.push(format!(
+                "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
+                 reached {:.2e} and |C v + a| {:.2e}",
+                self.rule.name(),
+                journal.open.0,
+                journal.open.1
+            ));
+        }
+    }
+}

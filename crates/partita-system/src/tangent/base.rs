@@ -1,0 +1,96 @@
+//! What all tangents have: the levels of the system with their rows, and the choices so far.
+
+use crate::error::Result;
+use crate::record::{FormulationCounters, Journal, PartitionEvent};
+use crate::reduction::Reduction;
+use crate::system::ConstrainedSystem;
+use partita_math::dense;
+
+/// Steps after which the scales are looked at again: they are only scales.
+pub(super) const PERIOD: u32 = 8;
+
+/// Levels, rows and choices of a tangent.
+pub struct Base<'s, S: ConstrainedSystem> {
+    /// The levels at the point last evaluated. D, γ, δ, M_d and u' of any tangent stand here.
+    pub r: Reduction<'s, S>,
+    pub(super) events: Vec<PartitionEvent>,
+    pub(super) exchanges: u64,
+    /// Of redundant rows, do others serve better?
+    pub(super) fading: bool,
+    pub(super) steps_since_scales: u32,
+    vdot: Vec<f64>,
+    residual: Vec<f64>,
+}
+
+impl<'s, S: ConstrainedSystem> Base<'s, S> {
+    pub(super) fn new(r: Reduction<'s, S>) -> Self {
+        let n = r.size().nv;
+        let (vdot, residual) = (vec![0.0; n], vec![0.0; n]);
+        Self { r, events: Vec::new(), exchanges: 0, fading: false, steps_since_scales: 0, vdot, residual }
+    }
+
+    /// Choices so far.
+    pub fn events(&self) -> &[PartitionEvent] {
+        &self.events
+    }
+
+    /// Is there no choice to make?
+    pub(super) fn is_rigid_or_free(&self) -> bool {
+        self.r.rank() == 0 || self.r.k() == 0
+    }
+
+    /// All levels at the closed (t, q) with velocities v.
+    pub(super) fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
+        let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
+        self.r.evaluate(t, q, &speeds)
+    }
+
+    /// Write down the choice of independent velocities, at the tangent last evaluated.
+    pub(super) fn log(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
+        // M_d of the new choice, at the same (q, v)
+        self.r.velocity(t, q)?;
+        self.r.acceleration(t, q)?;
+        let quality = self.r.quality(t, q)?;
+        let p = &self.r.partition;
+        self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality));
+        Ok(())
+    }
+
+    /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and
+    /// then; true if they are.
+    pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {
+        if std::mem::take(&mut self.fading) {
+            // should no better rows be found, the next evaluation tells
+            let _ = self.r.renew_rows(t);
+        }
+        self.steps_since_scales += u32::from(scaled);
+        if self.steps_since_scales < PERIOD {
+            return false;
+        }
+        self.steps_since_scales = 0;
+        // a failure here would be met by the next evaluation too, which reports it; the old scales serve till then
+        self.r.refresh_scales(t, q).is_ok()
+    }
+
+    /// −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
+    pub(super) fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
+        let r = &mut self.r;
+        r.full_acceleration(&mut self.vdot);
+        r.system.inverse_dynamics(t, q, &r.v, &self.vdot, &mut r.scratch, &mut self.residual)?;
+        Ok(dense::dot(&self.residual, &r.gamma))
+    }
+
+    /// Names of velocities.
+    pub(super) fn names(&self, velocities: &[usize]) -> String {
+        velocities.iter().map(|&i| self.r.system.velocity_name(i)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Choices, rows and counts of a run.
+    pub fn report(&self, journal: &mut Journal) {
+        let (factorisations, plans, exchanges) = (self.r.factorisations, self.r.plans, self.exchanges);
+        journal.counters = FormulationCounters { factorisations, plans, exchanges, ..FormulationCounters::default() };
+        journal.events.clone_from(&self.events);
+        journal.rows.clone_from(&self.r.partition.rows);
+        journal.rows.sort_unstable();
+    }
+}
