@@ -152,3 +152,63 @@ def test_rules_of_choice() -> None:
     with pytest.raises(ArgumentError, match="coordinate 0, coordinate 1 cannot be independent"):
         pt.partition.choose(np.eye(5), rows, fixed=[0, 1])
     assert pt.partition.choose(np.eye(5), rows, fixed=[4, 1]).independent.tolist() == [1, 4]
+
+
+# ------------------------------------------------- redundant rows beside rows that hold for velocities only
+
+MASS = np.diag([1.0, 1.0, 0.5, 2.0])
+PUSH = np.array([0.2, -0.1, 0.3, -9.81])
+
+
+def edge(t: float, q: np.ndarray) -> np.ndarray:
+    """A sleigh (x, y, turn) that stays on the paraboloid z = (x^2 + y^2)/2, said twice; its edge does not slip, said
+    with the height's own rate mixed in; and the rate of the height once more."""
+    x, y, turn, _ = q
+    height = np.array([-x, -y, 0.0, 1.0])
+    slip = np.array([-np.sin(turn), np.cos(turn), 0.0, 0.0])
+    return np.array([height, -2.0 * height, height, slip + 3.0 * height, slip])
+
+
+def edge_bias(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    height = -(v[0] ** 2) - v[1] ** 2
+    slip = -v[2] * (np.cos(q[2]) * v[0] + np.sin(q[2]) * v[1])
+    return np.array([height, -2.0 * height, height, slip + 3.0 * height, slip])
+
+
+def edge_height(t: float, q: np.ndarray) -> np.ndarray:
+    gap = q[3] - 0.5 * (q[0] ** 2 + q[1] ** 2)
+    return np.array([gap, -2.0 * gap])
+
+
+@pytest.mark.parametrize(
+    "formulation",
+    ["projective", "fixed", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "multipliers", "range-space", "proximal"],
+)
+def test_redundant_rows_beside_nonholonomic_ones(formulation: str) -> None:
+    sleigh = pt.System(
+        4,
+        mass=MASS,
+        forces=PUSH,
+        constraints=edge_height,
+        jacobian=edge,
+        bias=edge_bias,
+        names=["x", "y", "turn", "z"],
+    )
+    q0 = [0.3, 0.4, 0.0, 0.125]
+    run = pt.simulate(sleigh, 1.5, q0, [1.0, 0.0, 0.2, 0.3], formulation=formulation)
+    assert run.success and run.closure.max() < 1e-12 and run.velocity_closure.max() < 1e-12
+    for q, v, vdot, multipliers in zip(run.q, run.v, run.vdot, run.multipliers, strict=True):
+        # of least norm, so that no choice of rows enters; the rank is 2 of 5
+        c, b = edge(0.0, q), edge_bias(0.0, q, v)
+        saddle = np.block([[MASS, -c.T], [c, np.zeros((5, 5))]])
+        exact = np.linalg.lstsq(saddle, np.concatenate([PUSH, -b]), rcond=1e-12)[0]
+        assert np.allclose(vdot, exact[:4], rtol=0, atol=1e-10)  # rounding times the condition of the saddle
+        assert np.allclose(c.T @ multipliers, c.T @ exact[4:], rtol=0, atol=1e-10)
+
+
+def test_rows_with_positions_are_kept_before_those_without() -> None:
+    """The rate of the height, said as a velocity row, must not displace the row that holds the position."""
+    first = pt.System(4, MASS, PUSH, edge_height, edge, bias=edge_bias)
+    run = pt.simulate(first, 5.0, [0.3, 0.4, 0.0, 0.125], [1.0, 0.0, 0.2, 0.3], rtol=1e-4, atol=1e-6)
+    # a height that followed from its rate alone would drift by the tolerance
+    assert run.success and run.closure.max() < 1e-12

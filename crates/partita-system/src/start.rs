@@ -1,5 +1,6 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
+use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
@@ -100,7 +101,11 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
         if r.factor(t).is_err() {
             return Ok(()); // the probe itself ran into a singular position: no verdict from it
         }
-        r.correct_dependent(&mut near);
+        if system.size().holonomic == system.size().rows {
+            r.correct_dependent(&mut near);
+        } else {
+            correct_orthogonally(&mut r, t, &mut near)?; // rows without a position have nothing to be solved for
+        }
     }
     r.position(t, &near)?;
     r.refresh_scales(t, &near)?;
