@@ -18,6 +18,7 @@ from typing import Any
 __all__ = [
     "ArgumentError",
     "AssemblyError",
+    "ChangedFileWarning",
     "DescriptionError",
     "EvaluationError",
     "FileFormatError",
@@ -131,3 +132,7 @@ class MissingDependencyError(PartitaError, ImportError):
     """An optional package is not installed. Field: `package`."""
 
     package: str
+
+
+class ChangedFileWarning(UserWarning):
+    """A model file was changed after it was saved; what it says now was read."""

@@ -2,14 +2,11 @@
 
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
+pub use crate::reduction::REDUNDANT;
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{independent_rows, RowRank};
 
-/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
-///
-/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
-pub const REDUNDANT: f64 = 1e-9;
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
 

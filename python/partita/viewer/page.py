@@ -9,7 +9,8 @@ from importlib import resources
 from os import PathLike
 from pathlib import Path
 
-from ..errors import ArgumentError, MissingFileError
+from ..errors import ArgumentError
+from ..files import put, target
 from ..readable import Readable
 from .scene import describe
 
@@ -51,22 +52,14 @@ def write_html(result: Readable, path: str | PathLike[str], title: str | None = 
 
     See `html` for what it shows and holds. An existing file is replaced.
 
-    Raises `MissingFileError` when the folder of `path` does not exist, `ArgumentError` when `path` is a folder
-    or the result has no outputs.
+    Raises `MissingFileError` when the folder of `path` does not exist, `FileFormatError` when `path` is a
+    folder or cannot be written, `ArgumentError` when the result has no outputs.
 
     >>> m = partita.catalogue.load("four-bar")                      # doctest: +SKIP
     >>> partita.viewer.write_html(m.simulate(10.0), "four-bar.html")  # doctest: +SKIP
     """
-    target = Path(path)
-    if target.is_dir():
-        raise ArgumentError(f'"{target}" is a folder; give the name of an .html file in it', argument="path")
-    if not target.parent.is_dir():
-        raise MissingFileError(
-            f'cannot write "{target.name}": the folder "{target.parent}" does not exist; create it first',
-            path=str(target),
-        )
-    target.write_text(html(result, title), encoding="utf-8")
-    return target
+    where = target(path, "a page ")
+    return put(where, html(result, title).encode("utf-8"))
 
 
 def _file(name: str) -> str:

@@ -5,6 +5,7 @@ mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
+pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals};
 
 use crate::clusters::Clusters;

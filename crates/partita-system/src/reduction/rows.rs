@@ -1,10 +1,14 @@
 //! Which of redundant rows are kept.
 
 use super::Reduction;
-use crate::start::REDUNDANT;
 use crate::system::ConstrainedSystem;
 use partita_math::dense::dot;
 use partita_math::rank::independent_rows;
+
+/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
+///
+/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
+pub const REDUNDANT: f64 = 1e-9;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
