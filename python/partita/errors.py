@@ -19,6 +19,7 @@ __all__ = [
     "ArgumentError",
     "AssemblyError",
     "ChangedFileWarning",
+    "DerivativeError",
     "DescriptionError",
     "EvaluationError",
     "FileFormatError",
@@ -120,6 +121,18 @@ class EvaluationError(PartitaError, RuntimeError):
 
     t: float
     where: str
+
+
+class DerivativeError(PartitaError, ValueError):
+    """A derivative of a hand-written system is that of another function. Fields: name of the `function`, `row` and (of a
+    Jacobian) `column` of the entry, the number `given`, the number `found` by differences, time `t` [s]."""
+
+    function: str
+    row: int
+    column: int | None = None
+    given: float
+    found: float
+    t: float
 
 
 class IntegrationError(PartitaError, RuntimeError):

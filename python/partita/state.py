@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
+from .numeric import floats, real, shown
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]
@@ -175,9 +176,9 @@ def _part(values: Array, span: Span) -> Any:
 def finite_time(t: Any) -> float:
     """`t` as a finite number of seconds, or an `ArgumentError`."""
     try:
-        time = float(t)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"t must be a number, not {t!r}", argument="t") from error
+        time = real(t)
+    except TypeError as error:
+        raise ArgumentError(f"t must be a number, not {shown(t)}", argument="t") from error
     if not np.isfinite(time):
         raise ArgumentError(f"t is {time}; give a finite time", argument="t")
     return time
@@ -186,9 +187,9 @@ def finite_time(t: Any) -> float:
 def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
     """A new flat array of finite numbers, as many as there are names (if there are any)."""
     try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
+        array = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {shown(values)}", argument=what) from error
     if array.ndim != 1 or (names and array.size != len(names)):
         raise ArgumentError(
             f"{what} must be a flat array{f' of {len(names)} numbers' if names else ''}, not of shape {array.shape}",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError, UnknownNameError
+from ..numeric import floats, shown
 
 Array = NDArray[np.float64]
 
@@ -131,12 +132,9 @@ def shape_of(value: Any) -> tuple[int, ...] | None:
 def _floats(element: Element, what: str, value: Any) -> Array:
     """`value` as a new float array."""
     try:
-        array = np.array(value)
-        if array.dtype.kind not in "iuf":
-            raise TypeError(f"{array.dtype} values")
-        return array.astype(np.float64)
-    except (TypeError, ValueError) as error:
-        element.fail(f"{what} must be made of real numbers, not {value!r}", cause=error)
+        return floats(value)
+    except TypeError as error:
+        element.fail(f"{what} must be made of real numbers, not {shown(value)}", cause=error)
 
 
 def _finite(element: Element, what: str, array: Array) -> Array:

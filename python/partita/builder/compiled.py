@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from ..errors import ArgumentError
 from ..instant import Instant
+from ..numeric import floats, shown
 from ..state import Layout, finite_time
 from .checks import Element
 from .records import Description
@@ -191,12 +192,14 @@ class CompiledModel(Equations):
         >>> model.with_parameters({"A.point": (0.5, 0, 0)}).mass_matrix([0.0]).round(12).tolist()   # m L^2 / 12
         [[0.25]]
         """
+        if not isinstance(changes, Mapping):
+            raise ArgumentError(f"changes must be a dict of names and numbers, not {shown(changes)}", argument="changes")
         new = dict(self._changes)
         for name, values in changes.items():
             try:
-                new[str(name)] = np.asarray(values, dtype=np.float64).ravel().tolist()
-            except (TypeError, ValueError) as error:
-                message = f"{name} must be a number or an array of numbers, not {values!r}"
+                new[str(name)] = floats(values).ravel().tolist()
+            except TypeError as error:
+                message = f"{name} must be a number or an array of numbers, not {shown(values)}"
                 raise ArgumentError(message, argument="changes") from error
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
@@ -244,12 +247,12 @@ def _again(
 def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:
     """`values` as a flat, finite, contiguous float array of `size` numbers."""
     try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
-    if np.ndim(values) != 1 or array.size != size:
+        array = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {shown(values)}", argument=what) from error
+    if array.ndim != 1 or array.size != size:
         raise ArgumentError(
-            f"{what} has shape {np.shape(values)}; it must be a flat array of {size} numbers: {', '.join(names)}",
+            f"{what} has shape {array.shape}; it must be a flat array of {size} numbers: {', '.join(names)}",
             argument=what,
         )
     if not np.all(np.isfinite(array)):

@@ -54,6 +54,9 @@ class Result:
         self.status = record.status
         self.success = record.success
         self.message = record.message
+        self.error = record.error
+        """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a run
+        that ended otherwise, and in a stored result. `raise run.error` shows where."""
         self.counters = dict(record.counters)
         self.options = dict(record.options)
         self.summary = dict(record.summary)
@@ -307,10 +310,14 @@ class Result:
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
+        try:
+            closure = f"{np.max(self.closure, initial=0.0):.1e}"
+        except Exception:  # of a user's function, which also ended the run
+            closure = "not known"
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
         switches = sum(change.is_switch for change in self.partitions)
         return (
             f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {span}; "
-            f"closure {np.max(self.closure, initial=0.0):.1e}, {switches} switches, "
+            f"closure {closure}, {switches} switches, "
             f"{self.counters.get('steps', 0)} steps>"
         )
