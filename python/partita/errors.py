@@ -124,8 +124,11 @@ class EvaluationError(PartitaError, RuntimeError):
 
 
 class DerivativeError(PartitaError, ValueError):
-    """A derivative of a hand-written system is that of another function. Fields: name of the `function`, `row` and (of a
-    Jacobian) `column` of the entry, the number `given`, the number `found` by differences, time `t` [s]."""
+    """A derivative of a hand-written system is that of another function.
+
+    Fields: name of the `function`, `row` and (of a Jacobian) `column` of the entry, the number `given`, the number
+    `found` by differences, time `t` [s].
+    """
 
     function: str
     row: int

@@ -1,4 +1,4 @@
-"""Numbers as they are meant: integers and floats. No words, no truth values, nothing complex, which NumPy would convert."""
+"""Numbers as they are meant: integers and floats. No words, truth values or complex numbers, which NumPy converts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ def floats(values: Any) -> NDArray[np.float64]:
         array = np.array(values, order="C")
         if array.dtype == np.float64:
             return array
-        if array.dtype.kind in "iuf" or array.size == 0 and array.dtype.kind != "O":
+        if array.dtype.kind in "iuf" or (array.size == 0 and array.dtype.kind != "O"):
             return np.array(array, dtype=np.float64, order="C")
     except TypeError:
         raise
     except Exception as error:  # whatever an object does when it is asked for its numbers
         raise TypeError(str(error)) from error
-    if array.dtype.kind == "O" and all(type(x) is int for x in array.flat):
-        return np.array(array, dtype=np.float64, order="C")  # integers beyond 64 bits; infinite beyond 1e308
+    if array.dtype.kind == "O" and all(type(x) in (int, float) for x in array.flat):
+        try:
+            return np.array(array, dtype=np.float64, order="C")  # integers beyond 64 bits
+        except OverflowError as error:
+            raise TypeError("an integer beyond 1e308") from error
     raise TypeError(f"{array.dtype} values")
 
 

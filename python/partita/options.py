@@ -109,7 +109,7 @@ def options(
         "max_step": None if max_step is None else positive("max_step", max_step),
         "correction": one_of("correction", correction, CORRECTIONS),
         "exchange": _exchange(exchange),
-        "max_steps": _count(max_steps),
+        "max_steps": count(max_steps),
         "independent": None if independent is None else velocities("independent", independent, velocity_names),
         "selection": one_of("selection", selection, SELECTIONS),
         "weights": None if weights is None else _weights(weights, velocity_names),
@@ -244,16 +244,21 @@ def _tangent(value: Any, n: int) -> TangentVelocities:
     return value.checked(n)
 
 
-def _count(value: Any) -> int:
+def count(value: Any) -> int:
+    """A number of steps."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value < 2**63:
-        raise ArgumentError(f"max_steps is {shown(value)}; it must be an integer above zero and below 2^63", argument="max_steps")
+        raise ArgumentError(
+            f"max_steps is {shown(value)}; it must be an integer above zero and below 2^63", argument="max_steps"
+        )
     return int(value)
 
 
 def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:
     """Different names of velocities, checked."""
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise ArgumentError(f"{what} must be a list of names such as {velocity_names[:1]}, not {shown(given)}", argument=what)
+        raise ArgumentError(
+            f"{what} must be a list of names such as {velocity_names[:1]}, not {shown(given)}", argument=what
+        )
     names = [str(item) for item in given]
     known = set(velocity_names)
     for name in names:

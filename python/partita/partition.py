@@ -144,9 +144,10 @@ def choose(
             argument="threshold",
         )
     if not isinstance(selection, str) or selection not in SELECTIONS:
-        more = "; persistence needs a history, so it serves runs only" if selection == "persistence" else ""
+        persists = isinstance(selection, str) and selection == "persistence"
+        more = "; persistence needs a history, so it serves runs only" if persists else ""
         raise ArgumentError(
-            f"there is no selection {selection!r} for one instant; choose among {', '.join(SELECTIONS)}{more}",
+            f"there is no selection {shown(selection)} for one instant; choose among {', '.join(SELECTIONS)}{more}",
             argument="selection",
         )
     if limit > 1.0 and selection != "collective":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -121,8 +122,10 @@ class State(StateView):
     ) -> None:
         if layout is None:
             layout = Layout()
-            layout.names = list(names) if names is not None else []
-            layout.velocity_names = list(velocity_names) if velocity_names is not None else list(layout.names)
+            layout.names = _labels("names", names)
+            layout.velocity_names = (
+                list(layout.names) if velocity_names is None else _labels("velocity_names", velocity_names)
+            )
         super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
         self.assembly = assembly
 
@@ -171,6 +174,15 @@ def _span(pair: Any) -> Span | None:
 def _part(values: Array, span: Span) -> Any:
     first, count = span
     return float(values[first]) if count == 1 else values[first : first + count]
+
+
+def _labels(what: str, names: Any) -> list[str]:
+    """Names as texts; None: none."""
+    if names is None:
+        return []
+    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+        raise ArgumentError(f"{what} must be a list of texts, not {shown(names)}", argument=what)
+    return [str(name) for name in names]
 
 
 def finite_time(t: Any) -> float:

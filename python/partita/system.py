@@ -142,7 +142,7 @@ class System(Equations):
 
     def summary(self, t: float, q: ArrayLike) -> dict[str, Any]:
         """Names and sizes as plain data, like the summary of a mechanism (without bodies and joints)."""
-        place = self._q(q)
+        place, t = self._q(q), State(t, [], []).t
         rows = self._rows.count(t, place)
         kept = (
             _core.choose(self.core.mass_matrix(t, place), self.core.jacobian(t, place), 1.0, None)["rows"]
@@ -352,9 +352,10 @@ def _closing(closing: Any, labels: list[str]) -> tuple[Function, list[int]]:
     """The function of an explicit closing, checked, and the indices of the coordinates that it gives."""
     try:
         names, function = closing
+        names = [names] if isinstance(names, str) else [str(name) for name in names]
     except (TypeError, ValueError):
         _refuse(f"closing must be a pair (names of dependent coordinates, function), not {shown(closing)}")
-    dependent = [names] if isinstance(names, str) else [str(name) for name in names]
+    dependent = list(names)
     unknown = [name for name in dependent if name not in labels]
     if unknown or len(set(dependent)) != len(dependent) or not dependent or not callable(function):
         _refuse(
@@ -425,6 +426,8 @@ def _names(names: Iterable[str] | None, n: int) -> list[str]:
     """n different names."""
     if names is None:
         return [f"q{i}" for i in range(n)]
+    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+        _refuse(f"names must be a list of {n} different texts, not {shown(names)}")
     labels = [str(name) for name in names]
     if len(labels) != n or len(set(labels)) != n or not all(label.strip() for label in labels):
         _refuse(f"names must be {n} different texts, not {labels}")

@@ -53,7 +53,9 @@ class TangentVelocities:
         for name in ("directions", "offset", "bias"):
             function = getattr(self, name)
             if not callable(function) and not (function is None and name != "directions"):
-                raise ArgumentError(f"{name} of tangent velocities must be a function, not {shown(function)}", argument=name)
+                raise ArgumentError(
+                    f"{name} of tangent velocities must be a function, not {shown(function)}", argument=name
+                )
 
     def checked(self, n: int) -> TangentVelocities:
         """The same functions, their results checked at each call: shape (k, n) or (n,), finite."""
@@ -65,7 +67,8 @@ class TangentVelocities:
                     array = floats(returned)
                 except TypeError as error:
                     raise EvaluationError(
-                        f"tangent velocities: {name} at t = {t:g} s returned {shown(returned)}, which is no array of numbers",
+                        f"tangent velocities: {name} at t = {t:g} s returned {shown(returned)}, which is no array of "
+                        "numbers",
                         t=t,
                         where=name,
                     ) from error

@@ -92,8 +92,13 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
     try:
         numbers = floats(value)
     except TypeError as error:
-        raise ArgumentError(f"value must be a number or an array of numbers, not {shown(value)}", argument="value") from error
-    result = numbers * (size / size_to)
+        raise ArgumentError(
+            f"value must be a number or an array of numbers, not {shown(value)}", argument="value"
+        ) from error
+    with np.errstate(over="ignore"):
+        result = numbers * (size / size_to)
+    if np.any(np.isinf(result) & np.isfinite(numbers)):
+        raise ArgumentError(f"value {shown(value)} in {to} is beyond the largest number there is", argument="value")
     return float(result) if result.ndim == 0 else result
 
 

@@ -40,7 +40,7 @@ NONSENSE: dict[str, Callable[[], Any]] = {
     "infinite": lambda: math.inf,
     "text": lambda: "fast",
     "complex": lambda: 1.0 + 2.0j,
-    "a wrong shape": lambda: np.zeros((2, 2)),
+    "a wrong shape": lambda: np.zeros((2, 3)),
     "bool": lambda: True,
     "an object": object,
     "an empty list": lambda: [],

@@ -60,8 +60,8 @@ def assemble(
     model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
     _fitting("near", start, model)
-    wanted = _indexed("targets", targets or {}, layout.names, layout.q, layout)
-    speeds = _indexed("rates", rates or {}, layout.velocity_names, layout.v, layout)
+    wanted = _indexed("targets", {} if targets is None else targets, layout.names, layout.q, layout)
+    speeds = _indexed("rates", {} if rates is None else rates, layout.velocity_names, layout.v, layout)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
     q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
@@ -140,7 +140,8 @@ def _numbers(what: str, key: Any, value: Any, count: int) -> list[float]:
     try:
         numbers = np.atleast_1d(floats(value))
     except TypeError as error:
-        raise ArgumentError(f"{what}[{str(key)!r}] must be made of numbers, not {shown(value)}", argument=what) from error
+        sentence = f"{what}[{str(key)!r}] must be made of numbers, not {shown(value)}"
+        raise ArgumentError(sentence, argument=what) from error
     if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
         raise ArgumentError(
             f"{what}[{str(key)!r}] must be {count} finite number{'s' if count != 1 else ''}, not "

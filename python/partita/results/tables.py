@@ -47,7 +47,8 @@ class Tables(Mapping[str, NDArray[Any]]):
         try:
             self["closure"]
         except Exception as error:  # of a user's function, which may have ended the run as well
-            return [f"what follows from the equations at the outputs cannot be computed: {type(error).__name__}: {error}"]
+            why = f"{type(error).__name__}: {error}"
+            return [f"what follows from the equations at the outputs cannot be computed: {why}"]
         return self._notes
 
     def __getitem__(self, name: str) -> NDArray[Any]:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from ..errors import ArgumentError
 from ..files import put, target
-from ..readable import Readable
+from ..numeric import shown
+from ..readable import Readable, checked_run
 from .scene import describe
 
 SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
@@ -29,6 +30,9 @@ def html(result: Readable, title: str | None = None) -> str:
 
     Raises `ArgumentError` for a result without a single output. Costs O(outputs x bodies).
     """
+    checked_run(result)
+    if title is not None and not isinstance(title, str):
+        raise ArgumentError(f"title must be text, not {shown(title)}", argument="title")
     if len(result.t) == 0:
         raise ArgumentError(
             "cannot animate a run with no outputs: it stopped before the first one; see result.message",
