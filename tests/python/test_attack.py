@@ -161,6 +161,7 @@ def asked() -> dict[str, Callable[[], Call]]:
     model = m.compile()
     run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
     s = ring()
+    hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
     q, v = state.q, state.v
     options: dict[str, Any] = {
         "duration": 0.01,
@@ -195,7 +196,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "window": None,
         "tangent": None,
         "max_steps": 50,
-        "reference": None,
+        "reference": None,  # given below: to make one takes time
         "progress": False,
     }
     at = {"q": q, "v": v, "t": 0.0}
@@ -231,7 +232,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "compare": (
             pt.compare,
-            {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, **compare},
+            {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, **compare, "reference": hand_run},
         ),
         "Mechanism.simulate": (m.simulate, {**options, "initial": state, "coordinates": "relative"}),
         "Mechanism.assemble": (
@@ -252,7 +253,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Mechanism.convert": (m.convert, {"state": state, "coordinates": "absolute"}),
         "Mechanism.compile": (m.compile, {"coordinates": "relative"}),
         "Mechanism.report": (m.report, {"state": state, "coordinates": "relative"}),
-        "Mechanism.compare": (m.compare, {**compare, "initial": state, "coordinates": "relative"}),
+        "Mechanism.compare": (m.compare, {**compare, "initial": state, "coordinates": "relative", "reference": run}),
         "Model.with_parameters": (model.with_parameters, {"changes": {"crank.mass": 1.0}}),
         "Model.with_parameters.value": (
             lambda value: model.with_parameters({"crank.mass": value}).mass_matrix(q),
@@ -368,7 +369,6 @@ COMMANDS: list[list[str]] = [
     ["simulate", "four-bar", "--time", "nan"],
     ["simulate", "four-bar", "--time", "inf"],
     ["simulate", "four-bar", "--time", "-1"],
-    ["simulate", "four-bar", "--time", "1e-308"],
     ["simulate", "four-bar", "--time", "0"],
     ["simulate", "four-bar", "--time", "1", "--rtol", "nan"],
     ["simulate", "four-bar", "--time", "1", "--outputs", "0"],

@@ -1,5 +1,6 @@
 //! A start that does not satisfy the constraints: told, with what became of it.
 
+use crate::error::AnalysisError;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -10,6 +11,29 @@ const OPEN: f64 = 1e4;
 const OFF: f64 = 1e-9;
 /// ... unless a move at that rate (in reaches a second) would not be seen in an hour.
 const STANDING: f64 = 1e-13;
+
+/// Rows open by more than this part of the lengths added up in them stand somewhere else: no step closes them, and what
+/// is nearest is a question to an assembly.
+const ELSEWHERE: f64 = 1e-2;
+
+/// Refuse a start that is not next to one that satisfies the constraints.
+pub(super) fn refuse<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<(), AnalysisError> {
+    let mut r = Reduction::new(system, rank);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let (open, row) = r.openness();
+    if 4.0 * f64::EPSILON * open < ELSEWHERE {
+        return Ok(());
+    }
+    Err(AnalysisError::Argument {
+        argument: "initial",
+        message: format!(
+            "the start does not satisfy the constraints: {} is open by {:.3e}; start from what assemble() makes of it",
+            system.row_name(row),
+            r.phi[row].abs()
+        ),
+    })
+}
 
 /// Where (t, q, v) does not satisfy S3 or S4, and by how much `first`, the output there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(

@@ -83,6 +83,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
     }
+    inconsistent::refuse(system, found.rank, request.t0, q)?;
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
