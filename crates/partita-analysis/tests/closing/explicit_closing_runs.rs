@@ -272,7 +272,8 @@ fn a_driven_crank_tells_its_shortfall() {
             let b = polar(0.8, 0.6 + rate * t);
             let missing = (b[0] - 1.0).hypot(b[1]) - 1.1;
             assert!(block.contains("RRR dyad"), "{block}");
-            assert!(missing > 0.0 && (shortfall - missing).abs() < 1e-14, "{shortfall} {missing}");
+            // steps are shortened down to round-off: they may end where the lengths just meet
+            assert!(missing > -1e-15 && (shortfall - missing.max(0.0)).abs() < 1e-14, "{shortfall} {missing}");
             assert!((0.6 + rate * t - swing()).abs() < 1e-6, "{t}");
         }
         other => panic!("{other:?}"),

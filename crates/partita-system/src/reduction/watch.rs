@@ -388,7 +388,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 }
 
 /// Signs of the determinants of C_D, block by block.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Sides {
     negative: Vec<bool>,
     /// The choice and the blocks they belong to.
@@ -397,6 +397,11 @@ pub struct Sides {
 }
 
 impl Sides {
+    /// Room for those of so many rows.
+    pub fn new(rank: usize) -> Self {
+        Self { negative: Vec::with_capacity(rank + 1), choice: 0, blocks: 0 }
+    }
+
     /// The choice they belong to.
     pub fn choice(&self) -> u64 {
         self.choice

@@ -1,7 +1,7 @@
 //! A singular position crossed: where the march stood before it, and whether the motion kept its branch.
 
 /// A state of the march.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Past {
     /// Time.
     pub t: f64,
@@ -29,7 +29,7 @@ impl Past {
 }
 
 /// Some states since the last singular position, to go back to where a march came too close to the next one to cross it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Trail {
     states: Vec<Past>,
     /// How many of them count; the latest first.
@@ -40,18 +40,22 @@ impl Trail {
     /// States kept.
     const LENGTH: usize = 8;
 
+    /// Room for states of nq coordinates and nv velocities.
+    pub fn new(nq: usize, nv: usize) -> Self {
+        let room = |n| Vec::with_capacity(n);
+        let past = || Past { t: 0.0, q: room(nq), v: room(nv), work: 0.0, turns: vec![0; nq] };
+        Self { states: (0..Self::LENGTH).map(|_| past()).collect(), count: 0 }
+    }
+
     /// Forget all.
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// A state at t, unless the latest is younger than `apart`; `fill` writes it. Takes memory the first times only.
+    /// A state at t, unless the latest is younger than `apart`; `fill` writes it.
     pub fn push(&mut self, t: f64, apart: f64, fill: impl FnOnce(&mut Past)) {
         if self.count > 0 && t - self.states[0].t < apart {
             return;
-        }
-        if self.states.len() < Self::LENGTH {
-            self.states.push(Past::default());
         }
         self.states.rotate_right(1);
         self.count = (self.count + 1).min(self.states.len());
@@ -70,7 +74,7 @@ impl Trail {
 }
 
 /// Start of a step, to hold its end against.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Seam {
     t: f64,
     v: Vec<f64>,
@@ -83,6 +87,11 @@ impl Seam {
     const MISSED: f64 = 0.3;
     /// In one velocity: of its change, and of the fastest.
     const ONE: (f64, f64) = (0.75, 0.1);
+
+    /// Room for n velocities.
+    pub fn new(n: usize) -> Self {
+        Self { t: 0.0, v: Vec::with_capacity(n), vdot: Vec::with_capacity(n) }
+    }
 
     /// A step begins here.
     pub fn start(&mut self, t: f64, v: &[f64], vdot: &[f64]) {
