@@ -157,6 +157,8 @@ class System:
         bias: Callable[[float, Array, Array], Array],
         names: list[str],
         closing: tuple[Callable[[float, Array], Array], list[int]] | None = None,
+        lengths: list[float] | None = None,
+        checked: bool = True,
     ) -> None: ...
     @property
     def nq(self) -> int: ...

@@ -62,13 +62,14 @@ impl Model {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
             let closed = assembly::close(&*self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
-            if closed.is_err() {
-                q = self.inner.initial();
+            // where the loops stay open nothing follows from how the rows stand to each other
+            if let Err(e) = closed {
+                let note = format!("mobility is that of an assembled position, and there is none: {e}");
+                return Structure { mobility: None, note: Some(note) };
             }
-            let note = closed.as_ref().err().map(ToString::to_string);
             match analysis::mobility::mobility(&self.inner, 0.0, &q) {
-                Ok(m) => Structure { mobility: Some(m), note },
-                Err(e) => Structure { mobility: None, note: Some(note.unwrap_or_else(|| e.to_string())) },
+                Ok(m) => Structure { mobility: Some(m), note: None },
+                Err(e) => Structure { mobility: None, note: Some(e.to_string()) },
             }
         })
     }
@@ -158,7 +159,8 @@ impl Model {
                 Some(m) => Ok(m.mobility),
                 None => {
                     let note = found.note.clone().unwrap_or_default();
-                    Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+                    let fields = [("residual", f64::NAN.into()), ("iterations", 0usize.into()), ("loops", "".into())];
+                    Err(raise(py, "AssemblyError", &note, &fields))
                 }
             }
         })

@@ -1,14 +1,12 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
+use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
+pub use crate::reduction::REDUNDANT;
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{independent_rows, RowRank};
 
-/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
-///
-/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
-pub const REDUNDANT: f64 = 1e-9;
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
 
@@ -111,7 +109,11 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
         if r.factor(t).is_err() {
             return Ok(()); // the probe itself ran into a singular position: no verdict from it
         }
-        r.correct_dependent(&mut near);
+        if system.size().holonomic == system.size().rows {
+            r.correct_dependent(&mut near);
+        } else {
+            correct_orthogonally(&mut r, t, &mut near)?; // rows without a position have nothing to be solved for
+        }
     }
     r.position(t, &near)?;
     r.refresh_scales(t, &near)?;

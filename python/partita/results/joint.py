@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
+from ..numeric import floats
 from .source import Arrays, Source, Span
 
 FloatArray = NDArray[np.float64]
@@ -214,8 +215,8 @@ class JointResult:
 def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
     """`axes` as a checked rotation, (3, 3) or (nt, 3, 3)."""
     try:
-        turn = np.asarray(axes, dtype=float)
-    except (TypeError, ValueError):
+        turn = floats(axes)
+    except TypeError:
         raise ArgumentError(
             f"in_frame: expected a 3x3 rotation matrix, got {type(axes).__name__}", argument="axes"
         ) from None
@@ -223,6 +224,8 @@ def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
         raise ArgumentError(
             f"in_frame: a rotation must have shape (3, 3) or ({nt}, 3, 3), got {turn.shape}", argument="axes"
         )
+    if not np.max(np.abs(turn), initial=0.0) < 2.0:  # NaN too
+        raise ArgumentError("in_frame: not a rotation matrix; its entries lie between -1 and 1", argument="axes")
     defect = float(np.max(np.abs(_transposed(turn) @ turn - np.eye(3)), initial=0.0))
     if not defect < 1e-8 or np.any(np.linalg.det(turn) < 0):
         raise ArgumentError(

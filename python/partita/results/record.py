@@ -32,6 +32,8 @@ class Record:
     steps_open: tuple[float, float] = (0.0, 0.0)
     """Largest |Phi| and |C v + a| at the ends of the steps taken."""
     options: dict[str, Any] = field(default_factory=dict)
+    error: Exception | None = None
+    """What ended the run early, from its cause; only in memory."""
     description: str | None = None
     """The mechanism as built, as JSON; None for a `System`."""
 
@@ -60,6 +62,7 @@ class Record:
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
             options=dict(options),
+            error=raw.get("error"),
             description=description,
         )
 

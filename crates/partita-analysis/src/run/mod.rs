@@ -1,5 +1,6 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
+mod inconsistent;
 mod journal;
 mod request;
 
@@ -82,6 +83,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
     }
+    inconsistent::refuse(system, found.rank, request.t0, q)?;
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
@@ -90,6 +92,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         Ok(())
     };
     let outcome = simulate(&mut f, request.t0, q, v, t_eval, &settings, &mut sink, watch)?;
+    notes.extend(inconsistent::note(system, found.rank, (request.t0, q, v), outputs.first())?);
     let told = f.journal();
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {

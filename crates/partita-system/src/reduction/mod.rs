@@ -1,9 +1,11 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 
 mod arithmetic;
+mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
+pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals};
 
 use crate::clusters::Clusters;
@@ -11,7 +13,6 @@ use crate::partition::Partition;
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
 use partita_math::dense;
 use partita_math::elimination::{Plan, PlanOptions};
-use partita_math::rank::independent_rows;
 
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
@@ -221,23 +222,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Sizes of the system.
     pub fn size(&self) -> Size {
         self.size
-    }
-
-    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
-    fn eligible_rows(&self) -> Vec<bool> {
-        if self.rank == self.size.rows {
-            return vec![true; self.size.rows];
-        }
-        let pattern = self.system.pattern();
-        let mut c = self.c.clone();
-        for i in (0..self.size.rows).filter(|&i| self.row_scale[i] == 0.0) {
-            pattern.row(i).for_each(|e| c[e] = 0.0); // round-off alone, in whatever direction
-        }
-        let found = independent_rows(pattern, &c, &self.s, 0.0);
-        let enough = found.rank >= self.rank;
-        let mut eligible = vec![!enough; self.size.rows];
-        found.kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
-        eligible
     }
 
     /// s, the square roots of `s2`.
