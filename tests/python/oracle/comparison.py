@@ -44,6 +44,7 @@ def compare(drawing: Drawing) -> Verdict:
         state = moving(mechanism, drawing, rng)
     except pt.errors.PartitaError as error:
         verdict.counts[f"refused: {type(error).__name__}"] += 1
+        verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
         return verdict
     for coordinates in ("relative", "absolute"):
         if coordinates == "absolute" and needs_coordinates(drawing):
@@ -52,6 +53,7 @@ def compare(drawing: Drawing) -> Verdict:
             run = short_run(mechanism, drawing, state, coordinates)
         except pt.errors.PartitaError as error:
             verdict.counts[f"{coordinates} refused: {type(error).__name__}"] += 1
+            verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
             continue
         if drawing.drives and contradictory(drawing, run):
             verdict.counts["contradiction"] += 1
@@ -67,6 +69,15 @@ def contradictory(drawing: Drawing, run: Any) -> bool:
     seen = {b.name: run.body(b.name) for b in drawing.bodies}
     still = {name: Pose(b.position[0], b.rotation[0], np.zeros(3), np.zeros(3)) for name, b in seen.items()}
     return Maximal(drawing, frames_of(drawing, run)).open_rate(still) > 1e-9
+
+
+def contradictory_as_drawn(drawing: Drawing) -> bool:
+    """The same before anything has run, of drawings that are closed and drives whose axes the drawing tells."""
+    driven = {j.name: j for j in drawing.joints if any(d.joint == j.name for d in drawing.drives)}
+    if not driven or any(j.planar for j in driven.values()) or any(j.child_point is not None for j in drawing.joints):
+        return False
+    still = {b.name: Pose(b.position, b.rotation, np.zeros(3), np.zeros(3)) for b in drawing.bodies}
+    return Maximal(drawing, {j.name: j.some for j in drawing.joints}).open_rate(still) > 1e-9
 
 
 def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:

@@ -147,10 +147,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.phi.iter().zip(&self.noise).all(|(x, n)| x.abs() <= *n)
     }
 
-    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off; NaN counts as infinite.
+    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it by: a
+    /// row that nothing moves is made of rounding errors alone. NaN counts as infinite.
     pub fn openness(&self) -> (f64, usize) {
         self.phi.iter().zip(&self.noise).enumerate().fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(f64::MIN_POSITIVE) };
+            let least = self.row_reach[i].map_or(f64::MIN_POSITIVE, |reach| 4.0 * f64::EPSILON * reach);
+            let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if open > best.0 {
                 (open, i)
             } else {
