@@ -310,7 +310,7 @@ def test_the_rate_of_a_joint_locked_to_round_off_is_refused(off: float) -> None:
     with pytest.raises(ArgumentError, match="A = 2"):
         kite(off).assemble(rates={"A": 2.0})
     state = kite(off).assemble(rates={"D": 2.0})
-    assert np.abs(state.v).max() < 2.1 and kite(off).assemble(rates={"A": 0.0, "D": 2.0}).v is not None
+    assert np.abs(state.v).max() < 2.1
 
 
 def test_the_rate_of_a_joint_next_to_a_dead_point_is_had() -> None:
