@@ -1,14 +1,14 @@
 //! The compiled mechanism for Python.
 
-use crate::arrays::{array, shaped, vector};
+use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, Acting, Motion};
+use crate::outputs::{self, Acting, Flags, Motion};
 use crate::run::{self, read_options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
-use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
@@ -480,20 +480,27 @@ impl Model {
         })
     }
 
+    /// Which reactions follow from the motion alone at nt samples.
     fn determined<'py>(
-        slf: &Bound<'py, Self>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        in_joint_frame: bool,
-    ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        let py = slf.py();
-        guarded(py, || {
-            let (model, own) = (slf.get(), slf.clone().unbind());
-            let q = vector(&q, model.nq(), "q")?;
-            let ask = move || analysis::determined::determined(&own.get().inner, t, &q, in_joint_frame);
-            let flags = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
-            Ok(shaped(py, &[flags.len(), 6], flags.concat()))
-        })
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Flags<'py>, Flags<'py>)> {
+        guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
+    }
+
+    /// What self-stresses can do to one joint at nt samples.
+    fn self_stresses<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        joint: usize,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {

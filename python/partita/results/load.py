@@ -71,7 +71,7 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
     if key in ("joint_position", "joint_velocity", "drive"):
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
-        return (nj, 6)
+        return (nt, nj, 6)
     if key in ("residual", *ENERGIES):
         return (nt,)
     return (nt, nj, 3, 3) if key == "joint_rotation" else (nt, nj, 3)

@@ -237,7 +237,7 @@ class Result:
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Uniqueness of all reaction components: (nj, 6) in world axes and in joint axes; for tools."""
+        """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
         return self._source_for("joint", "all").determined
 
     def _source_for(self, kind: str, name: str) -> Source:
