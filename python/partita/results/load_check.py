@@ -39,7 +39,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         if nt and width and record.arrays[name].size == 0:
             raise ValueError(f"there is no {name}")
     for name in DETERMINED:
-        _fits(name, arrays, ("joint", "component"), sizes)
+        _fits(name, arrays, ("t", "joint", "component"), sizes)
     for joint in joints:
         if not all(isinstance(joint[word], str) for word in _JOINT_WORDS):
             raise ValueError(f"the joint {joint['name']!r} is not described in words")
