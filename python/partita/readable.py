@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 def checked_run(result: Any) -> None:
     """Refuse what is no run, before a figure or a page is begun."""
-    if not all(hasattr(result, name) for name in ("t", "q", "names", "summary", "partitions")):
+    if not all(hasattr(result, name) for name in ("t", "names", "summary")):
         raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
 
 

@@ -50,9 +50,9 @@ ARRAYS: list[Any] = [
     np.array([object()]),
 ]
 OTHERS: list[Any] = [
-    None, "x", "", " ", "\0", "A", "q0", "ground", b"x", object(), {}, {"x": 1.0}, {"A": NAN}, {"A": "x"}, {1: 2}, set(),
-    range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"), ["A", "A"], ["x"],
-    [1],
+    None, "x", "", " ", "\0", "A", "q0", "ground", b"x", object(), {}, {"x": 1.0}, {"A": NAN}, {"A": "x"}, {1: 2},
+    set(), range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"),
+    ["A", "A"], ["x"], [1],
 ]  # fmt: skip
 NONSENSE = [*NUMBERS, *ARRAYS, *OTHERS]
 
@@ -232,7 +232,15 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "compare": (
             pt.compare,
-            {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, **compare, "reference": hand_run},
+            {
+                "system": s,
+                "q0": [1.0, 0.0],
+                "v0": [0.0, 0.0],
+                "initial": None,
+                "t0": 0.0,
+                **compare,
+                "reference": hand_run,
+            },
         ),
         "Mechanism.simulate": (m.simulate, {**options, "initial": state, "coordinates": "relative"}),
         "Mechanism.assemble": (
@@ -324,9 +332,7 @@ def wrong(answer: Any) -> str:
         reach = 1.0 + float(np.max(np.abs(answer.q), initial=0.0))
         if answer.success and not float(np.max(answer.closure, initial=0.0)) <= 1e-6 * reach:
             return f"a run that is open by {np.max(answer.closure):.1e} says success"
-    elif isinstance(answer, Comparison):
-        return ""
-    elif isinstance(answer, Exact):
+    elif isinstance(answer, Comparison | Exact):
         return ""
     elif not all(np.isfinite(array).all() for array in numbers_of(answer)):
         return f"the answer is not finite: {answer!r}"

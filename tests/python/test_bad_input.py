@@ -287,3 +287,52 @@ def test_system_function_of_wrong_shape(change: dict[str, Any]) -> None:
     }
     with pytest.raises(EvaluationError, match=next(iter(change))):
         pt.simulate(pt.System(2, **functions), 1.0, [1.0, 0.0], [0.0, 0.0])
+
+
+def kite(off: float) -> pt.Mechanism:
+    """Links a, a, b, b folded: the pin B lies on the pin D but for `off`, so that the crank is locked."""
+    m = pt.Mechanism("kite", gravity=ORIGIN)
+    d = (np.cos(0.3), np.sin(0.3), 0.0)
+    b = (d[0] + off, d[1] + off, 0.0)
+    c = (d[0] + 0.7 * np.cos(0.9), d[1] + 0.7 * np.sin(0.9), 0.0)
+    m.add_rod("crank", ORIGIN, b, 1.0)
+    m.add_rod("coupler", b, c, 1.0)
+    m.add_rod("rocker", d, c, 1.0)
+    m.add_revolute("A", m.ground, "crank", point=ORIGIN)
+    m.add_revolute("B", "crank", "coupler", point=b)
+    m.add_revolute("D", m.ground, "rocker", point=d)
+    m.add_revolute("C", "coupler", "rocker", point=c, cut="always")
+    return m
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-16, 5e-16, 1e-14, 1e-9])
+def test_the_rate_of_a_joint_locked_to_round_off_is_refused(off: float) -> None:
+    with pytest.raises(ArgumentError, match="A = 2"):
+        kite(off).assemble(rates={"A": 2.0})
+    state = kite(off).assemble(rates={"D": 2.0})
+    assert np.abs(state.v).max() < 2.1
+
+
+def test_the_rate_of_a_joint_next_to_a_dead_point_is_had() -> None:
+    """What is steep, but no round-off, is given: the speed falls with the distance."""
+    near, far = (np.abs(kite(off).assemble(rates={"A": 1.0}).v).max() for off in (1e-5, 1e-4))
+    assert near / far == pytest.approx(10.0, rel=0.01)
+
+
+def test_the_mobility_of_loops_that_do_not_close_is_refused() -> None:
+    model = four_bar(5.0).compile()
+    with pytest.raises(AssemblyError, match="mobility is that of an assembled position"):
+        model.mobility  # noqa: B018
+    assert four_bar(1.0).compile().mobility == 1
+
+
+def test_names_that_would_not_tell_which_is_meant_are_refused() -> None:
+    for kind in ("revolute", "spherical"):
+        m = pendulum()
+        m.add_body("plate", mass=1.0, inertia=(1, 1, 1))
+        m.add_body("ball", mass=1.0, inertia=(1, 1, 1))
+        m.add_planar("P", m.ground, "plate")
+        getattr(m, f"add_{kind}")("P.x", "plate", "ball", point=ORIGIN)
+        with pytest.raises(DescriptionError, match="rename one") as caught:
+            m.compile()
+        assert caught.value.name == "P.x"

@@ -143,7 +143,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
 pub fn doubt(
     py: Python<'_>,
     d: &Bound<'_, PyDict>,
-    right: &dyn Fn(f64, &[f64], &[f64]) -> Result<(), SystemError>,
+    right: &impl Fn(f64, &[f64], &[f64]) -> Result<(), SystemError>,
 ) -> PyResult<()> {
     let read = |key: &str| -> PyResult<(usize, Vec<f64>)> {
         let Some(x) = d.get_item(key)? else { return Ok((0, Vec::new())) };
