@@ -18,6 +18,7 @@ from typing import Any
 __all__ = [
     "ArgumentError",
     "AssemblyError",
+    "ContradictionError",
     "DescriptionError",
     "EvaluationError",
     "FileFormatError",
@@ -103,6 +104,16 @@ class AssemblyError(PartitaError, RuntimeError):
     residual: float
     iterations: int
     loops: str
+
+
+class ContradictionError(PartitaError, RuntimeError):
+    """Conditions that depend on each other do not agree: no motion keeps them all. Fields: time `t` [s] at which
+    it was seen, the `gap` there, `who` is off and `whom` it contradicts."""
+
+    t: float
+    gap: float
+    who: str
+    whom: str
 
 
 class SingularityError(PartitaError, RuntimeError):

@@ -90,6 +90,15 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             let fields = [("residual", shortfall.into()), ("iterations", 0usize.into()), ("loops", block.into())];
             raise(py, "AssemblyError", &message, &fields)
         }
+        SystemError::Contradiction { t, who, whom, gap, .. } => {
+            let fields = [
+                ("t", t.into()),
+                ("gap", gap.into()),
+                ("who", String::from(who).into()),
+                ("whom", whom.join(", ").into()),
+            ];
+            raise(py, "ContradictionError", &message, &fields)
+        }
         SystemError::Mass { name, .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }

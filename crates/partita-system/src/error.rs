@@ -129,6 +129,22 @@ pub enum SystemError {
         /// Whether others would do, and what to try.
         advice: String,
     },
+    /// Conditions that depend on each other and do not agree.
+    #[error("{}", contradiction(who, whom, *t, *gap, unit, *drive))]
+    Contradiction {
+        /// When it was seen.
+        t: f64,
+        /// What was left out because it follows from the others, in words.
+        who: Box<str>,
+        /// The others, in words, drives first.
+        whom: Vec<String>,
+        /// By how much they miss each other there.
+        gap: f64,
+        /// Its unit.
+        unit: Box<str>,
+        /// Is the one left out a drive?
+        drive: bool,
+    },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
     Basis {
@@ -165,6 +181,22 @@ fn gap(shortfall: f64, angle: f64) -> String {
         (false, true) => format!("{angle:.6e} rad"),
         _ => format!("{shortfall:.6e} m and {angle:.6e} rad"),
     }
+}
+
+fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive: bool) -> String {
+    let others = match whom {
+        [] => "the state at the start".to_string(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    };
+    let advice = match drive || whom.iter().any(|w| w.contains("drive")) {
+        true => "take a drive away, or prescribe motions that agree",
+        false => "take one of them away, or give lengths and directions that agree",
+    };
+    format!(
+        "{who} contradicts {others}: no motion keeps them all; at t = {t:.6} s it is off by {gap:.3e} {unit} where the others \
+         hold; {advice}"
+    )
 }
 
 fn limit(block: &str, t: f64, shortfall: f64) -> String {

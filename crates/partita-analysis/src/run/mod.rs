@@ -2,15 +2,18 @@
 
 mod journal;
 mod request;
+mod verdict;
 
 pub use journal::{Assessed, Described, Journal};
 pub use request::Request;
+pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
-use partita_system::record::{FormulationCounters, Output};
+use partita_system::record::{FormulationCounters, Gaps, Output};
+use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
@@ -28,8 +31,12 @@ pub struct Run {
     pub rows: Vec<usize>,
     /// Largest |Φ| and |C v + a| at the ends of the steps taken.
     pub open: (f64, f64),
+    /// The same in parts of sizes, with times and rows.
+    pub gaps: Gaps,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
+    /// What stands against the run at the ends of its steps.
+    pub findings: Vec<Finding>,
 }
 
 /// At most six of many, in words.
@@ -73,6 +80,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
 ) -> Result<Run, AnalysisError> {
     let settings = request.settings()?;
     let options = request.formulation_options(system, tangent)?;
+    let limits = Limits::of(request);
     let mut notes = Vec::new();
     let unread = registry::unread(&request.formulation, &options);
     if !unread.is_empty() {
@@ -81,6 +89,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     let found = start::analyse(system, request.t0, q)?;
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
+        consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
     }
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
@@ -95,8 +104,12 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
-    let (rows, counters, events, open) = (told.rows, told.counters, told.events, told.open);
+    let (rows, counters, events, open, gaps) = (told.rows, told.counters, told.events, told.open, told.gaps);
     drop(f);
-    let journal = Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs };
-    Ok(Run { outcome, journal, counters, rows, open, notes })
+    let journal =
+        Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs, limits };
+    let mut findings = Vec::new();
+    limits.judge(system, &gaps, "the end of the step", &mut findings);
+    verdict::of_steps(&outcome, &mut findings);
+    Ok(Run { outcome, journal, counters, rows, open, gaps, notes, findings })
 }

@@ -12,6 +12,7 @@ use crate::options::FormulationOptions;
 use crate::positions::turns;
 use crate::record::{Correction, FormulationCounters, Journal, Output, PartitionEvent, Sample};
 use crate::reduction::Reduction;
+use crate::singular::consistency::Watch;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::instant::Describer;
@@ -39,10 +40,9 @@ pub struct FullState<'s, S: ConstrainedSystem, R> {
     lambda: Vec<f64>,
     events: Vec<PartitionEvent>,
     counters: FormulationCounters,
-    /// Largest |Φ| and |C v + a| at the ends of steps.
-    open: (f64, f64),
-    /// The same at the end of the step that is judged; do other rows serve better there?
-    trial_open: (f64, f64),
+    /// What is open at the ends of steps.
+    watch: Watch,
+    /// Of redundant rows, do others serve better at the end of the step that is judged?
     fading: bool,
     corrections: u64,
 }
@@ -65,8 +65,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
             lambda: vec![0.0; size.rows],
             events: Vec::new(),
             counters: FormulationCounters::default(),
-            open: (0.0, 0.0),
-            trial_open: (0.0, 0.0),
+            watch: Watch::default(),
             fading: false,
             corrections: 0,
         }
@@ -267,13 +266,14 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
         if evaluates {
             self.derivative(t, y, dy)?;
         }
-        self.trial_open = (self.r.closure(), self.r.velocity_closure());
+        self.watch.look(t, &self.r);
+        self.watch.check(t, &y[..size.nq], &self.r)?;
         self.fading = self.r.rank() < size.rows && (self.r.factor(t).is_err() || self.r.rows_fade());
         Ok((Verdict::Keep, evaluates))
     }
     fn commit(&mut self, _verdict: Verdict, step: Step) -> Result<bool, SystemError> {
         let nq = self.r.size().nq;
-        self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
+        self.watch.accept();
         self.corrections += u64::from(self.corrects());
         // of redundant rows others are taken in time; what fails here the next evaluation meets and reports
         if std::mem::take(&mut self.fading)
@@ -334,8 +334,8 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
                 "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
                  reached {:.2e} and |C v + a| {:.2e}",
                 self.rule.name(),
-                self.open.0,
-                self.open.1
+                self.watch.open.0,
+                self.watch.open.1
             ));
         }
         Journal {
@@ -344,7 +344,8 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
             counters: FormulationCounters { plans: self.r.plans, corrections: self.corrections, ..self.counters },
             rows: self.rows.clone(),
             passages: Vec::new(),
-            open: self.open,
+            open: self.watch.open,
+            gaps: self.watch.gaps,
             notes,
         }
     }

@@ -18,6 +18,7 @@ use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
 use crate::reduction::Reduction;
 use crate::singular::change_point::Passage;
+use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::basis::gram_schmidt::GramSchmidt;
 use crate::tangent::basis::Basis;
@@ -48,10 +49,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     passage: Passage,
     passing: bool,
-    /// |Φ| and |C v + a| at the end of the step that was judged.
-    trial_open: (f64, f64),
-    /// The largest of those taken.
-    open: (f64, f64),
+    /// What is open at the ends of steps.
+    watch: Watch,
     v: Vec<f64>,
     vdot: Vec<f64>,
     residual: Vec<f64>,
@@ -142,8 +141,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             passage: Passage::default(),
             passing: false,
-            trial_open: (0.0, 0.0),
-            open: (0.0, 0.0),
+            watch: Watch::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
             residual: vec![0.0; n],
@@ -303,7 +301,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
         }
         self.moved = false;
-        self.trial_open = (self.tangent.seen().closure(), self.tangent.seen().velocity_closure());
+        self.watch.look(t, self.tangent.seen());
+        self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
         if verdict == Verdict::Keep {
@@ -330,7 +329,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
             return Ok(true);
         }
-        self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
+        self.watch.accept();
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, y)?; // outputs were evaluated since
         }
@@ -378,8 +377,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn journal(&self) -> Journal {
-        let mut journal =
-            Journal { name: self.name, passages: self.passage.times.clone(), open: self.open, ..Journal::default() };
+        let mut journal = Journal { name: self.name, passages: self.passage.times.clone(), ..Journal::default() };
+        (journal.open, journal.gaps) = (self.watch.open, self.watch.gaps);
         journal.events = self.tangent.events().to_vec();
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);

@@ -1,6 +1,7 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 
 mod arithmetic;
+pub mod openness;
 mod watch;
 
 pub use arithmetic::Choice;
@@ -11,7 +12,12 @@ use crate::partition::Partition;
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
 use partita_math::dense;
 use partita_math::elimination::{Plan, PlanOptions};
-use partita_math::rank::independent_rows;
+use partita_math::rank::preferred_rows;
+
+/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
+///
+/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
+pub const REDUNDANT: f64 = 1e-9;
 
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
@@ -88,6 +94,10 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     reach: Vec<f64>,
     row_scale: Vec<f64>,
     row_reach: Vec<Option<f64>>,
+    /// What a large move opens each row by.
+    row_size: Vec<f64>,
+    /// Rows not kept, ascending.
+    dropped: Vec<usize>,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -168,6 +178,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             reach: (0..n).map(|i| system.reach(i)).collect(),
             row_scale: vec![1.0; size.rows],
             row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
+            row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
+            dropped: Vec::new(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -223,8 +235,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.size
     }
 
-    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
-    fn eligible_rows(&self) -> Vec<bool> {
+    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come last.
+    pub(crate) fn eligible_rows(&self) -> Vec<bool> {
         if self.rank == self.size.rows {
             return vec![true; self.size.rows];
         }
@@ -233,7 +245,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         for i in (0..self.size.rows).filter(|&i| self.row_scale[i] == 0.0) {
             pattern.row(i).for_each(|e| c[e] = 0.0); // round-off alone, in whatever direction
         }
-        let found = independent_rows(pattern, &c, &self.s, 0.0);
+        let found = preferred_rows(pattern, &c, &self.s, 0.0, (REDUNDANT, &|i| self.system.row_is_drive(i)));
         let enough = found.rank >= self.rank;
         let mut eligible = vec![!enough; self.size.rows];
         found.kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
@@ -279,6 +291,12 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
             self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
+            let arm = self.noise[i] / (4.0 * f64::EPSILON);
+            self.row_size[i] = match self.row_reach[i] {
+                Some(reach) => reach.max(arm),
+                None if arm > 0.0 => arm,
+                None => 1.0,
+            };
         }
     }
 
@@ -308,6 +326,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.partition.independent = independent.to_vec();
         self.partition.dependent = plan.pivot_cols().to_vec();
         self.partition.rows = plan.pivot_rows().to_vec();
+        let mut dropped = vec![true; self.size.rows];
+        self.partition.rows.iter().for_each(|&i| dropped[i] = false);
+        self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
         self.plan_recursion();
         self.place_columns(independent);
         let mut place = vec![NONE; self.size.nv];

@@ -1,4 +1,5 @@
 //! Singular positions: foreseen and passed, or told from dead points of a choice.
 
 pub mod change_point;
+pub mod consistency;
 pub mod dead_point;

@@ -4,7 +4,7 @@
 //! share this; the full equations put their own in their place.
 
 use crate::partition::criterion::{self, Quality};
-use crate::record::Sample;
+use crate::record::{Gap, Gaps, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -96,8 +96,12 @@ fn choose<S: ConstrainedSystem>(
     }
 }
 
-fn closures<S: ConstrainedSystem>(r: &Reduction<S>, v: &[f64], out: &mut Sample) {
+fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
     out.closure = r.closure();
+    r.v.copy_from_slice(v);
+    let gap = |(part, row): (f64, usize)| Gap { part, t: out.t, row };
+    out.gaps = Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()) };
+    out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
 
@@ -111,7 +115,6 @@ fn levels<S: ConstrainedSystem>(
     let size = r.size();
     closures(r, v, out);
     r.tangent(t)?;
-    r.v.copy_from_slice(v);
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
     out.vdot.resize(size.nv, 0.0);
