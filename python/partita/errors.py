@@ -20,6 +20,7 @@ __all__ = [
     "AssemblyError",
     "ContradictionError",
     "DescriptionError",
+    "DoubtfulResultWarning",
     "EvaluationError",
     "FileFormatError",
     "IntegrationError",
@@ -59,6 +60,10 @@ class PartitaError(Exception):
 def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> PartitaError:
     """Make the error again in another process: `pickle` alone would lose the keyword arguments."""
     return kind(message, **fields)
+
+
+class DoubtfulResultWarning(UserWarning):
+    """A result stands on what the tolerances and the round-off of its run do not explain; its certificate says what."""
 
 
 class DescriptionError(PartitaError, ValueError):

@@ -183,6 +183,9 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
         StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
             (Status::Singular, format!("stopped at t = {t}: {e}"), Some(e))
         }
+        StepFailure::TooSmall { last: Some(e @ SystemError::Jump { .. }), .. } => {
+            (Status::EvaluationFailed, format!("stopped at t = {t}: {e}"), Some(e))
+        }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
             let status = match &error {

@@ -105,6 +105,9 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::SingularStart { t, .. } | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
+        SystemError::Jump { t, what, .. } => {
+            raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", String::from(what).into())])
+        }
         SystemError::Basis { t, .. } | SystemError::DeadPoint { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }

@@ -145,6 +145,18 @@ pub enum SystemError {
         /// Is the one left out a drive?
         drive: bool,
     },
+    /// A condition is left in a step, however short.
+    #[error("{}", jump(what, *t, *by, *drive))]
+    Jump {
+        /// What the condition belongs to.
+        what: Box<str>,
+        /// Time.
+        t: f64,
+        /// By how much it is left.
+        by: f64,
+        /// Is it a drive?
+        drive: bool,
+    },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
     Basis {
@@ -194,9 +206,23 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
         false => "take one of them away, or give lengths and directions that agree",
     };
     format!(
-        "{who} contradicts {others}: no motion keeps them all; at t = {t:.6} s it is off by {gap:.3e} {unit} where the others \
-         hold; {advice}"
+        "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {gap:.3e} {unit} where the others \
+         hold; {advice}",
+        six_digits(t)
     )
+}
+
+fn jump(what: &str, t: f64, by: f64, drive: bool) -> String {
+    let advice = match drive {
+        true => "no body follows a step: give the drive a motion that is continuous with its rate",
+        false => "take shorter steps",
+    };
+    format!("{what} jumps by {by:.3e} at t = {}: {advice}", six_digits(t))
+}
+
+/// Six digits of a time, as people read it.
+pub fn six_digits(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
 }
 
 fn limit(block: &str, t: f64, shortfall: f64) -> String {
@@ -222,6 +248,7 @@ impl SystemError {
                 | Self::DeadPoint { .. }
                 | Self::Basis { .. }
                 | Self::Choice { .. }
+                | Self::Jump { .. }
         )
     }
 }

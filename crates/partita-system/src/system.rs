@@ -245,6 +245,10 @@ pub trait ConstrainedSystem: Sync {
     fn row_reach(&self, _i: usize) -> Option<f64> {
         None
     }
+    /// The time after which nothing can be evaluated, and what ends there, in words.
+    fn horizon(&self) -> Option<(f64, String)> {
+        None
+    }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {
         self.row_words(i)

@@ -9,13 +9,15 @@ pub use request::Request;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
-use partita_integrate::simulate::{simulate, Outcome};
+use partita_integrate::simulate::{simulate, Outcome, Status};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Gaps, Output};
+use partita_system::reduction::openness::{CLOSED, OPEN};
+use partita_system::reduction::Reduction;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, SystemError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -44,6 +46,39 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
     let first: Vec<String> = all.iter().take(6).map(word).collect();
     let more = if all.len() > 6 { ", ..." } else { "" };
     format!("{}{more}", first.join(", "))
+}
+
+/// Does what ends then end inside the run, by more than the round-off of its last step?
+fn within(end: f64, request: &Request) -> bool {
+    end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
+}
+
+/// Sentences where the state handed over does not meet the conditions, so that the run starts from another one.
+fn notes_of_start<S: ConstrainedSystem>(
+    system: &S,
+    found: &Start,
+    (t, q, v): (f64, &[f64], &[f64]),
+) -> Result<Vec<String>, SystemError> {
+    let mut r = Reduction::new(system, found.rank);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    r.v.copy_from_slice(v);
+    let mut notes = Vec::new();
+    let ((gap, row), (rate, rate_row), fastest) = (r.gap(), r.velocity_gap(), r.fastest());
+    let mut tell = |what: &str, row: usize, off: f64| {
+        notes.push(format!(
+            "the state at the start does not meet its conditions: {what} of {} is off by {off:.1e}, and the run starts from \
+             the nearest state that meets them; assemble() makes one",
+            system.row_owner(row)
+        ));
+    };
+    if gap > CLOSED {
+        tell("the closing", row, gap * r.row_size(row));
+    }
+    if rate > OPEN * fastest {
+        tell("the rate", rate_row, rate * r.row_size(rate_row));
+    }
+    Ok(notes)
 }
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
@@ -78,7 +113,11 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
-    let settings = request.settings()?;
+    let mut settings = request.settings()?;
+    let ends = system.horizon().filter(|(end, _)| within(*end, request));
+    if let Some((end, _)) = &ends {
+        settings.t_end = *end;
+    }
     let options = request.formulation_options(system, tangent)?;
     let limits = Limits::of(request);
     let mut notes = Vec::new();
@@ -91,6 +130,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         notes.push(note_of_dropped(system, &found));
         consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
     }
+    notes.extend(notes_of_start(system, &found, (request.t0, q, v))?);
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
@@ -98,7 +138,16 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         outputs.push(output.clone());
         Ok(())
     };
-    let outcome = simulate(&mut f, request.t0, q, v, t_eval, &settings, &mut sink, watch)?;
+    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
+    let mut outcome = simulate(&mut f, request.t0, q, v, reached, &settings, &mut sink, watch)?;
+    if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
+        outcome.status = Status::EvaluationFailed;
+        outcome.message = format!(
+            "stopped at t = {end}: the table of {what} ends at {end} s, before the run does at {} s; extend the table or \
+             shorten the run",
+            request.t_end
+        );
+    }
     let told = f.journal();
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {

@@ -2,6 +2,7 @@
 
 use super::Request;
 use partita_integrate::simulate::Outcome;
+use partita_system::error::six_digits;
 use partita_system::record::{Gap, Gaps};
 use partita_system::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
 use partita_system::ConstrainedSystem;
@@ -55,8 +56,9 @@ impl Limits {
                     broken: gap.part > broken || gap.part.is_nan(),
                     t: gap.t,
                     sentence: format!(
-                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {:.6} s; up to {doubtful:.0e} holds",
-                        gap.part, gap.t
+                        "{kind} of {row} is off by {:.1e} of {of} at {what} t = {} s; up to {doubtful:.0e} holds",
+                        gap.part,
+                        six_digits(gap.t)
                     ),
                 });
             }

@@ -87,6 +87,9 @@ impl ConstrainedSystem for Model {
             }
         }
     }
+    fn horizon(&self) -> Option<(f64, String)> {
+        crate::horizon::horizon(&self.spec)
+    }
     fn row_is_drive(&self, i: usize) -> bool {
         i >= self.row_names.len()
     }

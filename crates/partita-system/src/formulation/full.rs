@@ -210,17 +210,21 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
 
 impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S, R> {
     fn dim(&self) -> usize {
-        self.controlled() + usize::from(self.observes_work)
+        let s = self.r.size();
+        s.nq + s.nv + usize::from(self.observes_work)
     }
     fn controlled(&self) -> usize {
         let s = self.r.size();
-        s.nq + s.nv
+        s.nq + s.nv + usize::from(self.observes_work && self.r.k() == 0)
     }
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
         let (coordinates, rates) = out.split_at_mut(self.r.size().nq);
         super::sizes_of_coordinates(self.r.system, coordinates);
         (0..self.r.size().nv).for_each(|i| rates[i] = self.r.system.reach(i));
+        if self.observes_work {
+            rates[self.r.size().nv] = self.r.natural_energy();
+        }
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         start::choose_partition(&mut self.r, t, q, None, None)?;
@@ -258,6 +262,8 @@ impl<S: ConstrainedSystem, R: AccelerationRule> Formulation for FullState<'_, S,
         let mut moved = self.r.system.normalise(q);
         if self.corrects() {
             let v = &mut rest[..size.nv];
+            self.r.position(t, q)?;
+            self.r.jumped(t)?;
             self.close(t, q, v)?;
             self.project(t, q, v)?;
             moved = true;

@@ -256,11 +256,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
     fn dim(&self) -> usize {
-        self.controlled() + usize::from(self.observes_work)
+        self.places().1 + usize::from(self.observes_work)
     }
 
+    /// Where drives prescribe all motion, their work is what there is to integrate.
     fn controlled(&self) -> usize {
-        self.places().1
+        self.places().1 + usize::from(self.observes_work && self.k == 0)
     }
 
     fn natural_sizes(&self, out: &mut [f64]) {
@@ -271,6 +272,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.positions.sizes(&of_q, &mut out[..p]);
         // other tangent velocities are measured by the mass metric already
         let independent = self.tangent.independent(None).unwrap_or(&[]);
+        if self.observes_work {
+            out[w] = self.tangent.seen().natural_energy();
+        }
         out[p..w].iter_mut().zip(independent).for_each(|(x, &i)| *x = self.system.reach(i));
     }
 

@@ -12,6 +12,10 @@ pub const OPEN: f64 = 1e-6;
 /// next to a singular position; where conditions hold for rates alone [`OPEN`] is asked of these.
 pub const OPEN_RATE: f64 = 1e-3;
 
+/// A step drifts by its error; one that leaves a condition by more than this part of its size is too long, whatever it was
+/// allowed.
+const JUMP: f64 = 1e-3;
+
 /// What holds a dropped row takes part in its contradiction with at least this part of the row: less is round-off.
 const TAKES_PART: f64 = 1e-6;
 
@@ -71,10 +75,29 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         moved.max(largest(self.a.iter().zip(&self.row_size).map(|(a, size)| a / size)))
     }
 
-    /// The same of accelerations [1/s²].
+    /// An energy at hand: of what is hardest to move, moved by its reach in a second.
+    pub fn natural_energy(&self) -> f64 {
+        let energies = self.s2.iter().zip(&self.reach).map(|(s2, reach)| reach * reach / s2);
+        largest(energies).max(f64::MIN_POSITIVE)
+    }
+
+    /// The strongest acceleration at hand [1/s²], as `fastest`.
     pub fn strongest(&self, vdot: &[f64]) -> f64 {
         let moved = largest(vdot.iter().zip(&self.reach).map(|(v, reach)| v / reach));
         moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
+    }
+
+    /// Does a step end with a condition so far open that it left it, rather than drifted?
+    ///
+    /// # Errors
+    /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.
+    pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
+        let (part, row) = self.gap();
+        if part <= JUMP {
+            return Ok(());
+        }
+        let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
+        Err(SystemError::Jump { what: what.into(), t, by, drive: self.system.row_is_drive(row) })
     }
 
     /// The dropped row i against the kept rows it follows from: who contradicts whom. Needs the factors of C_D.
