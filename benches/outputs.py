@@ -59,7 +59,7 @@ def first_force(name: str, joint: str, duration: float, **parameters: int) -> Fi
     def anew() -> None:
         runs[:] = [m.simulate(duration, t_eval=times, initial=start)]
 
-    seconds = fastest(lambda: runs[0].joint(joint).force, 0.0, 3, anew)
+    seconds = fastest(lambda: runs[0].joint(joint).force, 0.3, 5, anew)
     residual = float(np.max(np.abs(runs[0].reactions["residual"]), initial=0.0))
     return FirstForce(seconds, len(times), residual)
 

@@ -1,0 +1,169 @@
+//! After the first call an evaluation of a mechanism allocates nothing, whichever way its equations are projected.
+
+use crate::counting::allocations;
+use crate::mechanisms::{body, compile, empty, joint};
+use partita_model::place::Coordinates;
+use partita_model::spec::{Force, JointKind, Spec, Value};
+use partita_model::Model;
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::registry;
+use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::options::FormulationOptions;
+use partita_system::{start, ConstrainedSystem};
+
+const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);
+
+/// Rods between points of the plane; pins at their ends.
+fn pin(spec: &mut Spec, a: &str, b: &str, at: [f64; 3]) {
+    let name = format!("pin{}", spec.joints.len());
+    spec.joints.push(joint(name, JointKind::Revolute, a, b, at));
+    spec.joints.last_mut().unwrap().axis = Z;
+}
+
+/// N loops of uprights and couplers, all but upright.
+fn chain(n: usize) -> Spec {
+    let mut rng = fastrand::Rng::with_seed(n as u64);
+    let mut spec = empty("chain");
+    let top = |i: usize| [i as f64 + 0.4, 0.9, 0.0];
+    for i in 0..=n {
+        spec.bodies.push(body(&mut rng, format!("upright{i}")));
+        pin(&mut spec, "ground", &format!("upright{i}"), [i as f64, 0.0, 0.0]);
+    }
+    for i in 0..n {
+        let coupler = format!("coupler{i}");
+        spec.bodies.push(body(&mut rng, coupler.clone()));
+        pin(&mut spec, &format!("upright{i}"), &coupler, top(i));
+        pin(&mut spec, &coupler, &format!("upright{}", i + 1), top(i + 1));
+    }
+    spec
+}
+
+fn four_bar() -> Spec {
+    let mut rng = fastrand::Rng::with_seed(1);
+    let mut spec = empty("four-bar");
+    for name in ["crank", "coupler", "rocker"] {
+        spec.bodies.push(body(&mut rng, name.into()));
+    }
+    pin(&mut spec, "ground", "crank", [0.0; 3]);
+    pin(&mut spec, "crank", "coupler", [0.7, 0.7, 0.0]);
+    pin(&mut spec, "coupler", "rocker", [3.1, 1.8, 0.0]);
+    pin(&mut spec, "ground", "rocker", [2.2, 0.0, 0.0]);
+    let name = "torque".to_string();
+    spec.forces.push(Force::Torque { name, joint: "pin0".into(), coordinate: 0, value: Value::Constant(1.0) });
+    spec
+}
+
+/// The spatial chain with springs across it.
+fn in_space() -> Spec {
+    let mut spec = crate::mechanisms::in_space();
+    for (i, (a, b)) in [("ground", "body1"), ("body0", "body2")].into_iter().enumerate() {
+        spec.forces.push(Force::Spring {
+            name: format!("spring{i}"),
+            body1: a.into(),
+            point1: [0.3, 0.2, 0.1],
+            body2: b.into(),
+            point2: [0.0, 0.1, -0.2],
+            stiffness: 20.0,
+            damping: 0.5,
+            length: 0.4,
+        });
+    }
+    spec
+}
+
+/// Twelve pendulums side by side, two of them coupled: nearly as many freedoms as coordinates, so that dense matrices are
+/// the cheaper way.
+fn rank_and_file(kind: JointKind) -> Spec {
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut spec = empty("rank and file");
+    for i in 0..12 {
+        let name = format!("body{i}");
+        spec.bodies.push(body(&mut rng, name.clone()));
+        let mut j = joint(format!("joint{i}"), kind, "ground", &name, [i as f64, 0.0, 0.0]);
+        j.axis = Z;
+        spec.joints.push(j);
+    }
+    spec.bodies.push(body(&mut rng, "coupler".into()));
+    pin(&mut spec, "body3", "coupler", [3.2, 0.7, 0.0]);
+    pin(&mut spec, "coupler", "body4", [4.1, 0.9, 0.0]);
+    if kind == JointKind::Spherical {
+        // between turning balls a pin would lock too much
+        for j in spec.joints.iter_mut().skip(12) {
+            j.kind = JointKind::Spherical;
+        }
+    }
+    spec
+}
+
+/// Allocations of the calls that follow the first one, at states all around the start.
+fn count(model: &Model, what: &str) {
+    let mut q = model.initial();
+    partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let rank = start::analyse(model, 0.0, &q).unwrap().rank;
+    let mut f = Projective::new(model, rank, &FormulationOptions::default());
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
+    let (nq, k) = (model.size().nq, model.size().nv - rank);
+    assert!(k > 0);
+    let speeds: Vec<f64> = (0..k).map(|i| 0.3 + 0.1 * i as f64 / k as f64).collect();
+    y[nq..nq + k].copy_from_slice(&speeds);
+    f.derivative(0.0, &y, &mut dy).unwrap();
+    let (q, mut turns) = (y[..nq].to_vec(), vec![0; nq]);
+    let ((), counted) = allocations(|| {
+        for i in 0..20 {
+            y[nq] = 0.2 + 0.01 * f64::from(i);
+            // a stage: a little off the closed position
+            y[0] = q[0] + 1e-3 * f64::from(i);
+            f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+            f.reduction().evaluate(0.0, &q, &speeds).unwrap();
+            // corrects and evaluates the end; the scales are refreshed when it is taken, now and then
+            f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
+            let step = Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+            f.commit(Verdict::Keep, step).unwrap();
+        }
+    });
+    assert_eq!(counted, 0, "{what}: {} allocations", counted);
+}
+
+/// Allocations of evaluations by a formulation of the registry, stages all around the start.
+fn count_named(name: &str, model: &Model) {
+    let mut q = model.initial();
+    partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
+    let rank = start::analyse(model, 0.0, &q).unwrap().rank;
+    let options = FormulationOptions { baumgarte: Some((5.0, 5.0)), ..FormulationOptions::default() };
+    let mut f = registry::by_name(name, model, rank, &options).unwrap();
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
+    f.derivative(0.0, &y, &mut dy).unwrap();
+    let (start, last) = (y.clone(), f.controlled() - 1);
+    let ((), counted) = allocations(|| {
+        for i in 0..20 {
+            (y[0], y[last]) = (start[0] + 1e-4 * f64::from(i), start[last] + 0.01 * f64::from(i));
+            f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+        }
+    });
+    assert_eq!(counted, 0, "{name}: {} allocations", counted);
+}
+
+#[test]
+fn evaluations_allocate_nothing() {
+    let compiled = |spec: Spec| compile(&spec, Coordinates::Relative).unwrap();
+    count(&compiled(four_bar()), "four-bar");
+    count(&compiled(chain(20)), "twenty loops");
+    let space = compiled(in_space());
+    assert!(!space.is_planar());
+    count(&space, "in space");
+    count(&compile(&in_space(), Coordinates::Absolute).unwrap(), "in space, absolute");
+    count(&compiled(rank_and_file(JointKind::Revolute)), "rank and file in the plane");
+    let balls = compiled(rank_and_file(JointKind::Spherical));
+    assert!(balls.size().nq > balls.size().nv);
+    count(&balls, "rank and file of balls");
+    for name in ["multipliers", "range-space", "baumgarte", "proximal", "wehage-haug"] {
+        count_named(name, &compiled(four_bar()));
+        count_named(name, &space);
+        count_named(name, &balls);
+    }
+    for model in [four_bar(), chain(20), in_space(), rank_and_file(JointKind::Revolute)] {
+        count_named("explicit-closing", &compiled(model));
+    }
+}

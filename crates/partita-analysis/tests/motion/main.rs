@@ -1,0 +1,23 @@
+//! Whole mechanisms: evaluations, formulations, passages, reactions.
+
+#[path = "../../../partita-integrate/tests/counting/mod.rs"]
+mod counting;
+#[path = "../mechanisms/mod.rs"]
+mod mechanisms;
+#[path = "../planar/mod.rs"]
+mod planar;
+
+mod allocations;
+mod change_points;
+mod driven;
+mod every_formulation;
+mod heavy_top;
+mod many_freedoms;
+mod many_turns;
+mod model_identities;
+mod parallel_robot;
+mod parameters;
+mod passages;
+mod reactions;
+mod scalars;
+mod tangent_allocations;

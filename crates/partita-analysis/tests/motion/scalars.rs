@@ -1,0 +1,367 @@
+//! Everything an evaluation gives, over every scalar: dual numbers against differences, eight lanes against eight calls,
+//! a recording against what was recorded, on mechanisms drawn by chance with every joint and every force.
+
+use crate::mechanisms::{apart, between, derivative, drawing, Moment, Wishes, STEP};
+use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
+use partita_model::clusters::{Plan, Preference};
+use partita_model::force::Element;
+use partita_model::place::Coordinates;
+use partita_model::reduced::Reduced;
+use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
+use partita_model::value::Functions;
+use partita_model::{Evaluator, Model};
+use partita_system::reduction::Reduction;
+use partita_system::start;
+use partita_system::ConstrainedSystem;
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::Arc;
+
+const SPATIAL: Wishes = Wishes { planar: false, bound: true, drives: true };
+const PLANAR: Wishes = Wishes { planar: true, bound: true, drives: true };
+const COUNT: usize = 40;
+
+/// Derivatives by dual numbers are exact but for user's functions (1e-9), differences of fourth order good to some 1e-8.
+const RELATIVE: f64 = 1e-6;
+
+type Failed = Box<dyn std::error::Error + Send + Sync>;
+
+/// Smooth functions of everything.
+struct OfState;
+
+fn mixed(i: usize, t: f64, q: &[f64], v: &[f64]) -> f64 {
+    let (a, b) = (q.len() - 1, v.len() - 1);
+    (1.3 * t + i as f64 + q[0] * q[a]).sin() + 0.3 * v[0] * (1.0 + q[a / 2]).cos() - 0.2 * v[b]
+}
+
+impl Functions for OfState {
+    fn count(&self) -> usize {
+        3
+    }
+    fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Failed> {
+        Ok(2.0 * mixed(i, t, q, v))
+    }
+    fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<[f64; 3], Failed> {
+        Ok([3, 4, 5].map(|k| mixed(i * k, t, q, v)))
+    }
+    fn motion(&self, _: usize, t: f64) -> Result<[f64; 3], Failed> {
+        let (s, c) = (1.7 * t).sin_cos();
+        Ok([0.3 * s + 0.2 * t, 0.51 * c + 0.2, -0.867 * s])
+    }
+}
+
+/// A smooth table: one cubic, written twice.
+fn table(rng: &mut fastrand::Rng) -> Value {
+    let [a, b, c, d] = [0; 4].map(|_| between(rng, -1.0, 1.0));
+    let (x, end) = (0.3, 2.0);
+    let second = [a, 3.0 * a * x + b, (3.0 * a * x + 2.0 * b) * x + c, ((a * x + b) * x + c) * x + d];
+    Value::Table(Table { breaks: vec![0.0, x, end], coefficients: vec![[a, b, c, d], second] })
+}
+
+/// Put tables in the place of functions: of all, or of half of them.
+fn with_tables(rng: &mut fastrand::Rng, spec: &mut Spec, all: bool) {
+    let swap = |rng: &mut fastrand::Rng, v: &mut Value| {
+        if matches!(v, Value::Function(_)) && (all || rng.bool()) {
+            *v = table(rng);
+        }
+    };
+    for d in &mut spec.drives {
+        swap(rng, &mut d.motion);
+    }
+    for f in &mut spec.forces {
+        match f {
+            Force::Torque { value, .. } => swap(rng, value),
+            Force::Force { value: VectorValue::Components(v), .. } => v.iter_mut().for_each(|v| swap(rng, v)),
+            Force::Force { value: VectorValue::Whole(v), .. } => swap(rng, v),
+            Force::Spring { .. } | Force::TorsionSpring { .. } => {}
+        }
+    }
+}
+
+/// Run `check` on `COUNT` mechanisms of each kind with a state each; `plain`: no functions.
+fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Moment)) {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let (mut kinds, mut elements) = (BTreeSet::new(), BTreeSet::new());
+    for wishes in [SPATIAL, PLANAR] {
+        let (mut done, mut drawn) = (0, 0);
+        while done < COUNT {
+            drawn += 1;
+            assert!(drawn < 100 * COUNT, "only {done} of {drawn} drawings could be used");
+            let mut spec = drawing(&mut rng, wishes);
+            with_tables(&mut rng, &mut spec, plain);
+            let Ok(model) = Model::new(spec, Arc::new(OfState), Coordinates::Relative) else { continue };
+            let Some(moment) = Moment::random(&mut rng, &model).filter(|_| model.is_planar() == wishes.planar) else {
+                continue;
+            };
+            kinds.extend(model.spec.joints.iter().map(|j| format!("{:?}", j.kind)));
+            elements.extend(model.full.elements.iter().map(|e| match e {
+                Element::Spring(_) => "spring",
+                Element::Torsion(_) => "torsion",
+                Element::Effort(_) => "effort",
+                Element::CutEffort(_) => "cut effort",
+                Element::Force(f) if f.turns => "force that turns",
+                Element::Force(_) => "force",
+            }));
+            check(&mut rng, &model, &moment);
+            done += 1;
+        }
+    }
+    use JointKind::{Cylindrical, Fixed, Free, Generic, Planar, Prismatic, Revolute, Spherical, Universal};
+    for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
+        assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
+    }
+    assert_eq!(elements.len(), 6, "{elements:?}");
+}
+
+/// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
+struct Chosen<'m> {
+    way: &'static str,
+    reduction: Reduction<'m, Model>,
+    plan: Option<Plan>,
+}
+
+/// Every way to the accelerations at one instant.
+fn ways<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
+    let mut dense = Reduction::dense(model, m.rank);
+    start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
+    let independent = dense.partition.independent.clone();
+    let mut all = vec![Chosen { way: "M_d", reduction: dense, plan: None }];
+    for (way, model) in ["partial velocities", "range space"].into_iter().zip(others) {
+        let mut reduction = Reduction::new(model, m.rank);
+        reduction.position(m.t, &m.q).unwrap();
+        reduction.refresh_scales(m.t, &m.q).unwrap();
+        reduction.set_partition(m.t, &independent).unwrap();
+        let mut kept = reduction.partition.rows.clone();
+        kept.sort_unstable();
+        all.push(Chosen { way, plan: Some(model.recursion(&kept)), reduction });
+    }
+    all
+}
+
+/// The same mechanism, gone through by partial velocities and by range space.
+fn by_clusters(model: &Model) -> [Model; 2] {
+    [Preference::PartialVelocities, Preference::RangeSpace].map(|way| {
+        let again = Model::new((*model.spec).clone(), Arc::new(OfState), model.coordinates());
+        again.unwrap().with_recursion(way)
+    })
+}
+
+/// Where everything is asked for: t, q, v, v', λ, Dᵀ and δ one after the other.
+struct Layout {
+    nq: usize,
+    nv: usize,
+    rows: usize,
+    nnz: usize,
+    k: usize,
+}
+
+impl Layout {
+    fn new(model: &Model) -> Self {
+        let size = model.size();
+        let k = size.nv.div_ceil(2);
+        Self { nq: size.nq, nv: size.nv, rows: size.rows, nnz: model.pattern().nnz(), k }
+    }
+
+    fn input(&self, rng: &mut fastrand::Rng, m: &Moment) -> Vec<f64> {
+        let mut x = vec![m.t];
+        [&m.q, &m.v, &m.vdot, &m.lambda].into_iter().for_each(|part| x.extend(part));
+        x.extend((0..self.nv * (self.k + 1)).map(|_| between(rng, -1.0, 1.0)));
+        x
+    }
+
+    /// Every function of an evaluation, by name.
+    fn everything<S: Scalar>(&self, e: &Evaluator<S>, ways: &[Chosen], x: &[S]) -> Vec<(&'static str, Vec<S>)> {
+        let (t, rest) = (x[0], &x[1..]);
+        let (q, rest) = rest.split_at(self.nq);
+        let (v, rest) = rest.split_at(self.nv);
+        let (vdot, rest) = rest.split_at(self.nv);
+        let (lambda, rest) = rest.split_at(self.rows);
+        let (dt, delta) = rest.split_at(self.nv * self.k);
+        let room = |n: usize| vec![S::zero(); n];
+        let mut s = e.scratch();
+        let (mut phi, mut c, mut a, mut b) = (room(self.rows), room(self.nnz), room(self.rows), room(self.rows));
+        e.position(t, q, &mut s, &mut phi, &mut c, &mut a).unwrap();
+        let mut diagonal = room(self.nv);
+        e.inverse_mass_diagonal(&mut s, &mut diagonal);
+        e.velocity(t, v, &mut s, &mut b).unwrap();
+        let (mut mass, mut h) = (room(self.nv * self.nv), room(self.nv));
+        e.dynamics(t, q, v, &mut s, &mut mass, &mut h).unwrap();
+        let (mut md, mut hd) = (room(self.k * self.k), room(self.k));
+        e.project(t, q, v, (self.k, dt, delta), &mut s, &mut md, &mut hd).unwrap();
+        let mut needed = room(self.nv);
+        e.inverse_dynamics(t, q, v, vdot, &mut s, &mut needed).unwrap();
+        let energies = e.energies(t, q, v, &s).unwrap().to_vec();
+        let mut qdot = room(self.nq);
+        e.rate(q, v, &mut qdot);
+        let r = e.reactions(t, q, v, vdot, lambda, &mut s).unwrap();
+        let wrenches = r.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
+        let mut reduced = Vec::new();
+        for chosen in ways {
+            let choice = chosen.reduction.choice();
+            let speeds: Vec<S> = choice.independent.iter().map(|&i| v[i]).collect();
+            let (mut s, mut x) = (e.scratch(), Reduced::default());
+            if let Some(plan) = &chosen.plan {
+                e.fit(plan, &mut s);
+            }
+            e.reduced(&choice, chosen.plan.as_ref(), t, q, &speeds, &mut s, &mut x).unwrap();
+            reduced.push((chosen.way, [x.v, x.vdot, x.multipliers].concat()));
+        }
+        let mut all = vec![
+            ("Phi", phi),
+            ("C", c),
+            ("a", a),
+            ("b", b),
+            ("diagonal of M^-1", diagonal),
+            ("M", mass),
+            ("h", h),
+            ("M_d", md),
+            ("h_d", hd),
+            ("M v' - h", needed),
+            ("energies and power", energies),
+            ("N(q) v", qdot),
+            ("reactions", wrenches),
+            ("drives", r.drives.concat()),
+        ];
+        all.extend(reduced);
+        all
+    }
+}
+
+fn flat<S>(all: Vec<(&'static str, Vec<S>)>) -> Vec<S> {
+    all.into_iter().flat_map(|x| x.1).collect()
+}
+
+#[test]
+fn dual_numbers_agree_with_differences() {
+    everywhere(31, false, |rng, model, m| {
+        let (layout, dual) = (Layout::new(model), model.over::<Dual>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
+        let x = layout.input(rng, m);
+        let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
+        let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
+        let differences = derivative(STEP, |h| flat(layout.everything(model, &ways, &moved(h))));
+        let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
+        let (plain, duals) = (layout.everything(model, &ways, &x), layout.everything(&dual, &ways, &duals));
+        let mut differences = &differences[..];
+        for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
+            let (own, rest) = differences.split_at(values.len());
+            differences = rest;
+            assert!(values.iter().zip(duals).all(|(x, y)| x.to_bits() == y.re.to_bits()), "value of {name}");
+            let slopes: Vec<f64> = duals.iter().map(|x| x.eps).collect();
+            assert!(apart(own, &slopes) < RELATIVE, "derivative of {name}: {:e}", apart(own, &slopes));
+        }
+    });
+}
+
+#[test]
+fn eight_lanes_are_eight_evaluations() {
+    everywhere(32, false, |rng, model, m| {
+        let (layout, lanes) = (Layout::new(model), model.over::<Lanes>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
+        let x = layout.input(rng, m);
+        let mut along: Vec<f64> = x.iter().map(|_| between(rng, -0.05, 0.05)).collect();
+        along[0] = along[0].abs(); // within the tables
+        let at = |l: usize| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + l as f64 * d).collect() };
+        let all: Vec<Vec<f64>> = (0..Lanes::COUNT).map(at).collect();
+        let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| all[l][i])).collect();
+        let together = layout.everything(&lanes, &ways, &input);
+        for (l, x) in all.iter().enumerate() {
+            for ((name, single), (_, together)) in layout.everything(model, &ways, x).iter().zip(&together) {
+                let same = single.iter().zip(together).all(|(x, y)| x.to_bits() == y.0[l].to_bits());
+                assert!(same, "{name} in lane {l}");
+            }
+        }
+    });
+}
+
+#[test]
+fn a_recording_is_the_evaluation() {
+    everywhere(33, true, |rng, model, m| {
+        let (layout, recorder) = (Layout::new(model), model.over::<Recorder>().unwrap());
+        let others = by_clusters(model);
+        let ways = ways(model, &others, m);
+        let x = layout.input(rng, m);
+        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &ways, x)))).unwrap();
+        let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
+        for _ in 0..3 {
+            // both intervals of the tables
+            let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
+            x[0] = between(rng, 0.0, 0.6);
+            made.evaluate(&x, &mut work, &mut out);
+            let expected = flat(layout.everything(model, &ways, &x));
+            assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
+        }
+    });
+}
+
+/// Counts how often a function is asked.
+struct Counted(AtomicUsize);
+
+impl Functions for Counted {
+    fn count(&self) -> usize {
+        3
+    }
+    fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Failed> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        OfState.scalar(i, t, q, v)
+    }
+    fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<[f64; 3], Failed> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        OfState.vector(i, t, q, v)
+    }
+    fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Failed> {
+        OfState.motion(i, t)
+    }
+}
+
+/// Equations, energies and reactions each ask a force's function once; the equations share what they were told.
+#[test]
+fn a_function_is_called_once_for_each_force() {
+    let mut rng = fastrand::Rng::with_seed(36);
+    for _ in 0..COUNT {
+        let (spec, counted) = (drawing(&mut rng, SPATIAL), Arc::new(Counted(AtomicUsize::new(0))));
+        let Ok(model) = Model::new(spec, counted.clone(), Coordinates::Relative) else { continue };
+        let function = |v: &Value| usize::from(matches!(v, Value::Function(_)));
+        let named = model.spec.forces.iter().map(|f| match f {
+            Force::Torque { value, .. } | Force::Force { value: VectorValue::Whole(value), .. } => function(value),
+            Force::Force { value: VectorValue::Components(v), .. } => v.iter().map(function).sum(),
+            Force::Spring { .. } | Force::TorsionSpring { .. } => 0,
+        });
+        let forces: usize = named.sum();
+        let asked = |what: &str| assert_eq!(counted.0.swap(0, Ordering::Relaxed), forces, "{what}");
+        let size = model.size();
+        let (q, v, rows) = (model.initial(), vec![0.1; size.nv], vec![0.0; size.rows]);
+        let (mut s, mut b) = (model.scratch(), rows.clone());
+        let (mut phi, mut c, mut a) = (rows.clone(), vec![0.0; model.pattern().nnz()], rows.clone());
+        model.position(0.2, &q, &mut s, &mut phi, &mut c, &mut a).unwrap();
+        model.velocity(0.2, &q, &v, &mut s, &mut b).unwrap();
+        let (mut mass, mut h, mut f) = (vec![0.0; size.nv * size.nv], v.clone(), v.clone());
+        model.dynamics(0.2, &q, &v, &mut s, &mut mass, &mut h).unwrap();
+        model.inverse_dynamics(0.2, &q, &v, &v, &mut s, &mut f).unwrap();
+        asked("equations");
+        model.energy(0.2, &q, &v, &s).unwrap();
+        asked("energies");
+        model.reactions(0.2, &q, &v, &v, &rows, &mut s).unwrap();
+        asked("reactions");
+    }
+}
+
+#[test]
+fn a_function_cannot_be_recorded() {
+    let mut rng = fastrand::Rng::with_seed(34);
+    let mut spec = crate::mechanisms::in_space();
+    spec.forces.push(Force::Force {
+        name: "push".into(),
+        body: "body1".into(),
+        point: [0.0; 3],
+        value: VectorValue::Whole(Value::Function(0)),
+        axes: Default::default(),
+    });
+    let model = Model::new(spec.clone(), Arc::new(OfState), Coordinates::Relative).unwrap();
+    let refused = model.over::<Recorder>().err().unwrap();
+    assert_eq!((refused.element, refused.name.as_str()), ("force", "push"));
+    with_tables(&mut rng, &mut spec, true);
+    assert!(Model::new(spec, Arc::new(OfState), Coordinates::Relative).unwrap().over::<Recorder>().is_ok());
+}

@@ -1,0 +1,307 @@
+//! Marching constrained systems: the order survives corrections and exchanges, drift is that of a first integral,
+//! exchanges carry the state over bit by bit.
+
+use crate::mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
+use partita_system::equations::{ByHand, Equations};
+use partita_system::formulation::motion::Projective;
+use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::options::FormulationOptions;
+use partita_system::record::{Correction, Journal, Output, PartitionEvent, Sample};
+use partita_system::{ConstrainedSystem, SystemError};
+
+const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
+/// Steps in the range where the leading error term rules and round-off does not.
+const PENDULUM_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
+/// The same for the four-bar, which is stiffer (its crank whips round once).
+const FOUR_BAR_STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
+
+fn options(correction: Correction, exchange: f64) -> FormulationOptions {
+    FormulationOptions { correction, exchange, ..FormulationOptions::default() }
+}
+
+/// Errors over the steps, and how often the last run exchanged.
+fn errors<E: Equations>(
+    system: &ByHand<E>,
+    start: &(Vec<f64>, Vec<f64>),
+    t_end: f64,
+    steps: &[f64],
+    options: &FormulationOptions,
+) -> (Vec<f64>, u64) {
+    let at = times(0.1 * t_end, 10);
+    let exact = run(system, FormulationOptions::default(), start, &at, &reference(t_end));
+    let mut exchanges = 0;
+    let errors = steps.iter().map(|&h| {
+        let mut f = Projective::new(system, system.size().rows, options);
+        let samples = march(&mut f, &start.0, &start.1, &at, &grid(t_end, h));
+        exchanges = f.journal().counters.exchanges;
+        distance(&samples, &exact)
+    });
+    (errors.collect(), exchanges)
+}
+
+#[track_caller]
+fn assert_order(steps: &[f64], errors: &[f64], what: &str) {
+    let p = slope(steps, errors);
+    assert!((p - 4.0).abs() < 0.2, "{what}: order {p} from {errors:?}");
+}
+
+/// A point that goes over the top.
+fn whirling() -> (Vec<f64>, Vec<f64>) {
+    (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0])
+}
+
+#[test]
+fn order_of_a_pendulum() {
+    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    for correction in CORRECTIONS {
+        // over the top x and y take turns
+        let (errors, exchanges) = errors(&system, &whirling(), 2.0, &PENDULUM_STEPS, &options(correction, 1.25));
+        assert!(exchanges >= 6, "{exchanges}");
+        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, {exchanges} exchanges"));
+        // a swing of 0.64 rad: x alone serves
+        let swing = (vec![0.6, -0.8], vec![0.0, 0.0]);
+        let (errors, exchanges) =
+            self::errors(&system, &swing, 2.0, &PENDULUM_STEPS, &options(correction, f64::INFINITY));
+        assert_eq!(exchanges, 0);
+        assert_order(&PENDULUM_STEPS, &errors, &format!("{correction:?}, x alone"));
+    }
+}
+
+#[test]
+fn order_of_a_four_bar() {
+    let system = ByHand::new(FourBar);
+    for correction in CORRECTIONS {
+        let (errors, exchanges) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
+        assert!(exchanges >= 3, "{exchanges}");
+        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, {exchanges} exchanges"));
+        let crank = FormulationOptions { independent: Some(vec![2]), ..options(correction, 1.25) };
+        let (errors, exchanges) = self::errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &crank);
+        assert_eq!(exchanges, 0);
+        assert_order(&FOUR_BAR_STEPS, &errors, &format!("{correction:?}, crank angle"));
+    }
+}
+
+#[test]
+fn rods_and_angles_move_alike() {
+    let at = times(0.25, 16);
+    let rods = run(&ByHand::new(FourBar), FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
+    let angles = run(&ByHand::new(Angles), FormulationOptions::default(), &Angles::start(), &at, &reference(4.0));
+    // tolerance 2e-14, a few hundred steps, growth of errors by some hundreds in four seconds
+    for (x, y) in rods.iter().zip(&angles) {
+        for i in 0..3 {
+            assert!((x.q[3 * i + 2] - y.q[i]).abs() < 1e-9, "{} {}", x.q[3 * i + 2], y.q[i]);
+            assert!((x.v[3 * i + 2] - y.v[i]).abs() < 1e-8, "{} {}", x.v[3 * i + 2], y.v[i]);
+        }
+    }
+    let e = FourBar::energy(&rods[0]);
+    rods.iter().for_each(|s| assert!((FourBar::energy(s) - e).abs() < 1e-10 * e.abs(), "{}", FourBar::energy(s) - e));
+}
+
+/// Without correction |Φ| is the error of a first integral: it adds up linearly and has the order of the method.
+#[test]
+fn drift() {
+    let (system, at) = (ByHand::new(FourBar), times(2.0, 16));
+    // single values scatter with the phase of the motion (about two seconds a turn): largest of ten seconds each
+    let drift = |h: f64, windows: usize| -> Vec<f64> {
+        let at = times(0.5, 20 * windows);
+        let none = options(Correction::None, 1.25);
+        let samples = run(&system, none, &FourBar::start(), &at, &grid(at[at.len() - 1], h));
+        // velocities are computed, not integrated: they satisfy S4 to round-off all the while
+        samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-12, "{}", s.velocity_closure));
+        samples.chunks(20).map(|s| s.iter().fold(0.0, |m: f64, s| m.max(s.closure))).collect()
+    };
+    let p = slope(&[10.0, 20.0, 30.0, 40.0, 50.0, 60.0], &drift(0.01, 6));
+    assert!((p - 1.0).abs() < 0.15, "drift over time with exponent {p}");
+    let by_step: Vec<f64> = FOUR_BAR_STEPS.iter().map(|&h| drift(2.0 * h, 1)[0]).collect();
+    let p = slope(&FOUR_BAR_STEPS, &by_step);
+    assert!((p - 4.0).abs() < 0.2, "drift over steps with exponent {p}: {by_step:?}");
+    // with a correction nothing is left
+    for correction in [Correction::Partition, Correction::MassOrthogonal] {
+        let samples = run(&system, options(correction, 1.25), &FourBar::start(), &at, &grid(32.0, 0.01));
+        samples.iter().for_each(|s| assert!(s.closure < 1e-14, "{}", s.closure));
+    }
+}
+
+/// Corrections change the energy by no more than the integrator does.
+#[test]
+fn corrections_do_no_work() {
+    let system = ByHand::new(FourBar);
+    let at = times(0.1, 100);
+    let drift = CORRECTIONS.map(|c| {
+        let samples = run(&system, options(c, 1.25), &FourBar::start(), &at, &grid(10.0, 0.01));
+        let e = FourBar::energy(&run(&system, options(c, 1.25), &FourBar::start(), &[0.0], &grid(0.0, 0.01))[0]);
+        samples.iter().fold(0.0, |m: f64, s| m.max((FourBar::energy(s) - e).abs()))
+    });
+    assert!(drift[1] < 1.5 * drift[0] && drift[2] < 1.5 * drift[0], "{drift:?}");
+}
+
+/// Hands everything on and looks at every change.
+struct Watched<'s, E: Equations> {
+    inner: Projective<'s, ByHand<E>>,
+    /// Change to the first dependent velocity of at least this measure after every step, whatever the rule says.
+    force: Option<f64>,
+    changes: u64,
+    steps: u64,
+}
+
+impl<'s, E: Equations> Watched<'s, E> {
+    fn new(system: &'s ByHand<E>, options: FormulationOptions, force: Option<f64>) -> Self {
+        Self { inner: Projective::new(system, system.size().rows, &options), force, changes: 0, steps: 0 }
+    }
+
+    /// All velocities at y.
+    fn velocities(&mut self, t: f64, y: &[f64]) -> Vec<f64> {
+        let r = self.inner.reduction();
+        let (nq, k) = (r.size().nq, r.k());
+        r.evaluate(t, &y[..nq], &y[nq..nq + k]).unwrap();
+        r.v.clone()
+    }
+}
+
+impl<E: Equations> Formulation for Watched<'_, E> {
+    fn dim(&self) -> usize {
+        self.inner.dim()
+    }
+    fn controlled(&self) -> usize {
+        self.inner.controlled()
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.start(t, q, v, y)
+    }
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.derivative(t, y, dy)
+    }
+    fn trial_end(
+        &mut self,
+        t: f64,
+        y: &mut [f64],
+        dy: &mut [f64],
+        known: bool,
+    ) -> Result<(Verdict, bool), SystemError> {
+        self.steps += 1;
+        let (verdict, evaluated) = self.inner.trial_end(t, y, dy, known)?;
+        Ok((if self.force.is_some() { Verdict::Change } else { verdict }, evaluated))
+    }
+    fn commit(&mut self, verdict: Verdict, step: Step) -> Result<bool, SystemError> {
+        if verdict != Verdict::Change {
+            return self.inner.commit(verdict, step);
+        }
+        let Step { t, y, dy, turns, pace } = step;
+        let before = (y.to_vec(), self.velocities(t, y));
+        let independent = self.inner.reduction().partition.independent.clone();
+        match self.force {
+            None => {
+                self.inner.commit(verdict, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
+            }
+            Some(least) => {
+                self.inner.commit(Verdict::Keep, Step { t, y: &mut *y, dy: &mut *dy, turns, pace })?;
+                let r = self.inner.reduction();
+                let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
+                r.full_acceleration(&mut vdot);
+                r.measure(t, &y[..nq], &mut rho)?;
+                let Some(&next) = r.partition.dependent.iter().find(|&&i| rho[i] > least) else { return Ok(false) };
+                r.set_partition(t, &[next])?;
+                (y[nq], dy[nq]) = (before.1[next], vdot[next]);
+            }
+        }
+        let now = self.inner.reduction().partition.independent.clone();
+        if now == independent {
+            return Ok(true);
+        }
+        self.changes += 1;
+        let nq = self.inner.reduction().size().nq;
+        assert!(y[..nq].iter().zip(&before.0).all(|(x, y)| x.to_bits() == y.to_bits()), "q moved");
+        for (j, &i) in now.iter().enumerate() {
+            assert_eq!(y[nq + j].to_bits(), before.1[i].to_bits(), "v of {i} changed at t = {t}");
+        }
+        // the others follow from them by another C_D: round-off times its condition
+        let after = self.velocities(t, y);
+        after.iter().zip(&before.1).for_each(|(x, y)| assert!((x - y).abs() < 1e-12 * (1.0 + y.abs()), "{x} {y}"));
+        Ok(true)
+    }
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+        self.inner.state_at(t, y, out)
+    }
+    fn describe(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        within: Option<&PartitionEvent>,
+        out: &mut Sample,
+    ) -> Result<(), SystemError> {
+        self.inner.describe(t, q, v, within, out)
+    }
+    fn journal(&self) -> Journal {
+        self.inner.journal()
+    }
+}
+
+/// A swing of 60 degrees, 2000 steps, other coordinates after every step in which they have a measure of at least 0.3.
+#[test]
+fn changing_after_every_step_costs_nothing() {
+    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let start = (vec![0.75f64.sqrt(), -0.5], vec![0.0, 0.0]);
+    let at = times(0.5, 20);
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(10.0));
+    let still = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
+    let rest = distance(&run(&system, still, &start, &at, &grid(10.0, 0.005)), &exact);
+    let mut restless = Watched::new(&system, FormulationOptions::default(), Some(0.3));
+    let error = distance(&march(&mut restless, &start.0, &start.1, &at, &grid(10.0, 0.005)), &exact);
+    assert_eq!(restless.steps, 2000);
+    assert!(restless.changes > 1000, "{}", restless.changes);
+    assert!(error < 3.0 * rest, "{error:e} with {} changes, {rest:e} without", restless.changes);
+    // and the order is kept
+    let mut finer = Watched::new(&system, FormulationOptions::default(), Some(0.3));
+    let half = distance(&march(&mut finer, &start.0, &start.1, &at, &grid(10.0, 0.0025)), &exact);
+    let p = (error / half).log2();
+    assert!((p - 4.0).abs() < 0.3, "order {p}");
+}
+
+#[test]
+fn exchanging_at_every_opportunity_costs_nothing() {
+    let system = ByHand::new(FourBar);
+    let start = FourBar::start();
+    let at = times(0.5, 8);
+    let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
+    let error = |exchange: f64, fixed: Option<Vec<usize>>| {
+        let options = FormulationOptions { exchange, independent: fixed, ..FormulationOptions::default() };
+        let mut f = Watched::new(&system, options, None);
+        let e = distance(&march(&mut f, &start.0, &start.1, &at, &grid(4.0, 0.005)), &exact);
+        (e, f.changes)
+    };
+    let (crank, none) = error(1.25, Some(vec![2]));
+    let (eager, many) = error(1.0 + 1e-6, None);
+    let (usual, some) = error(1.25, None);
+    assert_eq!(none, 0);
+    assert!(many >= some && some > 5, "{many} {some}");
+    assert!(eager < 3.0 * usual, "{eager:e} against {usual:e}");
+    // the crank angle happens to be a better coordinate for this motion than any that leads for a while
+    assert!(eager < 5.0 * crank, "{eager:e} against {crank:e}");
+}
+
+/// Trajectories in other units are the same ones.
+#[test]
+fn trajectories_in_other_units() {
+    let (q, v) = FourBar::start();
+    let at = times(0.5, 4);
+    let metres =
+        run(&ByHand::new(FourBar), FormulationOptions::default(), &(q.clone(), v.clone()), &at, &grid(2.0, 0.01));
+    for (length, angle) in [(1e3, 1.0), (1.0 / 0.0254, 180.0 / std::f64::consts::PI), (1e-3, 1e3)] {
+        let s: Vec<f64> = (0..9).map(|i| if i % 3 == 2 { angle } else { length }).collect();
+        let to = |x: &[f64]| x.iter().zip(&s).map(|(x, s)| x * s).collect::<Vec<_>>();
+        let system = ByHand::new(InUnits(FourBar, s.clone()));
+        let mut other = run(&system, FormulationOptions::default(), &(to(&q), to(&v)), &at, &grid(2.0, 0.01));
+        for (x, y) in metres.iter().zip(&mut other) {
+            assert_eq!(x.independent, y.independent);
+            assert!((x.sigma - y.sigma).abs() < 1e-10 && (x.sqrt_mu - y.sqrt_mu).abs() < 1e-10);
+            x.measure.iter().zip(&y.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-10));
+            for i in 0..9 {
+                y.q[i] /= s[i];
+                y.v[i] /= s[i];
+            }
+        }
+        // round-off of 200 steps
+        assert!(distance(&metres, &other) < 1e-11, "{:e}", distance(&metres, &other));
+    }
+}

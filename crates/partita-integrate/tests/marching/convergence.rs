@@ -1,0 +1,85 @@
+//! Measured orders on the Kepler problem, whose solution is known in closed form.
+
+use crate::problems::{distance, Kepler};
+use partita_integrate::explicit_rk::{Conclusion, Stepper};
+use partita_integrate::options::Options;
+use partita_integrate::tableau::{Tableau, METHODS};
+
+fn fixed(method: &'static Tableau, h: f64) -> Stepper {
+    Stepper::new(method, 4, Options { fixed_step: Some(h), ..Options::default() }).unwrap()
+}
+
+/// Distance from the exact state at t = 4 after `steps` equal steps.
+fn error_at_the_end(method: &'static Tableau, steps: u32) -> f64 {
+    let mut stepper = fixed(method, 4.0 / f64::from(steps));
+    stepper.start(&mut Kepler, 0.0, &Kepler::at(0.0), 4.0).unwrap();
+    while !stepper.finished() {
+        stepper.attempt(&mut Kepler).unwrap();
+        assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+        stepper.commit();
+    }
+    assert_eq!(stepper.counters().steps, u64::from(steps));
+    distance(stepper.y_old(), &Kepler::at(4.0))
+}
+
+/// Largest error of dense output inside one single step of length `h` from the exact state at t = 3, where the
+/// planet is slow and the leading term of the error rules.
+fn error_inside_a_step(method: &'static Tableau, h: f64) -> f64 {
+    let mut stepper = fixed(method, h);
+    stepper.start(&mut Kepler, 3.0, &Kepler::at(3.0), 3.0 + h).unwrap();
+    stepper.attempt(&mut Kepler).unwrap();
+    assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+    let mut largest = 0.0_f64;
+    let mut y = [0.0; 4];
+    for i in 0..=20 {
+        let t = 3.0 + h * f64::from(i) / 20.0;
+        stepper.interpolate(&mut Kepler, t, &mut y).unwrap();
+        largest = largest.max(distance(&y, &Kepler::at(t)));
+    }
+    largest
+}
+
+#[test]
+fn error_falls_with_the_order_on_the_label() {
+    for method in METHODS {
+        // step numbers where the leading term rules and round-off (1e-15) is far below
+        let steps = match method.order {
+            4 => [128, 256],
+            5 => [192, 384],
+            _ => [48, 96],
+        };
+        let errors = steps.map(|n| error_at_the_end(method, n));
+        let slope = (errors[0] / errors[1]).log2();
+        assert!((slope - method.order as f64).abs() < 0.2, "{}: {errors:?}, {slope}", method.name);
+    }
+}
+
+#[test]
+fn dense_output_error_falls_one_order_above_the_label() {
+    for method in METHODS {
+        let h = if method.dense.order > 4 { [0.4, 0.2] } else { [0.1, 0.05] };
+        let errors = h.map(|h| error_inside_a_step(method, h));
+        let slope = (errors[0] / errors[1]).log2();
+        let order = method.dense.order as f64 + 1.0;
+        assert!((slope - order).abs() < 0.2, "{}: {errors:?}, {slope}", method.name);
+    }
+}
+
+#[test]
+fn global_error_follows_the_tolerance() {
+    for method in METHODS.into_iter().filter(|method| method.error_order > 0) {
+        for rtol in [1e-4, 1e-7, 1e-10] {
+            let options = Options { rtol, atol: rtol.into(), ..Options::default() };
+            let mut stepper = Stepper::new(method, 4, options).unwrap();
+            stepper.start(&mut Kepler, 0.0, &Kepler::at(0.0), 6.0).unwrap();
+            while !stepper.finished() {
+                stepper.attempt(&mut Kepler).unwrap();
+                assert_eq!(stepper.conclude(&mut Kepler, false), Ok(Conclusion::Done));
+                stepper.commit();
+            }
+            // the orbit multiplies an early error by about the time that follows it, the steps add theirs
+            let error = distance(stepper.y_old(), &Kepler::at(6.0));
+            assert!(error < 100.0 * rtol, "{} at {rtol:e}: {error:e}", method.name);
+        }
+    }
+}

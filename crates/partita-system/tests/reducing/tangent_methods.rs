@@ -1,0 +1,371 @@
+//! The general selector (36) on random systems in random units: its identities, and that every rule for S gives the motion that
+//! the equations with multipliers give.
+
+use crate::instants::{between, commit, inverse, sample, vector, Given, Instant};
+use partita_math::dense::Matrix;
+use partita_math::factor::FactorError;
+use partita_system::equations::ByHand;
+use partita_system::formulation::motion::TangentVelocities;
+use partita_system::formulation::motion::UserTangent;
+use partita_system::formulation::registry::by_name;
+use partita_system::formulation::{Formulation, Verdict};
+use partita_system::options::FormulationOptions;
+use partita_system::record::Correction;
+use partita_system::reduction::Reduction;
+use partita_system::tangent::basis::gram_schmidt::GramSchmidt;
+use partita_system::tangent::basis::qr::OrthogonalTriangular;
+use partita_system::tangent::basis::svd::SingularValues;
+use partita_system::tangent::basis::zero_eigenvalue::ZeroEigenvalue;
+use partita_system::tangent::basis::Basis;
+use partita_system::tangent::frozen::Frozen;
+use partita_system::SystemError;
+use std::sync::Arc;
+
+/// Worst condition of M in its own units: the reference inverts M and then M_c, each to ε times it.
+const CONDITION: f64 = 1e3;
+/// Sums of products against the sum of their magnitudes: n ε, times the condition of the scaled [S; C].
+const ROUND_OFF: f64 = 1e-11;
+
+/// Rows of the identity: a partition seen as a selector.
+struct Picked(Vec<usize>);
+
+impl Basis for Picked {
+    fn name(&self) -> &'static str {
+        "picked"
+    }
+    fn basis(&self, mass: &Matrix, _: &Matrix) -> Result<Matrix, FactorError> {
+        let mut s = Matrix::new(self.0.len(), mass.rows());
+        self.0.iter().enumerate().for_each(|(j, &i)| s[(j, i)] = 1.0);
+        Ok(s)
+    }
+}
+
+fn rules() -> [Box<dyn Basis>; 4] {
+    [Box::new(ZeroEigenvalue), Box::new(SingularValues), Box::new(OrthogonalTriangular), Box::new(GramSchmidt)]
+}
+
+/// Random systems with a velocity of natural size that satisfies C v + a = 0.
+fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &ByHand<Instant>, &[f64], &[f64])) {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    for _ in 0..60 {
+        let n = rng.usize(2..10);
+        let m = rng.usize(1..n);
+        let condition = 10f64.powf(between(&mut rng, 0.0, CONDITION.log10()));
+        let system = Instant::random(&mut rng, n, m, condition).by_hand();
+        let (q, speeds) = (vector(&mut rng, n), vector(&mut rng, n - m));
+        let mut r = Reduction::new(&system, m);
+        partita_system::start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
+        let speeds: Vec<f64> = speeds.iter().zip(&r.partition.independent).map(|(v, &i)| v * r.scales()[i]).collect();
+        r.evaluate(0.0, &q, &speeds).unwrap();
+        let v = r.v.clone();
+        check(&mut rng, &system, &q, &v);
+    }
+}
+
+/// √(xᵀ G x).
+fn length(g: &Matrix, x: &[f64]) -> f64 {
+    g.matvec(x).iter().zip(x).map(|(a, b)| a * b).sum::<f64>().max(0.0).sqrt()
+}
+
+fn uncorrected() -> FormulationOptions {
+    FormulationOptions { correction: Correction::None, ..FormulationOptions::default() }
+}
+
+fn minus(x: &[f64], y: &[f64]) -> Vec<f64> {
+    x.iter().zip(y).map(|(x, y)| x - y).collect()
+}
+
+/// S D_Sᵀ = 1, C D_Sᵀ = 0, C v + a = 0, C v' + b = 0, S v = u.
+#[test]
+fn identities_of_the_selector() {
+    on_random_systems(1, |_, system, q, v| {
+        for rule in rules() {
+            let name = rule.name();
+            let e = &system.equations;
+            let (n, m) = (e.mass.rows(), e.c.rows());
+            let k = n - m;
+            let mut x = Frozen::new(system, m, rule, 0.5);
+            x.begin(0.0, q).unwrap();
+            let mut u = vec![0.0; k];
+            x.values(v, &mut u);
+            x.evaluate(0.0, q, &u).unwrap();
+            // S is orthonormal in units of its own: as covectors its rows may lie close together, which σ tells
+            let sigma = x.fresh().sigma;
+            let near = |row: &[f64], column: &dyn Fn(usize) -> f64, value: f64, size: f64, what: &str| {
+                let (sum, terms) = (0..n).map(|i| row[i] * column(i)).fold((0.0, 0.0), |s, t| (s.0 + t, s.1 + t.abs()));
+                assert!((sum - value).abs() <= ROUND_OFF * (terms + size), "{name}, {what}: {sum:e} for {value:e}");
+            };
+            let (mut vdot, mut udot) = (vec![0.0; n], vec![0.0; k]);
+            x.d.full_acceleration(&mut vdot);
+            x.tangent_acceleration(&mut udot);
+            let (d, minv) = (x.tangent_matrix(), inverse(&e.mass));
+            for j in 0..k {
+                let w = |i: usize| x.d.dt[i * k + j];
+                let row = |l: usize| &x.orthonormal()[l * n..(l + 1) * n];
+                (0..k).for_each(|l| near(row(l), &w, f64::from(l == j), 1.0, "orthonormal S and D"));
+                (0..m).for_each(|l| near(e.c.row(l), &w, 0.0, 0.0, "C D"));
+                let lengths: Vec<f64> = (0..k).map(|l| length(&minv, x.selector().row(l))).collect();
+                for l in 0..k {
+                    let size = lengths[l] / lengths[j] / sigma;
+                    near(x.selector().row(l), &|i| d[(i, j)], f64::from(l == j), size, "S D");
+                }
+                near(x.selector().row(j), &|i| x.r.v[i], u[j], lengths[j] * length(&e.mass, v) / sigma, "S v");
+                near(x.selector().row(j), &|i| vdot[i], udot[j], lengths[j] * length(&e.mass, &vdot), "S v'");
+            }
+            for l in 0..m {
+                near(e.c.row(l), &|i| x.r.v[i], -e.a[l], 0.0, "C v");
+                near(e.c.row(l), &|i| vdot[i], -e.b[l], 0.0, "C v'");
+            }
+        }
+    });
+}
+
+/// Every rule against the equations with multipliers: v, v' in the mass metric, λ in that of M_c.
+#[test]
+fn every_rule_moves_alike() {
+    on_random_systems(2, |_, system, q, v| {
+        let e = &system.equations;
+        let (n, m) = (e.mass.rows(), e.c.rows());
+        let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
+        let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
+        let mut y = vec![0.0; reference.dim()];
+        reference.start(0.0, q, v, &mut y).unwrap();
+        let out = sample(&mut reference, 0.0, &y);
+        for rule in rules() {
+            let name = rule.name();
+            let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
+            let mut y = vec![0.0; f.dim()];
+            assert_eq!(f.dim(), n + (n - m) + 1);
+            f.start(0.0, q, v, &mut y).unwrap();
+            let s = sample(&mut f, 0.0, &y);
+            let off = length(&e.mass, &minus(&s.v, &out.v)) / length(&e.mass, &out.v);
+            // u itself is short of digits where the rows of S lie close together
+            assert!(off < 1e-12 / s.sigma, "{name}: v off by {off:e}");
+            let off = length(&e.mass, &minus(&s.vdot, &out.vdot)) / length(&e.mass, &out.vdot);
+            assert!(off < 1e-10, "{name}: v' off by {off:e}");
+            let off = length(&mc, &minus(&s.multipliers, &out.multipliers)) / length(&mc, &out.multipliers);
+            assert!(off < 1e-10, "{name}: multipliers off by {off:e}");
+            // ρ belongs to the mechanism: any tangent gives it
+            s.measure.iter().zip(&out.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{name}"));
+            assert_eq!(s.independent, out.independent);
+            // −λᵀ a is the power of the drive
+            let mut dy = vec![0.0; f.dim()];
+            f.derivative(0.0, &y, &mut dy).unwrap();
+            let terms: Vec<f64> = out.multipliers.iter().zip(&e.a).map(|(l, a)| -l * a).collect();
+            let size =
+                terms.iter().map(|t| t.abs()).sum::<f64>() + length(&e.mass, &out.v) * length(&e.mass, &out.vdot);
+            assert!((dy[2 * n - m] - terms.iter().sum::<f64>()).abs() < 1e-10 * size, "{name}: power");
+        }
+    });
+}
+
+/// A change rewrites u and u' from (v, v'): the motion does not notice.
+#[test]
+fn renewing_keeps_the_motion() {
+    on_random_systems(3, |_, system, q, v| {
+        let e = &system.equations;
+        let (n, m) = (e.mass.rows(), e.c.rows());
+        for rule in rules() {
+            let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
+            let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+            f.start(0.0, q, v, &mut y).unwrap();
+            let before = sample(&mut f, 0.0, &y);
+            f.derivative(0.0, &y, &mut dy).unwrap();
+            commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
+            let after = sample(&mut f, 0.0, &y);
+            assert_eq!(f.journal().events.len(), 2);
+            assert!(f.journal().events[1].reason.contains("renewed"), "{}", f.journal().events[1].reason);
+            let off = length(&e.mass, &minus(&before.v, &after.v)) / length(&e.mass, &before.v);
+            assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.journal().name);
+            let mut anew = vec![0.0; f.dim()];
+            f.derivative(0.0, &y, &mut anew).unwrap();
+            let (size, k) = (length(&e.mass, &before.vdot), n - m);
+            let s = f.tangent();
+            for j in 0..k {
+                // |S_j v'| <= |S_j| |v'|
+                let row = s.selector().row(j);
+                let bound = length(&inverse(&e.mass), row) * size;
+                assert!((anew[n + j] - dy[n + j]).abs() < 1e-10 * bound, "{}", f.journal().name);
+            }
+        }
+    });
+}
+
+/// Mass-orthonormal: M_d = 1, σ = √μ = 1 when frozen.
+#[test]
+fn gram_schmidt_is_best_where_it_is_frozen() {
+    on_random_systems(4, |_, system, q, v| {
+        let m = system.equations.c.rows();
+        let mut x = Frozen::new(system, m, Box::new(GramSchmidt), 0.5);
+        x.begin(0.0, q).unwrap();
+        let k = x.r.k();
+        let mut u = vec![0.0; k];
+        x.values(v, &mut u);
+        x.evaluate(0.0, q, &u).unwrap();
+        for e in 0..k * k {
+            let one = f64::from(e % k == e / k);
+            assert!((x.d.md[e] - one).abs() < 1e-10, "{:e}", x.d.md[e] - one);
+        }
+        for quality in [x.fresh(), x.quality_here(0.0, q).unwrap()] {
+            assert!(quality.sqrt_mu > 1.0 - 1e-10 && quality.sigma > 1.0 - 1e-10, "{quality:?}");
+        }
+        // other rules are oblique in the mass metric, never better
+        for rule in rules() {
+            let mut x = Frozen::new(system, m, rule, 0.5);
+            x.begin(0.0, q).unwrap();
+            assert!(x.fresh().sqrt_mu <= 1.0 && x.fresh().sqrt_mu > 0.0);
+        }
+    });
+}
+
+/// Rows of the identity in S: the partition itself, with its D, its σ and its √μ.
+#[test]
+fn rows_of_the_identity_are_a_partition() {
+    on_random_systems(5, |_, system, q, v| {
+        let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
+        let mut r = Reduction::new(system, m);
+        partita_system::start::choose_partition(&mut r, 0.0, q, None, None).unwrap();
+        let independent = r.partition.independent.clone();
+        let u: Vec<f64> = independent.iter().map(|&i| v[i]).collect();
+        r.evaluate(0.0, q, &u).unwrap();
+        let wanted = r.quality(0.0, q).unwrap();
+        let mut x = Frozen::new(system, m, Box::new(Picked(independent)), 0.5);
+        x.begin(0.0, q).unwrap();
+        x.evaluate(0.0, q, &u).unwrap();
+        let (d, k) = (x.tangent_matrix(), n - m);
+        for i in 0..n {
+            for j in 0..k {
+                // entries in natural scales
+                let scale = r.scales()[i] / r.scales()[r.partition.independent[j]];
+                assert!((d[(i, j)] - r.dt[i * k + j]).abs() < 1e-10 * scale);
+            }
+            assert!((x.r.v[i] - r.v[i]).abs() < 1e-10 * r.scales()[i] * (1.0 + (r.v[i] / r.scales()[i]).abs()));
+        }
+        let found = x.quality_here(0.0, q).unwrap();
+        assert!((found.sigma - wanted.sigma).abs() < 1e-10, "{} {}", found.sigma, wanted.sigma);
+        assert!((found.sqrt_mu - wanted.sqrt_mu).abs() < 1e-10, "{} {}", found.sqrt_mu, wanted.sqrt_mu);
+    });
+}
+
+/// A partition that C_D cannot be solved for is refused with the basis named, not the mechanism.
+#[test]
+fn a_basis_that_does_not_fit_is_blamed_itself() {
+    // q0 is fixed by the constraint: it cannot be independent
+    let c = Matrix::from_rows(&[&[1.0, 0.0, 0.0]]);
+    let still = Instant { mass: Matrix::identity(3), c, h: vec![0.0; 3], a: vec![0.0], b: vec![0.0] };
+    let system = still.by_hand();
+    let mut x = Frozen::new(&system, 1, Box::new(Picked(vec![0, 1])), 0.5);
+    let refused = x.begin(0.0, &[0.0; 3]).unwrap_err();
+    let words = refused.to_string();
+    assert!(refused.is_local() && words.contains("\"picked\"") && words.contains("regular"), "{words}");
+}
+
+/// Fits the first time; afterwards its covectors depend on each other.
+struct Once(std::sync::atomic::AtomicBool);
+
+impl Basis for Once {
+    fn name(&self) -> &'static str {
+        "once"
+    }
+    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
+        let used = self.0.swap(true, std::sync::atomic::Ordering::Relaxed);
+        let mut s = OrthogonalTriangular.basis(mass, c)?;
+        if used {
+            let first = s.row(0).to_vec();
+            (0..s.rows()).for_each(|j| s.row_mut(j).copy_from_slice(&first));
+        }
+        Ok(s)
+    }
+}
+
+/// A renewal that fails leaves everything as it was, and the notes tell.
+#[test]
+fn a_basis_that_cannot_be_renewed_stays() {
+    on_random_systems(6, |_, system, q, v| {
+        let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
+        if n - m < 2 {
+            return; // one covector always fits
+        }
+        let rule = Box::new(Once(std::sync::atomic::AtomicBool::new(false)));
+        let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
+        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        f.start(0.0, q, v, &mut y).unwrap();
+        f.derivative(0.0, &y, &mut dy).unwrap();
+        let (before, slope) = (y.clone(), dy.clone());
+        commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
+        assert_eq!((&y, &dy), (&before, &slope));
+        f.derivative(0.0, &y, &mut dy).unwrap();
+        assert_eq!(dy, slope);
+        assert_eq!(f.journal().events.len(), 1);
+        assert!(f.journal().notes.iter().any(|n| n.contains("the old one was kept")), "{:?}", f.journal().notes);
+    });
+}
+
+/// Any D, γ, δ that fit give the motion of the equations with multipliers; each that does not fit is refused by its row.
+#[test]
+fn tangent_velocities_of_the_user() {
+    on_random_systems(7, |rng, system, q, v| {
+        let e = &system.equations;
+        let (n, m) = (e.mass.rows(), e.c.rows());
+        let k = n - m;
+        let mut r = Reduction::new(system, m);
+        partita_system::start::choose_partition(&mut r, 0.0, q, None, None).unwrap();
+        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        r.evaluate(0.0, q, &speeds).unwrap();
+        // Dᵀ of the partition in natural scales, times a random T, far from singular
+        let mut mix = Matrix::from_vec(k, k, vector(rng, k * k));
+        (0..k).for_each(|j| mix[(j, j)] += 3.0 * k as f64);
+        let mut dt = Matrix::from_vec(n, k, r.dt.clone());
+        for i in 0..n {
+            (0..k).for_each(|j| dt[(i, j)] *= r.scales()[r.partition.independent[j]]);
+        }
+        let dt = dt.matmul(&mix).into_vec();
+        let good = Given { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
+        let scales = r.scales().to_vec();
+        let start = |map: &Given, v: &[f64]| {
+            let options = FormulationOptions { tangent: Some(Arc::new(map.clone())), ..uncorrected() };
+            let mut f = UserTangent::new(system, m, &options).unwrap();
+            let mut y = vec![0.0; f.dim()];
+            f.start(0.0, q, v, &mut y).map(|()| (f, y))
+        };
+        let (mut f, y) = start(&good, v).unwrap();
+        let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
+        let mut whole = vec![0.0; reference.dim()];
+        reference.start(0.0, q, v, &mut whole).unwrap();
+        let (out, s) = (sample(&mut reference, 0.0, &whole), sample(&mut f, 0.0, &y));
+        let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
+        assert!(length(&e.mass, &minus(&s.v, &out.v)) < 1e-10 * length(&e.mass, &out.v));
+        assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));
+        assert!(length(&mc, &minus(&s.multipliers, &out.multipliers)) < 1e-9 * length(&mc, &out.multipliers));
+        assert!(s.sqrt_mu > 1.0 - 1e-9 && s.sigma > 1e-3, "{} {}", s.sqrt_mu, s.sigma);
+        assert!(f.journal().notes.is_empty());
+        // one column, the offset, the bias, the velocity: each pushed off the constraints by a natural amount
+        let off = rng.usize(0..n);
+        let mut bad = good.clone();
+        bad.dt[off * k] += 10.0 * k as f64 * scales[off];
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("tangent velocity 0 breaks constraint"), "{words}");
+        let mut bad = good.clone();
+        bad.gamma[off] += scales[off];
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("offset") && words.contains("C gamma + a"), "{words}");
+        let mut bad = good.clone();
+        bad.delta[off] +=
+            10.0 * scales[off] * (1.0 + r.delta.iter().zip(&scales).fold(0.0, |m: f64, (d, s)| m.max(d.abs() / s)));
+        let words = start(&bad, v).err().unwrap().to_string();
+        assert!(words.contains("bias") && words.contains("C delta + b"), "{words}");
+        let mut wrong = v.to_vec();
+        wrong[off] += scales[off];
+        let words = start(&good, &wrong).err().unwrap().to_string();
+        assert!(words.contains("no combination"), "{words}");
+        if k > 1 {
+            let mut bad = good.clone();
+            (0..n).for_each(|i| bad.dt[i * k + 1] = bad.dt[i * k]);
+            let words = start(&bad, v).err().unwrap().to_string();
+            assert!(words.contains("depend on each other"), "{words}");
+        }
+        let mut bad = good.clone();
+        bad.dt[off * k] = f64::NAN;
+        assert!(matches!(start(&bad, v).err().unwrap(), SystemError::NotFinite { .. }));
+    });
+}
