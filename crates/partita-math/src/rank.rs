@@ -291,6 +291,22 @@ mod tests {
     }
 
     #[test]
+    fn rows_that_come_last_are_those_left_out() {
+        let mut rng = fastrand::Rng::with_seed(52);
+        for _ in 0..50 {
+            // six rows of rank four, the first two to come last
+            let c = random(&mut rng, 6, 4).matmul(&random(&mut rng, 4, 7));
+            let pattern = Pattern::dense(6, 7);
+            for tol in [1e-9, 0.0] {
+                let found = preferred_rows(&pattern, c.data(), &[1.0; 7], tol, (1e-9, &|i| i < 2));
+                let mut kept = found.kept[..4].to_vec();
+                kept.sort_unstable();
+                assert_eq!(kept, [2, 3, 4, 5], "the others are independent and suffice");
+            }
+        }
+    }
+
+    #[test]
     fn rank_of_a_product_is_the_inner_size() {
         let mut rng = fastrand::Rng::with_seed(51);
         for rank in 0..7 {

@@ -45,7 +45,7 @@ class Certificate:
 
     @property
     def verdict(self) -> str:
-        """"holds", "doubtful" or "broken": that of the worst finding."""
+        """ "holds", "doubtful" or "broken": that of the worst finding."""
         return word_of(self.findings)
 
     def __str__(self) -> str:
@@ -75,12 +75,12 @@ def certify(result: Readable) -> Certificate:
         try:
             residual = result.reactions["residual"]
             newton_euler = _largest(residual)
-            findings += of_reactions(result.t, residual, result.options)
+            findings += of_reactions(result.t, residual, result.record.options)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
     if result.has_energy:
         findings += of_energy(
-            result.t, result.energy, tolerance(result.options), int(result.counters.get("steps", 0))
+            result.t, result.energy, tolerance(result.record.options), int(result.counters.get("steps", 0))
         )
     sigma, sigma_t = _smallest(result.sigma, result.t)
     sqrt_mu, sqrt_mu_t = _smallest(result.sqrt_mu, result.t)

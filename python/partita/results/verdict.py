@@ -18,7 +18,7 @@ NEWTON_EULER = 1e-7, 1e-3
 """Residual of a body over the largest force: what round-off leaves of it next to the worst position that is worked in
 (1e-16 times a condition of 1e9), and where no digit is safe."""
 ENERGY = 100
-"""Tolerances that the energy may be off by besides one for each step: errors grow with the motion, tenfold as a rule."""
+"""Tolerances that the energy may be off by besides one for each step: errors grow with the motion."""
 ENERGY_FLOOR = 1e-8
 """Part of the energy exchanged that round-off explains, over the steps of a run and past singular positions."""
 ROUND_OFF = 1e-12
@@ -50,9 +50,7 @@ def word_of(findings: Iterable[Finding]) -> str:
     return worst
 
 
-def of_reactions(
-    t: NDArray[np.float64], residual: NDArray[np.float64], options: Mapping[str, Any]
-) -> list[Finding]:
+def of_reactions(t: NDArray[np.float64], residual: NDArray[np.float64], options: Mapping[str, Any]) -> list[Finding]:
     """What Newton-Euler residuals (nt,) with the returned reactions say; NaN where a reaction has no value."""
     known = np.flatnonzero(np.isfinite(residual))
     if not len(known):
@@ -62,7 +60,7 @@ def of_reactions(
     if options.get("correction") == "none" or options.get("formulation") == "baumgarte":
         times, least, most = DRIFT
         doubtful = min(max(times * tolerance(options), least), most)
-        broken = max(broken, 1e3 * doubtful)
+        broken = max(broken, 10.0 * doubtful)
     if worst <= doubtful:
         return []
     words = f"Newton-Euler with the returned reactions is off by {worst:.1e} of the largest force at t = {t[i]:.6g} s"
@@ -92,7 +90,7 @@ def tolerance(options: Mapping[str, Any]) -> float:
 def of_arrays(t: NDArray[np.float64], *arrays: NDArray[np.float64]) -> list[Finding]:
     """Coordinates and velocities that are not numbers."""
     for array in arrays:
-        spoilt = np.flatnonzero(~np.isfinite(array).all(axis=1)) if array.size else []
+        spoilt = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if len(spoilt):
             at = float(t[spoilt[0]])
             return [Finding(True, at, f"the motion is not finite from t = {at:.6g} s on")]
