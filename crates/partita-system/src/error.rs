@@ -146,7 +146,10 @@ pub enum SystemError {
         drive: bool,
     },
     /// A condition is left in a step, however short.
-    #[error("{}", jump(what, *t, *by, *drive))]
+    #[error(
+        "{what} jumps by {by:.3e} at t = {}: no body follows a step; give it a motion that is continuous with its rate",
+        six_digits(*t)
+    )]
     Jump {
         /// What the condition belongs to.
         what: Box<str>,
@@ -154,8 +157,6 @@ pub enum SystemError {
         t: f64,
         /// By how much it is left.
         by: f64,
-        /// Is it a drive?
-        drive: bool,
     },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
@@ -210,14 +211,6 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
          hold; {advice}",
         six_digits(t)
     )
-}
-
-fn jump(what: &str, t: f64, by: f64, drive: bool) -> String {
-    let advice = match drive {
-        true => "no body follows a step: give the drive a motion that is continuous with its rate",
-        false => "take shorter steps",
-    };
-    format!("{what} jumps by {by:.3e} at t = {}: {advice}", six_digits(t))
 }
 
 /// Six digits of a time, as people read it.

@@ -87,17 +87,18 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
     }
 
-    /// Does a step end with a condition so far open that it left it, rather than drifted?
+    /// Does a step end with a drive so far open that it left it, rather than drifted? What closes a loop cannot jump.
     ///
     /// # Errors
     /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.
     pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
-        let (part, row) = self.gap();
+        let drives = (0..self.size.holonomic).filter(|&i| self.system.row_is_drive(i));
+        let (part, row) = worst(drives.map(|i| (i, self.phi[i] / self.row_size[i])));
         if part <= JUMP {
             return Ok(());
         }
         let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
-        Err(SystemError::Jump { what: what.into(), t, by, drive: self.system.row_is_drive(row) })
+        Err(SystemError::Jump { what: what.into(), t, by })
     }
 
     /// The dropped row i against the kept rows it follows from: who contradicts whom. Needs the factors of C_D.
