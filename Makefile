@@ -16,7 +16,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python bench docs compare-docs demo paper clean
+.PHONY: all install format lint test test-rust test-python trust bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -59,6 +59,11 @@ test-rust: $(TOOLS)
 
 test-python: $(BUILT)
 	$(BIN)/python -m pytest
+
+## trust: thousands of mechanisms drawn by chance against an independent program; N=5000 of them
+N ?= 5000
+trust: $(BUILT)
+	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
 
 ## bench: measured costs against their limits
 bench: $(BUILT)

@@ -124,8 +124,12 @@ class Model:
     def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
         """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
-    def determined(self, t: float, q: Array, in_joint_frame: bool) -> NDArray[np.bool_]:
-        """(nj, 6): which of fx fy fz mx my mz follow from the motion alone."""
+    def determined(self, t: Array, q: Array, v: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone."""
+
+    def self_stresses(self, t: Array, q: Array, v: Array, joint: int) -> Array:
+        """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
+        along a unit axis is determined where no product with them exceeds 1."""
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
@@ -153,6 +157,8 @@ class System:
         bias: Callable[[float, Array, Array], Array],
         names: list[str],
         closing: tuple[Callable[[float, Array], Array], list[int]] | None = None,
+        lengths: list[float] | None = None,
+        checked: bool = True,
     ) -> None: ...
     @property
     def nq(self) -> int: ...

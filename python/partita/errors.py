@@ -18,7 +18,9 @@ from typing import Any
 __all__ = [
     "ArgumentError",
     "AssemblyError",
+    "ChangedFileWarning",
     "ContradictionError",
+    "DerivativeError",
     "DescriptionError",
     "DoubtfulResultWarning",
     "EvaluationError",
@@ -137,6 +139,21 @@ class EvaluationError(PartitaError, RuntimeError):
     where: str
 
 
+class DerivativeError(PartitaError, ValueError):
+    """A derivative of a hand-written system is that of another function.
+
+    Fields: name of the `function`, `row` and (of a Jacobian) `column` of the entry, the number `given`, the number
+    `found` by differences, time `t` [s].
+    """
+
+    function: str
+    row: int
+    column: int | None = None
+    given: float
+    found: float
+    t: float
+
+
 class IntegrationError(PartitaError, RuntimeError):
     """The march in time cannot go on. Field: time `t` [s] reached."""
 
@@ -147,3 +164,7 @@ class MissingDependencyError(PartitaError, ImportError):
     """An optional package is not installed. Field: `package`."""
 
     package: str
+
+
+class ChangedFileWarning(UserWarning):
+    """A model file was changed after it was saved; what it says now was read."""

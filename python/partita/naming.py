@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .errors import UnknownNameError
+from .numeric import shown
 
 ANGULAR = ("turn", "rx", "ry", "rz", "wx", "wy", "wz")
 LINEAR = ("slide", "x", "y", "z")
@@ -53,7 +54,7 @@ def _padded(given: Sequence[str] | None, letter: str, count: int) -> tuple[str, 
 
 def index_of(name: str, known: Sequence[str], kind: str) -> int:
     """Place of `name` among `known`; `UnknownNameError` with the nearest spellings otherwise."""
-    if name in known:
+    if isinstance(name, str) and name in known:
         return list(known).index(name)
     folded = {other.lower(): other for other in reversed(known)}
     near = [folded[n] for n in difflib.get_close_matches(str(name).lower(), folded, n=3, cutoff=0.5)]
@@ -63,14 +64,14 @@ def index_of(name: str, known: Sequence[str], kind: str) -> int:
         hint = f"known: {listed(known)}"
     else:
         hint = f"this run has no {kind} at all"
-    raise UnknownNameError(f"no {kind} named {name!r}; {hint}", name=str(name), known=list(known))
+    raise UnknownNameError(f"no {kind} named {shown(name)}; {hint}", name=str(name), known=list(known))
 
 
 def listed(words: Sequence[str], limit: int = 12) -> str:
     """`a, b, c` in words; beyond `limit` the rest is counted, not hidden."""
-    shown = ", ".join(str(w) for w in words[:limit])
+    first = ", ".join(str(w) for w in words[:limit])
     rest = len(words) - limit
-    return f"{shown} and {rest} more" if rest > 0 else shown
+    return f"{first} and {rest} more" if rest > 0 else first
 
 
 def coordinate_units(summary: Mapping[str, Any], names: Names) -> tuple[list[str], list[str]]:

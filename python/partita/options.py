@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
+from .numeric import floats, real, shown
 from .tangent import TangentVelocities
 
 Array = NDArray[np.float64]
@@ -86,7 +87,7 @@ def options(
     renew: float = 0.5,
 ) -> dict[str, Any]:
     """Checked options of a run from t0, as the core reads them. Raises `ArgumentError`."""
-    if len(list(events)) > 0:
+    if not isinstance(events, Sequence) or len(events) > 0:
         raise ArgumentError(
             "this version does not offer events; simulate without them and look for the instant in the outputs",
             argument="events",
@@ -108,7 +109,7 @@ def options(
         "max_step": None if max_step is None else positive("max_step", max_step),
         "correction": one_of("correction", correction, CORRECTIONS),
         "exchange": _exchange(exchange),
-        "max_steps": _count(max_steps),
+        "max_steps": count(max_steps),
         "independent": None if independent is None else velocities("independent", independent, velocity_names),
         "selection": one_of("selection", selection, SELECTIONS),
         "weights": None if weights is None else _weights(weights, velocity_names),
@@ -123,9 +124,9 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
     if t_eval is None:
         return np.linspace(t0, t_end, OUTPUTS)
     try:
-        times = np.array(t_eval, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"t_eval must be an array of times, not {t_eval!r}", argument="t_eval") from error
+        times = floats(t_eval)
+    except TypeError as error:
+        raise ArgumentError(f"t_eval must be an array of times, not {shown(t_eval)}", argument="t_eval") from error
     if times.ndim != 1 or times.size == 0:
         raise ArgumentError(
             f"t_eval has shape {times.shape}; it must be a flat array of times such as "
@@ -170,9 +171,9 @@ def run(
 def positive(what: str, value: Any) -> float:
     """A finite number above zero."""
     try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be a number, not {value!r}", argument=what) from error
+        number = real(value)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be a number, not {shown(value)}", argument=what) from error
     if not np.isfinite(number) or number <= 0.0:
         raise ArgumentError(f"{what} is {number:g}; it must be finite and greater than zero", argument=what)
     return number
@@ -181,10 +182,10 @@ def positive(what: str, value: Any) -> float:
 def one_of(what: str, value: Any, known: Iterable[str]) -> str:
     """One of the known words."""
     words = list(known)
-    if value not in words:
-        close = difflib.get_close_matches(str(value).lower(), words, n=1)
+    if not isinstance(value, str) or value not in words:
+        close = difflib.get_close_matches(shown(value).strip("'").lower(), words, n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(map(repr, words))}"
-        raise ArgumentError(f"{what} {value!r} is not known; {hint}", argument=what)
+        raise ArgumentError(f"{what} {shown(value)} is not known; {hint}", argument=what)
     return str(value)
 
 
@@ -200,7 +201,10 @@ def _exchange(value: Any) -> float:
 
 def _fraction(what: str, value: Any) -> float:
     """A number from 0 to 1."""
-    number = float(value) if isinstance(value, int | float | np.number) else np.nan
+    try:
+        number = real(value)
+    except TypeError:
+        number = np.nan
     if not 0.0 <= number <= 1.0:
         raise ArgumentError(f"{what} is {value!r}; it must be a number from 0 to 1", argument=what)
     return number
@@ -209,7 +213,7 @@ def _fraction(what: str, value: Any) -> float:
 def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tuple[str, float]]:
     """Preferences by name, above zero."""
     if not isinstance(weights, Mapping):
-        raise ArgumentError(f"weights must be a dict such as {{'A': 10.0}}, not {weights!r}", argument="weights")
+        raise ArgumentError(f"weights must be a dict such as {{'A': 10.0}}, not {shown(weights)}", argument="weights")
     names = velocities("weights", weights, velocity_names)
     return [
         (name, positive(f"weights[{name!r}]", weight)) for name, weight in zip(names, weights.values(), strict=True)
@@ -219,10 +223,10 @@ def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tu
 def _baumgarte(value: Any) -> tuple[float, float]:
     """alpha and beta [1/s]."""
     try:
-        alpha, beta = (float(item) for item in value)
+        alpha, beta = (real(item) for item in value)
     except (TypeError, ValueError) as error:
         raise ArgumentError(
-            f"baumgarte must be the two numbers (alpha, beta) [1/s], not {value!r}", argument="baumgarte"
+            f"baumgarte must be the two numbers (alpha, beta) [1/s], not {shown(value)}", argument="baumgarte"
         ) from error
     if not (np.isfinite([alpha, beta]).all() and alpha >= 0.0 and beta >= 0.0):
         raise ArgumentError(
@@ -240,16 +244,21 @@ def _tangent(value: Any, n: int) -> TangentVelocities:
     return value.checked(n)
 
 
-def _count(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ArgumentError(f"max_steps is {value!r}; it must be an integer above zero", argument="max_steps")
+def count(value: Any) -> int:
+    """A number of steps."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value < 2**63:
+        raise ArgumentError(
+            f"max_steps is {shown(value)}; it must be an integer above zero and below 2^63", argument="max_steps"
+        )
     return int(value)
 
 
 def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:
     """Different names of velocities, checked."""
-    if isinstance(given, str):
-        raise ArgumentError(f"{what} must be a list of names such as [{given!r}]", argument=what)
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise ArgumentError(
+            f"{what} must be a list of names such as {velocity_names[:1]}, not {shown(given)}", argument=what
+        )
     names = [str(item) for item in given]
     known = set(velocity_names)
     for name in names:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import ArgumentError
+from .numeric import floats, shown
 from .options import positive
 
 __all__ = ["Geometry", "Partition", "choose", "geometry", "measure"]
@@ -142,10 +143,11 @@ def choose(
             f"threshold is {limit:g}; below 1 two choices would replace each other for ever",
             argument="threshold",
         )
-    if selection not in SELECTIONS:
-        more = "; persistence needs a history, so it serves runs only" if selection == "persistence" else ""
+    if not isinstance(selection, str) or selection not in SELECTIONS:
+        persists = isinstance(selection, str) and selection == "persistence"
+        more = "; persistence needs a history, so it serves runs only" if persists else ""
         raise ArgumentError(
-            f"there is no selection {selection!r} for one instant; choose among {', '.join(SELECTIONS)}{more}",
+            f"there is no selection {shown(selection)} for one instant; choose among {', '.join(SELECTIONS)}{more}",
             argument="selection",
         )
     if limit > 1.0 and selection != "collective":
@@ -259,11 +261,11 @@ def _checked(M: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
 
 def _matrix(what: str, values: ArrayLike) -> Array:
     try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be a matrix of numbers, not {values!r}", argument=what) from error
-    if np.ndim(values) != 2:
-        raise ArgumentError(f"{what} must be a matrix, not of shape {np.shape(values)}", argument=what)
+        array = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be a matrix of numbers, not {shown(values)}", argument=what) from error
+    if array.ndim != 2:
+        raise ArgumentError(f"{what} must be a matrix, not of shape {array.shape}", argument=what)
     if not np.all(np.isfinite(array)):
         row, column = np.argwhere(~np.isfinite(array))[0]
         raise ArgumentError(f"{what}[{row}, {column}] is {array[row, column]}; give finite numbers", argument=what)
@@ -271,10 +273,13 @@ def _matrix(what: str, values: ArrayLike) -> Array:
 
 
 def _weights(weights: ArrayLike, n: int) -> Array:
-    array = np.ascontiguousarray(weights, dtype=np.float64)
+    try:
+        array = floats(weights)
+    except TypeError as error:
+        raise ArgumentError(f"weights must be {n} numbers, not {shown(weights)}", argument="weights") from error
     if array.shape != (n,) or not np.all(np.isfinite(array)) or np.any(array <= 0.0):
         raise ArgumentError(
-            f"weights must be {n} positive finite numbers, not {np.asarray(weights).tolist()}",
+            f"weights must be {n} positive finite numbers, not {shown(array.tolist())}",
             argument="weights",
         )
     return array
@@ -282,9 +287,11 @@ def _weights(weights: ArrayLike, n: int) -> Array:
 
 def _fixed(what: str, fixed: Iterable[int], n: int) -> list[int]:
     try:
+        if isinstance(fixed, str | bytes):
+            raise TypeError("text")
         indices = [index(i) for i in fixed]
     except TypeError as error:
-        raise ArgumentError(f"{what} must be indices of coordinates, not {fixed!r}", argument=what) from error
+        raise ArgumentError(f"{what} must be indices of coordinates, not {shown(fixed)}", argument=what) from error
     wrong = [i for i in indices if not 0 <= i < n]
     if wrong or len(set(indices)) < len(indices):
         raise ArgumentError(

@@ -8,9 +8,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import ArgumentError
 from .naming import Names
+from .numeric import shown
 
 FloatArray = NDArray[np.float64]
+
+
+def checked_run(result: Any) -> None:
+    """Refuse what is no run, before a figure or a page is begun."""
+    if not all(hasattr(result, name) for name in ("t", "q", "names", "summary", "partitions")):
+        raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
 
 
 class Readable(Protocol):

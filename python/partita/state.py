@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
+from .numeric import floats, real, shown
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]
@@ -120,8 +122,10 @@ class State(StateView):
     ) -> None:
         if layout is None:
             layout = Layout()
-            layout.names = list(names) if names is not None else []
-            layout.velocity_names = list(velocity_names) if velocity_names is not None else list(layout.names)
+            layout.names = _labels("names", names)
+            layout.velocity_names = (
+                list(layout.names) if velocity_names is None else _labels("velocity_names", velocity_names)
+            )
         super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
         self.assembly = assembly
 
@@ -172,12 +176,21 @@ def _part(values: Array, span: Span) -> Any:
     return float(values[first]) if count == 1 else values[first : first + count]
 
 
+def _labels(what: str, names: Any) -> list[str]:
+    """Names as texts; None: none."""
+    if names is None:
+        return []
+    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+        raise ArgumentError(f"{what} must be a list of texts, not {shown(names)}", argument=what)
+    return [str(name) for name in names]
+
+
 def finite_time(t: Any) -> float:
     """`t` as a finite number of seconds, or an `ArgumentError`."""
     try:
-        time = float(t)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"t must be a number, not {t!r}", argument="t") from error
+        time = real(t)
+    except TypeError as error:
+        raise ArgumentError(f"t must be a number, not {shown(t)}", argument="t") from error
     if not np.isfinite(time):
         raise ArgumentError(f"t is {time}; give a finite time", argument="t")
     return time
@@ -186,9 +199,9 @@ def finite_time(t: Any) -> float:
 def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
     """A new flat array of finite numbers, as many as there are names (if there are any)."""
     try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
+        array = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {shown(values)}", argument=what) from error
     if array.ndim != 1 or (names and array.size != len(names)):
         raise ArgumentError(
             f"{what} must be a flat array{f' of {len(names)} numbers' if names else ''}, not of shape {array.shape}",

@@ -13,6 +13,7 @@ from . import _core
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
+from .numeric import floats, shown
 from .state import Layout, State
 from .tangent import TangentVelocities
 
@@ -41,6 +42,11 @@ class System(Equations):
         names: of the coordinates (n,); None: q0, q1, ...
         closing: for the formulation "explicit-closing": a pair (dependent, f) of coordinate names and a
             function f(t, q) -> values (m,) of these coordinates that close the loops for the others in q.
+        lengths: how far each coordinate moves in a large motion (n,), or one number for all: 1 for an angle, the extent
+            of a body for a displacement. Tolerances are parts of it. None: estimated from how fast the rows of the
+            jacobian turn, to a power of ten.
+        check_derivatives: compare jacobian, constraint_rate and bias with differences of the constraints at the start
+            of a run and, once more, where it has been; False: believe them.
 
     Without `jacobian` the system is unconstrained. Each array is checked at every evaluation: a wrong shape
     or NaN raises `EvaluationError` with the time and the name of the function.
@@ -75,9 +81,11 @@ class System(Equations):
         bias: Function | None = None,
         names: Iterable[str] | None = None,
         closing: tuple[Iterable[str], Function] | None = None,
+        lengths: ArrayLike | None = None,
+        check_derivatives: bool = True,
     ) -> None:
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-            _refuse(f"n is {n!r}; it must be an integer above zero")
+            _refuse(f"n is {shown(n)}; it must be an integer above zero")
         self.n = int(n)
         labels = _names(names, self.n)
         if jacobian is None and any(item is not None for item in (constraints, constraint_rate, bias)):
@@ -100,6 +108,8 @@ class System(Equations):
             _checked("bias", bias if bias is not None else np.zeros(0), lambda t, q, v: (self._rows.count(t, q),)),
             labels,
             None if closing is None else _closing(closing, labels),
+            None if lengths is None else _lengths(lengths, self.n),
+            _truth("check_derivatives", check_derivatives),
         )
         super().__init__(core, labels, labels)
         self.core = core
@@ -132,7 +142,7 @@ class System(Equations):
 
     def summary(self, t: float, q: ArrayLike) -> dict[str, Any]:
         """Names and sizes as plain data, like the summary of a mechanism (without bodies and joints)."""
-        place = self._q(q)
+        place, t = self._q(q), State(t, [], []).t
         rows = self._rows.count(t, place)
         kept = (
             _core.choose(self.core.mass_matrix(t, place), self.core.jacobian(t, place), 1.0, None)["rows"]
@@ -342,9 +352,10 @@ def _closing(closing: Any, labels: list[str]) -> tuple[Function, list[int]]:
     """The function of an explicit closing, checked, and the indices of the coordinates that it gives."""
     try:
         names, function = closing
+        names = [names] if isinstance(names, str) else [str(name) for name in names]
     except (TypeError, ValueError):
-        _refuse(f"closing must be a pair (names of dependent coordinates, function), not {closing!r}")
-    dependent = [names] if isinstance(names, str) else [str(name) for name in names]
+        _refuse(f"closing must be a pair (names of dependent coordinates, function), not {shown(closing)}")
+    dependent = list(names)
     unknown = [name for name in dependent if name not in labels]
     if unknown or len(set(dependent)) != len(dependent) or not dependent or not callable(function):
         _refuse(
@@ -355,18 +366,38 @@ def _closing(closing: Any, labels: list[str]) -> tuple[Function, list[int]]:
     return _checked("closing", function, lambda t, q: (count,)), [labels.index(name) for name in dependent]
 
 
+def _lengths(lengths: Any, n: int) -> list[float]:
+    """n lengths above zero."""
+    try:
+        array = np.broadcast_to(floats(lengths), (n,))
+    except (TypeError, ValueError):
+        _refuse(f"lengths must be a number or {n} numbers, not {shown(lengths)}")
+    if not (np.isfinite(array).all() and (array > 0.0).all()):
+        _refuse(f"lengths are {shown(array.tolist())}; they must be finite and greater than zero")
+    return [float(x) for x in array]
+
+
+def _truth(what: str, value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        _refuse(f"{what} is {shown(value)}; it must be True or False")
+    return bool(value)
+
+
 def _constant(what: str, values: Any) -> Array:
     try:
-        return np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        _refuse(f"{what} must be a function or an array of numbers, not {values!r}")
+        array = floats(values)
+    except TypeError:
+        _refuse(f"{what} must be a function or an array of numbers, not {shown(values)}")
+    if not np.isfinite(array).all():
+        _refuse(f"{what} holds NaN or infinity; give finite numbers")
+    return array
 
 
 def _array(what: str, values: Any, t: float) -> Array:
     try:
-        return np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise _evaluation(what, t, f"returned {values!r}, which is no array of numbers") from error
+        return floats(values)
+    except TypeError as error:
+        raise _evaluation(what, t, f"returned {shown(values)}, which is no array of numbers") from error
 
 
 def _all_finite(what: str, array: Array, t: float) -> Array:
@@ -395,6 +426,8 @@ def _names(names: Iterable[str] | None, n: int) -> list[str]:
     """n different names."""
     if names is None:
         return [f"q{i}" for i in range(n)]
+    if isinstance(names, str | bytes) or not isinstance(names, Iterable):
+        _refuse(f"names must be a list of {n} different texts, not {shown(names)}")
     labels = [str(name) for name in names]
     if len(labels) != n or len(set(labels)) != n or not all(label.strip() for label in labels):
         _refuse(f"names must be {n} different texts, not {labels}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ArgumentError, EvaluationError
+from .numeric import floats, shown
 
 Array = NDArray[np.float64]
 
@@ -52,14 +53,25 @@ class TangentVelocities:
         for name in ("directions", "offset", "bias"):
             function = getattr(self, name)
             if not callable(function) and not (function is None and name != "directions"):
-                raise ArgumentError(f"{name} of tangent velocities must be a function, not {function!r}", argument=name)
+                raise ArgumentError(
+                    f"{name} of tangent velocities must be a function, not {shown(function)}", argument=name
+                )
 
     def checked(self, n: int) -> TangentVelocities:
         """The same functions, their results checked at each call: shape (k, n) or (n,), finite."""
 
         def check(name: str, function: Callable[..., Any], flat: bool) -> Callable[..., Array]:
             def call(t: float, *arguments: Array) -> Array:
-                array = np.ascontiguousarray(function(t, *arguments), dtype=np.float64)
+                returned = function(t, *arguments)
+                try:
+                    array = floats(returned)
+                except TypeError as error:
+                    raise EvaluationError(
+                        f"tangent velocities: {name} at t = {t:g} s returned {shown(returned)}, which is no array of "
+                        "numbers",
+                        t=t,
+                        where=name,
+                    ) from error
                 fits = array.shape == (n,) if flat else array.ndim == 2 and array.shape[1] == n
                 if not fits or not np.isfinite(array).all():
                     wanted = f"({n},)" if flat else f"(k, {n})"

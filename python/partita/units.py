@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError
+from .numeric import floats, shown
 
 __all__ = [
     "cm",
@@ -88,14 +89,23 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
             f"{unit!r} is a unit of {kind} and {to!r} one of {kind_to}; they cannot be converted",
             argument="to",
         )
-    result = np.asarray(value, dtype=float) * (size / size_to)
+    try:
+        numbers = floats(value)
+    except TypeError as error:
+        raise ArgumentError(
+            f"value must be a number or an array of numbers, not {shown(value)}", argument="value"
+        ) from error
+    with np.errstate(over="ignore"):
+        result = numbers * (size / size_to)
+    if np.any(np.isinf(result) & np.isfinite(numbers)):
+        raise ArgumentError(f"value {shown(value)} in {to} is beyond the largest number there is", argument="value")
     return float(result) if result.ndim == 0 else result
 
 
 def _unit(name: str, argument: str) -> tuple[str, float]:
     """Kind and size of the unit called `name`."""
-    if name in _TABLE:
+    if isinstance(name, str) and name in _TABLE:
         return _TABLE[name]
-    close = difflib.get_close_matches(str(name), _TABLE, n=1)
+    close = difflib.get_close_matches(shown(name).strip("'"), _TABLE, n=1)
     hint = f"did you mean {close[0]!r}?" if close else "known units: " + ", ".join(_TABLE)
-    raise ArgumentError(f"unit {name!r} is not known; {hint}", argument=argument)
+    raise ArgumentError(f"unit {shown(name)} is not known; {hint}", argument=argument)

@@ -105,3 +105,47 @@ def test_placing_finds_what_walking_finds() -> None:
             state = m.assemble(targets={"A": part}, near=state)
         assert state is not None
         assert there.q == pytest.approx(state.q, abs=1e-12)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_axes_do_not_close_pointing_backwards(coordinates: str) -> None:
+    """Perpendicular to the same two axes is an axis and its opposite: a body drawn upside down is turned over."""
+    m = pt.Mechanism("upside down")
+    m.add_body("b", mass=1.0, inertia=(1, 2, 2.5), com=(0.1, 0.2, 0.3))
+    m.add_spherical("ball", m.ground, "b", point=(0, 0, 0), cut="never")
+    m.add_revolute("hinge", m.ground, "b", point=(0, 0, 1), axis=(0, 0, 1), cut="always",
+                   child_point=(0, 0, -1), child_axis=(0, 0, -1))  # fmt: skip
+    state = m.assemble(coordinates=coordinates)
+    run = m.simulate(0.1, initial=state, coordinates=coordinates)
+    axis = run.body("b").rotation @ [0.0, 0.0, -1.0]
+    assert axis == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(run.t), 1)), abs=1e-11)
+
+
+def test_what_closes_backwards_only_is_refused() -> None:
+    """A bar held by a slide along its own axis cannot be turned over."""
+    m = pt.Mechanism("backwards")
+    m.add_body("b", mass=1.0, inertia=(1, 2, 2.5))
+    m.add_prismatic("slide", m.ground, "b", point=(0, 0, 0), axis=(0, 0, 1), cut="never")
+    m.add_cylindrical("guide", m.ground, "b", point=(0, 0, 1), axis=(0, 0, 1), cut="always", child_axis=(0, 0, -1))
+    with pytest.raises(pt.errors.AssemblyError, match=r"guide.* the wrong way round"):
+        m.assemble()
+
+
+def test_turned_drawings_convert_there_and_back() -> None:
+    """A ball beyond a hinge that the drawing shows askew: the same poses and turns in all coordinates."""
+    m = pt.Mechanism("askew", gravity=(1, 2, -9))
+    m.add_body("a", mass=1.0, inertia=(1, 2, 2.5), com=(0.1, 0.2, 0.3))
+    m.add_body("b", mass=2.0, inertia=(1, 1.5, 2), com=(0.3, 0.1, 0.2), position=(1, 0, 0))
+    m.add_revolute("hinge", m.ground, "a", point=(0, 0, 0), axis=(0, 0, 1), child_axis=(0.5, 0.2, 1))
+    m.add_spherical("ball", "a", "b", point=(1, 0, 0))
+    state = m.assemble(rates={"hinge": 1.0, "ball": (0.3, -0.4, 0.5)})
+    moving = m.simulate(0.5, initial=state, rtol=1e-11, atol=1e-12)
+    model = m.compile()
+    last = pt.State(0.5, moving.q[-1], moving.v[-1], model.names, model.velocity_names)
+    there = m.convert(last, "absolute")
+    back = m.convert(there, "relative")
+    assert back.q == pytest.approx(moving.q[-1], abs=1e-12) and back.v == pytest.approx(moving.v[-1], abs=1e-11)
+    same = m.simulate(0.5, initial=m.convert(state, "absolute"), rtol=1e-11, atol=1e-12, coordinates="absolute")
+    for name in ("position", "velocity"):
+        one, other = (getattr(run.joint("ball"), name) for run in (moving, same))
+        assert one == pytest.approx(other, abs=1e-8), name

@@ -152,3 +152,235 @@ def test_rules_of_choice() -> None:
     with pytest.raises(ArgumentError, match="coordinate 0, coordinate 1 cannot be independent"):
         pt.partition.choose(np.eye(5), rows, fixed=[0, 1])
     assert pt.partition.choose(np.eye(5), rows, fixed=[4, 1]).independent.tolist() == [1, 4]
+
+
+# ------------------------------------------------- redundant rows beside rows that hold for velocities only
+
+MASS = np.diag([1.0, 1.0, 0.5, 2.0])
+PUSH = np.array([0.2, -0.1, 0.3, -9.81])
+
+
+def edge(t: float, q: np.ndarray) -> np.ndarray:
+    """A sleigh (x, y, turn) that stays on the paraboloid z = (x^2 + y^2)/2, said twice; its edge does not slip, said
+    with the height's own rate mixed in; and the rate of the height once more."""
+    x, y, turn, _ = q
+    height = np.array([-x, -y, 0.0, 1.0])
+    slip = np.array([-np.sin(turn), np.cos(turn), 0.0, 0.0])
+    return np.array([height, -2.0 * height, height, slip + 3.0 * height, slip])
+
+
+def edge_bias(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    height = -(v[0] ** 2) - v[1] ** 2
+    slip = -v[2] * (np.cos(q[2]) * v[0] + np.sin(q[2]) * v[1])
+    return np.array([height, -2.0 * height, height, slip + 3.0 * height, slip])
+
+
+def edge_height(t: float, q: np.ndarray) -> np.ndarray:
+    gap = q[3] - 0.5 * (q[0] ** 2 + q[1] ** 2)
+    return np.array([gap, -2.0 * gap])
+
+
+@pytest.mark.parametrize(
+    "formulation",
+    ["projective", "fixed", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "multipliers", "range-space", "proximal"],
+)
+def test_redundant_rows_beside_nonholonomic_ones(formulation: str) -> None:
+    sleigh = pt.System(
+        4,
+        mass=MASS,
+        forces=PUSH,
+        constraints=edge_height,
+        jacobian=edge,
+        bias=edge_bias,
+        names=["x", "y", "turn", "z"],
+    )
+    q0 = [0.3, 0.4, 0.0, 0.125]
+    run = pt.simulate(sleigh, 1.5, q0, [1.0, 0.0, 0.2, 0.3], formulation=formulation)
+    assert run.success and run.closure.max() < 1e-12 and run.velocity_closure.max() < 1e-12
+    for q, v, vdot, multipliers in zip(run.q, run.v, run.vdot, run.multipliers, strict=True):
+        # of least norm, so that no choice of rows enters; the rank is 2 of 5
+        c, b = edge(0.0, q), edge_bias(0.0, q, v)
+        saddle = np.block([[MASS, -c.T], [c, np.zeros((5, 5))]])
+        exact = np.linalg.lstsq(saddle, np.concatenate([PUSH, -b]), rcond=1e-12)[0]
+        assert np.allclose(vdot, exact[:4], rtol=0, atol=1e-10)  # rounding times the condition of the saddle
+        assert np.allclose(c.T @ multipliers, c.T @ exact[4:], rtol=0, atol=1e-10)
+
+
+def test_rows_with_positions_are_kept_before_those_without() -> None:
+    """The rate of the height, said as a velocity row, must not displace the row that holds the position."""
+    first = pt.System(4, MASS, PUSH, edge_height, edge, bias=edge_bias)
+    run = pt.simulate(first, 5.0, [0.3, 0.4, 0.0, 0.125], [1.0, 0.0, 0.2, 0.3], rtol=1e-4, atol=1e-6)
+    # a height that followed from its rate alone would drift by the tolerance
+    assert run.success and run.closure.max() < 1e-12
+
+
+# ------------------------------------------------- derivatives held against differences
+
+
+def swinging(**change: Any) -> pt.System:
+    """A point at distance 2 from a pivot that moves as 0.3 sin 2t along x."""
+
+    def gap(t: float, q: np.ndarray) -> np.ndarray:
+        return q - np.array([0.3 * np.sin(2 * t), 0.0])
+
+    def pace(t: float) -> np.ndarray:
+        return np.array([0.6 * np.cos(2 * t), 0.0])
+
+    functions: dict[str, Any] = {
+        "n": 2,
+        "mass": np.eye(2),
+        "forces": (0.0, -9.81),
+        "constraints": lambda t, q: [0.5 * (gap(t, q) @ gap(t, q) - 4.0)],
+        "jacobian": lambda t, q: [gap(t, q)],
+        "constraint_rate": lambda t, q: [-gap(t, q) @ pace(t)],
+        "bias": lambda t, q, v: [(v - pace(t)) @ (v - pace(t)) + gap(t, q) @ np.array([1.2 * np.sin(2 * t), 0.0])],
+        "names": ["x", "y"],
+        **change,
+    }
+    return pt.System(**functions)
+
+
+START = ([1.2, -1.6], [0.6, 0.0])
+WRONG: dict[str, tuple[str, dict[str, Any]]] = {
+    "jacobian of the wrong sign": ("jacobian[0, ", {"jacobian": lambda t, q: [-(q - [0.3 * np.sin(2 * t), 0.0])]}),
+    "jacobian with one entry doubled": (
+        "jacobian[0, 1]",
+        {"jacobian": lambda t, q: [[q[0] - 0.3 * np.sin(2 * t), 2.0 * q[1]]]},
+    ),
+    "jacobian with one entry off by a thousandth": (
+        "jacobian[0, 1]",
+        {"jacobian": lambda t, q: [[q[0] - 0.3 * np.sin(2 * t), 1.001 * q[1]]]},
+    ),
+    "no constraint rate": ("constraint_rate[0]", {"constraint_rate": None}),
+    "constraint rate of the wrong sign": (
+        "constraint_rate[0]",
+        {"constraint_rate": lambda t, q: [(q[0] - 0.3 * np.sin(2 * t)) * 0.6 * np.cos(2 * t)]},
+    ),
+    "bias left zero": ("bias[0]", {"bias": lambda t, q, v: [0.0]}),
+    "bias without the pivot's acceleration": (
+        "bias[0]",
+        {"bias": lambda t, q, v: [(v - [0.6 * np.cos(2 * t), 0.0]) @ (v - [0.6 * np.cos(2 * t), 0.0])]},
+    ),
+    "bias of the wrong sign": ("bias[0]", {"bias": lambda t, q, v: [-(v @ v)]}),
+}
+
+
+def test_right_derivatives_are_believed() -> None:
+    run = pt.simulate(swinging(), 3.0, *START)
+    assert run.success and run.closure.max() < 1e-12 and not run.notes
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_derivatives_are_named(name: str) -> None:
+    words, change = WRONG[name]
+    # the acceleration of the pivot is zero at t = 0: what does not show at the start is found where the run has been
+    try:
+        run = pt.simulate(swinging(**change), 3.0, *START)
+    except pt.errors.DerivativeError as caught:
+        error = caught
+    else:
+        assert not run.success and "the run cannot be right" in run.message and words in run.message
+        error = run.error  # type: ignore[assignment]
+    assert isinstance(error, pt.errors.DerivativeError) and words in str(error)
+    assert error.function == words.partition("[")[0] and error.row == 0
+    assert abs(error.given - error.found) > 1e-5 and f"{error.given:.9e}"[:8] in str(error)
+    trusting = swinging(**change, check_derivatives=False)
+    assert pt.simulate(trusting, 0.01, *START).message  # it goes its way
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+def test_derivatives_are_checked_in_any_unit(size: float) -> None:
+    def ring(bias: float, jacobian: float) -> pt.System:
+        return pt.System(
+            n=2,
+            mass=np.eye(2),
+            forces=(0.0, -9.81 * size),
+            constraints=lambda t, q: [q @ q - size**2],
+            jacobian=lambda t, q: [2.0 * jacobian * q],
+            bias=lambda t, q, v: [2.0 * bias * (v @ v)],
+        )
+
+    start = [size, 0.0], [0.0, 0.0]
+    run = pt.simulate(ring(1.0, 1.0), 1.0, *start)
+    assert run.success
+    unit = pt.simulate(ring(1.0, 1.0), 1.0, *start, atol=1e-10)
+    assert np.allclose(run.q, unit.q)
+    for bias, jacobian in ((0.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.01)):
+        with pytest.raises(pt.errors.DerivativeError):
+            pt.simulate(ring(bias, jacobian), 1.0, *start)
+
+
+def test_lengths_are_given_or_estimated() -> None:
+    def ring(size: float, **more: Any) -> pt.System:
+        return pt.System(
+            n=2,
+            mass=np.eye(2),
+            forces=(0.0, -9.81 * size),
+            constraints=lambda t, q: [q @ q / size - size],
+            jacobian=lambda t, q: [2.0 * q / size],
+            bias=lambda t, q, v: [2.0 * v @ v / size],
+            **more,
+        )
+
+    one = pt.simulate(ring(1.0), 2.0, [1.0, 0.0], [0.0, 0.0])
+    for size in (1e-6, 1e-3, 1e3, 1e6):
+        for more in ({}, {"lengths": size}, {"lengths": [size, size]}):
+            other = pt.simulate(ring(size, **more), 2.0, [size, 0.0], [0.0, 0.0])
+            assert other.counters["steps"] == one.counters["steps"]
+            assert np.allclose(other.q / size, one.q, rtol=0, atol=1e-9)
+    for bad in (0.0, -1.0, math.nan, [1.0, 2.0, 3.0], "x", None.__class__):
+        with pytest.raises(DescriptionError, match="lengths"):
+            ring(1.0, lengths=bad)
+
+
+def test_mass_that_is_not_positive_is_named() -> None:
+    with pytest.raises(pt.errors.PartitaError, match="positive definite"):
+        pt.simulate(circle(mass=np.diag([1.0, -1.0])), 1.0, [1.0, 0.0], [0.0, 0.0])
+    with pytest.raises(EvaluationError, match="not symmetric"):
+        pt.simulate(circle(mass=lambda t, q: [[1.0, 0.3], [0.2, 1.0]]), 1.0, [1.0, 0.0], [0.0, 0.0])
+
+
+def test_functions_that_end_near_the_start_are_no_wrong_derivatives() -> None:
+    """A square root ends where the point is: one-sided functions cannot be differenced, and are believed."""
+    slide = pt.System(
+        n=2,
+        mass=np.eye(2),
+        forces=(0.0, 1.0),
+        constraints=lambda t, q: [q[0] - math.sqrt(q[1]) ** 2],
+        jacobian=lambda t, q: [[1.0, -1.0]],
+        bias=lambda t, q, v: [0.0],
+    )
+    run = pt.simulate(slide, 1.0, [0.0, 0.0], [0.0, 0.0])
+    assert run.success and run.q[-1, 0] == pytest.approx(0.25, rel=1e-9)
+
+
+# ------------------------------------------------- starts that do not satisfy the constraints
+
+
+def told(run: pt.results.Result) -> str:
+    return " ".join(note for note in run.notes if "start does not satisfy" in note)
+
+
+def test_an_inconsistent_start_is_told() -> None:
+    assert not told(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
+    run = pt.simulate(circle(), 1.0, [1.0 + 1e-6, 0.0], [0.0, 1.0])
+    assert "constraint 0 is open by 1.000e-6" in told(run) and "positions by up to" in told(run)
+    with pytest.raises(ArgumentError, match="constraint 0 is open by 2.000e0.*assemble"):
+        pt.simulate(circle(), 1.0, [1.0, 2.0], [0.0, 0.0])
+    run = pt.simulate(circle(), 1.0, [1.0, 0.0], [0.25, 1.0])
+    assert "opens by 2.500e-1 a second" in told(run) and "velocities by up to 2.500e-1 (x)" in told(run)
+
+
+def test_an_inconsistent_start_of_a_mechanism_is_told() -> None:
+    m = pt.catalogue.load("four-bar")
+    state = m.assemble(rates={"A": 1.0})
+    assert not told(m.simulate(0.1, initial=state))
+    v = state.v.copy()
+    v[1] += 0.125
+    moved = pt.State(state.t, state.q, v, names=state.names, velocity_names=state.velocity_names)
+    run = m.simulate(0.1, initial=moved)
+    assert "velocities by up to" in told(run)
+    q = state.q.copy()
+    q[1] += 1e-5
+    off = pt.State(state.t, q, state.v, names=state.names, velocity_names=state.velocity_names)
+    assert "is open by" in told(m.simulate(0.1, initial=off))

@@ -14,10 +14,12 @@ from scipy.io import loadmat, netcdf_file
 
 import partita as pt
 from partita import plots, results
+from partita.files import BLANK, sealed
 from partita.plots.measure import settled
 from partita.results.names import Names, coordinate_units
 from partita.results.record import plain
 
+EMPTY = json.dumps({"partita_result": 2, "checksum": BLANK, "account": {}, "arrays": {}})
 ROD, MASS, GRAVITY = 0.8, 1.5, 9.81
 
 
@@ -238,7 +240,8 @@ def test_system_has_no_joints_and_says_so(by_hand: results.Result, tmp_path: Pat
         ("a.json", "{", "not JSON"),
         ("b.json", "[]", "not a stored result"),
         ("c.json", json.dumps({"partita_result": 99}), "version"),
-        ("d.json", json.dumps({"partita_result": 1, "account": {}, "arrays": {}}), "complete"),
+        ("d.json", json.dumps({"partita_result": 2, "account": {}, "arrays": {}}), "checksum"),
+        ("h.json", sealed(EMPTY.encode()).decode(), "complete"),
         ("e.nc", "nonsense", "NetCDF"),
         ("f.nc", "", "NetCDF"),
         ("g.txt", "", ".json and .nc"),

@@ -221,7 +221,7 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
     with pytest.raises(MissingFileError) as caught:
         pt.load(tmp_path / "none.toml")
     assert caught.value.path == str(tmp_path / "none.toml")
-    with pytest.raises(FileNotFoundError, match="no such folder"):
+    with pytest.raises(FileNotFoundError, match="make it first"):
         everything().save(tmp_path / "none" / "m.toml")
     (tmp_path / "folder.toml").mkdir()
     with pytest.raises(MissingFileError, match="folder"):

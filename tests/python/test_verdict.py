@@ -189,5 +189,5 @@ def test_a_start_that_misses_its_conditions_is_told() -> None:
     rest = m.assemble()
     still = pt.State(0.0, rest.q, 0.0 * rest.v, rest.names, rest.velocity_names)
     run = m.simulate(0.1, initial=still)
-    assert any("the rate of the drive of A is off by 3.1e0" in note for note in run.notes), run.notes
-    assert not any("does not meet its conditions" in note for note in m.simulate(0.1, initial=rest).notes)
+    assert any("drive of A opens by 3.142e0 a second" in note for note in run.notes), run.notes
+    assert not any("does not satisfy the constraints" in note for note in m.simulate(0.1, initial=rest).notes)

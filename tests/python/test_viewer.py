@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from partita import viewer
-from partita.errors import ArgumentError, MissingFileError
+from partita.errors import ArgumentError, FileFormatError, MissingFileError
 from partita.viewer.geometry import outline, view
 from partita.viewer.packing import FEWEST_FRAMES, MOST_FRAMES, pack_tables
 
@@ -322,9 +322,9 @@ def test_early_stop_is_told() -> None:
 
 
 def test_bad_targets_are_typed_errors(tmp_path: Path) -> None:
-    with pytest.raises(MissingFileError, match="does not exist; create it first"):
+    with pytest.raises(MissingFileError, match="does not exist; make it first"):
         viewer.write_html(pendulum(), tmp_path / "nowhere" / "x.html")
-    with pytest.raises(ArgumentError, match="is a folder"):
+    with pytest.raises(FileFormatError, match="is a folder"):
         viewer.write_html(pendulum(), tmp_path)
     with pytest.raises(ArgumentError, match="no outputs"):
         viewer.html(Fake(np.empty(0), {}, []))

@@ -3,12 +3,71 @@
 //! A self-stress can be added to the reactions of any motion. A component that every self-stress leaves alone is
 //! determined; any other depends on elasticity and clearances, which rigid bodies do not have (Wojtyra 2005).
 
+//!
+//! What a self-stress does to a joint changes with the position: a hinge that is loaded across only, as drawn, may be loaded
+//! along too when the frame has turned. So the question is asked at each position of its own, and answered by directions:
+//! those in which self-stresses can load the joint. A component along any axis is determined if the axis is perpendicular
+//! to them.                                                                                          (R2)
+
 use crate::error::AnalysisError;
-use crate::geometry::{in_space, Geometry};
-use crate::stress::{stresses, Pose};
+use crate::geometry::{in_space, lifted, Geometry};
+use crate::outputs::{tables, Rows, States, Watch};
+use crate::stress::{stresses, Pose, Stress};
+use partita_math::spatial::{Mat3, Vec3};
 use partita_model::Model;
-use partita_system::start::analyse;
-use partita_system::ConstrainedSystem;
+use partita_system::start::{analyse, rank_here, Start};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Directions in which self-stresses load a joint, the longest first, in units of what counts as zero.
+type Directions = [Vec3<f64>; 3];
+/// Numbers that hold the directions of one joint: force, then moment, row by row.
+pub const DIRECTIONS: usize = 18;
+
+/// What self-stresses can do to one joint, world axes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Open {
+    force: Directions,
+    moment: Directions,
+}
+
+impl Open {
+    /// (fx, fy, fz, mx, my, mz) along the columns of `frame`: determined?
+    fn known(&self, frame: &Mat3<f64>) -> [bool; 6] {
+        let along = |x: &Directions, i: usize| x.iter().all(|d| d.dot(frame.column(i)).abs() <= 1.0);
+        std::array::from_fn(|i| if i < 3 { along(&self.force, i) } else { along(&self.moment, i - 3) })
+    }
+
+    /// All that a joint can carry.
+    fn everything() -> Self {
+        let all = [0, 1, 2].map(|i| Vec3([0, 1, 2].map(|j| if i == j { f64::INFINITY } else { 0.0 })));
+        Self { force: all, moment: all }
+    }
+}
+
+/// Directions that span the vectors, each perpendicular to those before it; what is no longer than 1 is nothing.
+fn spanned(mut vectors: Vec<Vec3<f64>>) -> Directions {
+    let mut found = Directions::default();
+    for direction in &mut found {
+        let longest = vectors.iter().copied().max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let Some(longest) = longest.filter(|x| x.norm() > 1.0) else { break };
+        *direction = longest;
+        let unit = longest.times(1.0 / longest.norm());
+        vectors.iter_mut().for_each(|x| *x = *x + unit.times(-unit.dot(*x)));
+    }
+    found
+}
+
+/// The joints that self-stresses load, each with the directions in which they do.
+fn open(joints: usize, size: f64, stresses: &[Stress]) -> Vec<Open> {
+    let mut loads = vec![(Vec::new(), Vec::new()); joints];
+    for stress in stresses {
+        for (j, w) in &stress.joints {
+            loads[*j].0.push(w.force.times(1.0 / stress.zero));
+            loads[*j].1.push(w.moment.times(1.0 / (size * stress.zero)));
+        }
+    }
+    loads.into_iter().map(|(f, m)| Open { force: spanned(f), moment: spanned(m) }).collect()
+}
 
 /// For each joint: are its (fx, fy, fz, mx, my, mz) determined? In joint axes if `in_joint_frame`, else in world axes.
 ///
@@ -18,29 +77,85 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
     let (twin, q) = in_space(model, q)?;
     // drives belong to it: two that prescribe one motion can work against each other
     let system = Geometry::new(&twin, true);
-    let start = analyse(&system, t, &q)?;
-    let mut known = vec![[true; 6]; twin.placed.joints.len()];
-    if start.dropped.is_empty() {
-        return Ok(known);
-    }
+    let found = here(&system, &analyse(&system, t, &q)?, t, &q)?;
     let mut scratch = twin.scratch();
     twin.look(&q, &vec![0.0; twin.placed.nv], &mut scratch);
-    let size = twin.placed.size;
-    for stress in stresses(&system, &Pose::new(&twin, &q), &start, t, &q)? {
-        for (j, w) in &stress.joints {
-            let (force, moment) = if in_joint_frame {
-                let frame = twin.joint_frame(*j, &scratch);
-                (frame.apply_transposed(w.force), frame.apply_transposed(w.moment))
-            } else {
-                (w.force, w.moment)
-            };
-            for i in 0..3 {
-                known[*j][i] &= force.0[i].abs() <= stress.zero;
-                known[*j][3 + i] &= moment.0[i].abs() / size <= stress.zero;
+    let frame = |j: usize| if in_joint_frame { twin.joint_frame(j, &scratch) } else { Mat3::identity() };
+    Ok(found.iter().enumerate().map(|(j, x)| x.known(&frame(j))).collect())
+}
+
+/// All joints at a position whose rank is known.
+fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<Vec<Open>, AnalysisError> {
+    let placed = &system.model.placed;
+    if start.dropped.is_empty() {
+        return Ok(vec![Open::default(); placed.joints.len()]);
+    }
+    let found = stresses(system, &Pose::new(system.model, q), start, t, q)?;
+    Ok(open(placed.joints.len(), placed.size, &found))
+}
+
+/// All joints at any position, a singular one too: what is open there for an instant only is open.
+fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<Vec<Open>, AnalysisError> {
+    match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
+        // not even that many conditions are independent: nothing is claimed
+        Err(AnalysisError::System(SystemError::Singular { .. })) => {
+            Ok(vec![Open::everything(); system.model.placed.joints.len()])
+        }
+        found => found,
+    }
+}
+
+/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, and the same in joint axes.
+///
+/// In a singular position more is open than next to it, and is said to be.
+///
+/// # Errors
+/// Where the mechanism cannot be compiled in space, and those of `watch`.
+pub fn flags<E: Send + From<AnalysisError>>(
+    model: &Model,
+    states: &States,
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let twin = model.in_space().map_err(AnalysisError::from)?;
+    let (system, still) = (Geometry::new(&twin, true), vec![0.0; twin.placed.nv]);
+    let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
+        let (t, q, _) = states.at(model, i);
+        let q = lifted(model, &twin, q);
+        twin.look(&q, &still, s);
+        for (j, x) in anywhere(&system, t, &q)?.iter().enumerate() {
+            for (table, frame) in [Mat3::identity(), twin.joint_frame(j, s)].iter().enumerate() {
+                let known = x.known(frame).map(|yes| f64::from(u8::from(yes)));
+                rows.row(table, i)[6 * j..][..6].copy_from_slice(&known);
             }
         }
-    }
-    Ok(known)
+        Ok(())
+    };
+    let width = 6 * twin.placed.joints.len();
+    tables(states.len(), &[width, width], 1, || twin.scratch(), row, watch)
+}
+
+/// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component along a
+/// unit axis is determined where its product with none of the three exceeds 1.
+///
+/// # Errors
+/// Those of [`flags`].
+pub fn directions<E: Send + From<AnalysisError>>(
+    model: &Model,
+    states: &States,
+    j: usize,
+    watch: Watch<E>,
+) -> Result<Vec<f64>, E> {
+    let twin = model.in_space().map_err(AnalysisError::from)?;
+    let system = Geometry::new(&twin, true);
+    let row = |i: usize, (): &mut (), rows: &mut Rows| {
+        let (t, q, _) = states.at(model, i);
+        let found = anywhere(&system, t, &lifted(model, &twin, q))?;
+        for (to, from) in rows.row(0, i).chunks_mut(3).zip(found[j].force.iter().chain(&found[j].moment)) {
+            to.copy_from_slice(&from.0);
+        }
+        Ok(())
+    };
+    Ok(tables(states.len(), &[DIRECTIONS], 1, || (), row, watch)?.remove(0))
 }
 
 #[cfg(test)]

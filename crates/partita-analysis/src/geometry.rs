@@ -24,8 +24,14 @@ use partita_system::{ConstrainedSystem, Size, SystemError};
 /// two slides and a turn there, three slides and a quaternion in space.
 pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), AnalysisError> {
     let twin = model.in_space()?;
+    let lifted = lifted(model, &twin, q);
+    Ok((twin, lifted))
+}
+
+/// The coordinates in space of the `twin` that [`Model::in_space`] made.
+pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
     if twin.placed.nq == model.placed.nq {
-        return Ok((twin, q.to_vec()));
+        return q.to_vec();
     }
     let mut lifted = twin.initial();
     let out = model.placed.basis;
@@ -36,7 +42,7 @@ pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), An
         lifted[ball - 3..ball].copy_from_slice(&shift.0);
         lifted[ball..ball + 4].copy_from_slice(&rotation.0);
     }
-    Ok((twin, lifted))
+    lifted
 }
 
 /// The closing rows of a model, with or without its drives, and unit masses over squared reaches.

@@ -39,8 +39,11 @@ impl Model {
         for (m, &link) in p.shape.motions.iter().zip(p.links.iter().flatten()) {
             let l = &self.placed.links[link];
             if *m == Motion::Ball {
-                let mut turn = Quaternion([0, 1, 2, 3].map(|i| x.position[iq + i]));
-                let mut w = Vec3([0, 1, 2].map(|i| x.velocity[iv + i]));
+                // from the axes of the drawing to those of the zero position
+                let [real, x1, x2, x3] = [0, 1, 2, 3].map(|i| x.position[iq + i]);
+                let [x1, x2, x3] = p.on_child.apply(Vec3([x1, x2, x3])).0;
+                let mut turn = Quaternion([real, x1, x2, x3]);
+                let mut w = p.on_child.apply(Vec3([0, 1, 2].map(|i| x.velocity[iv + i])));
                 if p.reversed {
                     turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
                     w = -turn.matrix().apply_transposed(w);

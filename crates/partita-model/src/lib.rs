@@ -15,6 +15,7 @@ pub mod loop_closure;
 pub mod mechanics;
 pub mod memory;
 pub mod model;
+mod names;
 pub mod numbers;
 pub mod observe;
 pub mod parameters;

@@ -6,6 +6,7 @@ use crate::error::DescriptionError;
 use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
 use crate::force::{self, Element};
 use crate::joint::Motion;
+use crate::names;
 use crate::numbers::Numbers;
 use crate::place::{Coordinates, Placed};
 use crate::spec::Spec;
@@ -116,6 +117,7 @@ impl Model {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
+        names::distinct(&spec, &placed)?;
         let drives = drives(&spec, &placed, compile::row_count(&placed))?;
         let numbers = Numbers::new(&spec, &placed);
         Self::made(spec, placed, numbers, drives, functions, coordinates)

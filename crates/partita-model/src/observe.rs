@@ -62,8 +62,11 @@ impl Model {
                             w = -turn.matrix().apply(w);
                             turn = Quaternion([turn.0[0], -turn.0[1], -turn.0[2], -turn.0[3]]);
                         }
-                        state.position.extend(turn.0);
-                        state.velocity.extend(w.0);
+                        // from the axes of the zero position to those of the drawing, where a rough drawing was turned
+                        let [real, x, y, z] = turn.0;
+                        let [x, y, z] = p.on_child.apply_transposed(Vec3([x, y, z])).0;
+                        state.position.extend([real, x, y, z]);
+                        state.velocity.extend(p.on_child.apply_transposed(w).0);
                     } else {
                         state.position.push(q[l.q]);
                         state.velocity.push(v[l.v]);

@@ -14,7 +14,7 @@ pub struct Part {
     pub(crate) links: Vec<usize>,
     /// Nodes whose balance of forces is needed, in the order of the tree.
     pub(crate) nodes: Vec<usize>,
-    /// Places in the tree of the edges to these nodes, in the order of the tree.
+    /// Places in the carrying tree of the edges to these nodes, in the order of the tree.
     pub(crate) edges: Vec<usize>,
     /// Applied forces on these nodes.
     pub(crate) elements: Vec<usize>,
@@ -29,7 +29,7 @@ impl Part {
         asked: impl Fn(usize) -> bool,
         ends: &[usize],
     ) -> Self {
-        let (tree, full) = (&model.placed.topology.tree, &model.full);
+        let (tree, full) = (&model.placed.carrying, &model.full);
         let edges: Vec<usize> = (0..tree.len()).filter(|&e| nodes.contains(&tree[e].to)).collect();
         let on = |sides: [usize; 2]| sides.iter().any(|n| nodes.contains(n));
         let sides = |k: usize| {
@@ -71,7 +71,7 @@ impl<S: Scalar> Evaluator<S> {
 
     /// What all answers together depend on: everything.
     pub fn whole(&self) -> Part {
-        let nodes = self.placed.topology.tree.iter().map(|e| e.to).collect();
+        let nodes = self.placed.carrying.iter().map(|e| e.to).collect();
         let mut part = Part::new(self, &nodes, |_| true, &[]);
         part.links = (1..self.full.links.len()).collect();
         part.elements = (0..self.full.elements.len()).collect();
@@ -91,7 +91,7 @@ impl<S: Scalar> Evaluator<S> {
 
     /// What the reaction of joint `j` depends on.
     pub fn part_of_reaction(&self, j: usize) -> Part {
-        let tree = &self.placed.topology.tree;
+        let tree = &self.placed.carrying;
         let mut outboard = BTreeSet::new();
         for e in tree {
             if e.joint == Some(j) || outboard.contains(&e.from) {

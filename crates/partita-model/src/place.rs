@@ -107,6 +107,9 @@ pub struct Placed {
     pub joint_numbers: HashMap<String, usize>,
     /// Tree and cuts.
     pub topology: Topology,
+    /// The tree along which joints pass on what no row of C carries: that of the coordinates; of a planar mechanism in
+    /// absolute coordinates one of its joints, each of which holds its bodies to the plane.
+    pub carrying: Vec<TreeEdge>,
     /// Coordinates.
     pub nq: usize,
     /// Velocities.
@@ -224,7 +227,8 @@ impl Placed {
             }
         }
         // a body that no chain of joints links to the ground can leave any plane, whatever the coordinates
-        let floats = Topology::new(count, &edges).tree.iter().any(|e| e.joint.is_none());
+        let of_joints = Topology::new(count, &edges).tree;
+        let floats = of_joints.iter().any(|e| e.joint.is_none());
         let closers: Vec<(&Shape, Mat3<f64>)> =
             topology.cuts.iter().map(|&j| (&shapes[j], moved[edges[j].parent].rot)).collect();
         let absolute = coordinates == Coordinates::Absolute;
@@ -254,6 +258,7 @@ impl Placed {
             links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
             joints: Vec::with_capacity(shapes.len()),
             joint_numbers: spec.joints.iter().enumerate().map(|(i, j)| (j.name.clone(), i)).collect(),
+            carrying: if absolute && plane.is_some() { of_joints } else { topology.tree.clone() },
             topology,
             nq: 0,
             nv: 0,

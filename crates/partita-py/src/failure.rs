@@ -111,6 +111,12 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::Basis { t, .. } | SystemError::DeadPoint { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
+        SystemError::Derivative { function, row, column, given, found, t, .. } => {
+            let mut fields = vec![("t", t.into()), ("function", function.into()), ("row", row.into())];
+            fields.extend(column.map(|j| ("column", j.into())));
+            fields.extend([("given", given.into()), ("found", found.into())]);
+            raise(py, "DerivativeError", &message, &fields)
+        }
         SystemError::Request(_) => raise(py, "ArgumentError", &message, &[("argument", "".into())]),
     }
 }

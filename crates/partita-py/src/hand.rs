@@ -7,7 +7,7 @@ use crate::run::{self, read_options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use numpy::PyReadonlyArray1;
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{derivatives, ByHand, Equations};
 use partita_system::SystemError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -116,6 +116,10 @@ impl Equations for Sized {
 #[pyclass(frozen, module = "partita._core")]
 pub struct System {
     f: Callables,
+    /// Characteristic lengths; `None`: estimated at the start of a run.
+    lengths: Option<Vec<f64>>,
+    /// Are derivatives compared with differences?
+    checked: bool,
 }
 
 impl System {
@@ -133,14 +137,28 @@ impl System {
             );
             return Err(raise(py, "ArgumentError", &message, &[("argument", "jacobian".into())]));
         }
-        Ok(ByHand::new(Sized { f: self.f.clone_ref(py), rows, holonomic: phi.len() }))
+        let system = ByHand::new(Sized { f: self.f.clone_ref(py), rows, holonomic: phi.len() });
+        Ok(match &self.lengths {
+            Some(lengths) => system.with_lengths(lengths.clone()),
+            None => system,
+        })
+    }
+
+    /// The same, with lengths estimated where none are given.
+    fn measured(&self, py: Python<'_>, t: f64, q: &[f64]) -> PyResult<ByHand<Sized>> {
+        let system = self.sized(py, t, q)?;
+        if self.lengths.is_some() {
+            return Ok(system);
+        }
+        let found = derivatives::lengths(&system.equations, t, q).map_err(|e| failure::system(py, e))?;
+        Ok(system.with_lengths(found))
     }
 }
 
 #[pymethods]
 impl System {
     #[new]
-    #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names, closing=None))]
+    #[pyo3(signature = (n, mass, forces, constraints, jacobian, constraint_rate, bias, names, closing=None, lengths=None, checked=true))]
     fn new(
         py: Python<'_>,
         n: usize,
@@ -152,6 +170,8 @@ impl System {
         bias: Py<PyAny>,
         names: Vec<String>,
         closing: Option<(Py<PyAny>, Vec<usize>)>,
+        lengths: Option<Vec<f64>>,
+        checked: bool,
     ) -> PyResult<Self> {
         if n == 0 {
             return Err(raise(
@@ -162,7 +182,8 @@ impl System {
             ));
         }
         let closing = closing.map(|(function, dependent)| Closing { function, dependent });
-        Ok(Self { f: Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing } })
+        let f = Callables { n, names, mass, forces, constraints, jacobian, constraint_rate, bias, closing };
+        Ok(Self { f, lengths, checked })
     }
 
     #[getter]
@@ -188,7 +209,7 @@ impl System {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
             vector(&v, self.f.n, "v")?;
-            let system = self.sized(py, t, &q)?;
+            let system = self.measured(py, t, &q)?;
             let (q, v, said) = state::assemble(&system, t, q, &targets, &rates, tolerance, |_| None)
                 .map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
@@ -291,9 +312,17 @@ impl System {
         guarded(py, || {
             let options = read_options(py, options)?;
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
-            let system = self.sized(py, options.t0, &q)?;
+            let system = Arc::new(self.measured(py, options.t0, &q)?);
             let tangent = run::tangent(self.f.n, tangent);
-            run::run(py, Arc::new(system), &options, &t_eval, (&q, &v), tangent, progress, true)
+            let compare = |t: f64, q: &[f64], v: &[f64]| match self.checked {
+                true => derivatives::check(&system.equations, t, q, v, system.lengths()),
+                false => Ok(()),
+            };
+            compare(options.t0, &q, &v).map_err(|e| failure::system(py, e))?;
+            let d = run::run(py, system.clone(), &options, &t_eval, (&q, &v), tangent, progress, true)?;
+            // what is wrong may not show at the start: once more where the run has been
+            run::doubt(py, &d, &compare)?;
+            Ok(d)
         })
     }
 }

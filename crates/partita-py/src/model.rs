@@ -1,14 +1,14 @@
 //! The compiled mechanism for Python.
 
-use crate::arrays::{array, shaped, vector};
+use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, Acting, Motion};
+use crate::outputs::{self, Acting, Flags, Motion};
 use crate::run::{self, read_options};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
-use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
 use partita_model::place::Coordinates;
@@ -62,13 +62,14 @@ impl Model {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
             let closed = assembly::close(&*self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
-            if closed.is_err() {
-                q = self.inner.initial();
+            // where the loops stay open nothing follows from how the rows stand to each other
+            if let Err(e) = closed {
+                let note = format!("mobility is that of an assembled position, and there is none: {e}");
+                return Structure { mobility: None, note: Some(note) };
             }
-            let note = closed.as_ref().err().map(ToString::to_string);
             match analysis::mobility::mobility(&self.inner, 0.0, &q) {
-                Ok(m) => Structure { mobility: Some(m), note },
-                Err(e) => Structure { mobility: None, note: Some(note.unwrap_or_else(|| e.to_string())) },
+                Ok(m) => Structure { mobility: Some(m), note: None },
+                Err(e) => Structure { mobility: None, note: Some(e.to_string()) },
             }
         })
     }
@@ -158,7 +159,8 @@ impl Model {
                 Some(m) => Ok(m.mobility),
                 None => {
                     let note = found.note.clone().unwrap_or_default();
-                    Err(raise(py, "AssemblyError", &note, &[("residual", f64::NAN.into())]))
+                    let fields = [("residual", f64::NAN.into()), ("iterations", 0usize.into()), ("loops", "".into())];
+                    Err(raise(py, "AssemblyError", &note, &fields))
                 }
             }
         })
@@ -478,20 +480,27 @@ impl Model {
         })
     }
 
+    /// Which reactions follow from the motion alone at nt samples.
     fn determined<'py>(
-        slf: &Bound<'py, Self>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        in_joint_frame: bool,
-    ) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        let py = slf.py();
-        guarded(py, || {
-            let (model, own) = (slf.get(), slf.clone().unbind());
-            let q = vector(&q, model.nq(), "q")?;
-            let ask = move || analysis::determined::determined(&own.get().inner, t, &q, in_joint_frame);
-            let flags = heard(py, model.is_large(), ask)?.map_err(|e| failure::analysis(py, e))?;
-            Ok(shaped(py, &[flags.len(), 6], flags.concat()))
-        })
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Flags<'py>, Flags<'py>)> {
+        guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
+    }
+
+    /// What self-stresses can do to one joint at nt samples.
+    fn self_stresses<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        joint: usize,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {

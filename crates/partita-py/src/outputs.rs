@@ -1,9 +1,11 @@
 //! What a mechanism shows along sampled states, handed over as arrays.
 
-use crate::arrays::{array, entries_of, rows_of};
+use crate::arrays::{array, entries_of, rows_of, shaped};
 use crate::failure::{self, raise};
 use crate::state::Array;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
+use partita_analysis::determined::{self, DIRECTIONS};
+use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States, Watch};
 use partita_analysis::run::{Assessed, Described};
 use partita_model::Model;
@@ -16,6 +18,8 @@ use std::borrow::Cow;
 pub enum Stop {
     /// Of the system.
     System(SystemError),
+    /// Of a question to the whole mechanism.
+    Analysis(AnalysisError),
     /// Ctrl-C.
     Python(PyErr),
 }
@@ -26,11 +30,18 @@ impl From<SystemError> for Stop {
     }
 }
 
+impl From<AnalysisError> for Stop {
+    fn from(e: AnalysisError) -> Self {
+        Self::Analysis(e)
+    }
+}
+
 /// Compute with the interpreter free for others; Ctrl-C is heard between the rows.
 pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch<Stop>) -> Result<T, Stop> + Send) -> PyResult<T> {
     let found = py.detach(|| f(&mut || Python::attach(|py| py.check_signals()).map_err(Stop::Python)));
     found.map_err(|stop| match stop {
         Stop::System(e) => failure::system(py, e),
+        Stop::Analysis(e) => failure::analysis(py, e),
         Stop::Python(e) => e,
     })
 }
@@ -213,4 +224,27 @@ pub fn augmented_reactions<'py>(
     let mut found = tables(py, |watch| outputs::augmented(m, &states, &forces, watch))?;
     let mut next = || array(py, &[states.len(), nj, 3], found.next().unwrap_or_default());
     Ok((next(), next()))
+}
+
+/// Answers of yes or no.
+pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
+
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6).
+pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>)> {
+    let (states, nj) = (x.states(), m.spec.joints.len());
+    let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
+    let mut next = || {
+        let flags = found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect();
+        shaped(py, &[states.len(), nj, 6], flags)
+    };
+    Ok((next(), next()))
+}
+
+/// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.
+pub fn self_stresses<'py>(py: Python<'py>, m: &Model, x: &Motion, joint: usize) -> PyResult<Array<'py>> {
+    known(py, &[joint], m.spec.joints.len(), "joint")?;
+    let states = x.states();
+    let found = watched(py, |watch| determined::directions(m, &states, joint, watch))?;
+    debug_assert_eq!(found.len(), DIRECTIONS * states.len());
+    Ok(array(py, &[states.len(), 2, 3, 3], found))
 }

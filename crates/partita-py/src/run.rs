@@ -10,7 +10,7 @@ use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::{ConstrainedSystem, SystemError};
-use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::ops::ControlFlow;
@@ -118,26 +118,78 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     let found = py.detach(|| run::run(&*system, request, tangent, &t_eval, (q, v), &mut watch));
     let mut found = found.map_err(|e| failure::analysis(py, e))?;
     let outcome = &mut found.outcome;
-    // an exception from the user's own function ends the run; Ctrl-C inside it counts as Ctrl-C
-    if let Some(SystemError::Function { source, .. }) = outcome.error.take() {
-        if let Ok(own) = source.downcast::<PyErr>() {
-            if own.is_instance_of::<PyKeyboardInterrupt>(py) {
-                outcome.status = Status::Interrupted;
-                outcome.message = format!("interrupted at t = {}; the outputs up to there are kept", outcome.t);
-            } else {
-                return Err(*own);
-            }
+    // an exception from the user's own function ends the run, and what was computed is kept; Ctrl-C in it is Ctrl-C
+    let mut cause = None;
+    if let Some(error) = outcome.error.take() {
+        let (said, name) = (outcome.message.clone(), blamed(&error));
+        let error = failure::system(py, error);
+        if error.is_instance_of::<PyKeyboardInterrupt>(py) {
+            outcome.status = Status::Interrupted;
+            outcome.message = format!("interrupted at t = {}; the outputs up to there are kept", outcome.t);
+        } else if error.is_instance_of::<PyException>(py) {
+            cause = Some(ended(py, &said, outcome.t, &name, error));
+        } else {
+            return Err(error);
         }
     }
     if let Some(e) = stopped {
-        if !e.is_instance_of::<PyKeyboardInterrupt>(py) {
+        if e.is_instance_of::<PyException>(py) {
+            outcome.message = format!("progress failed at t = {}: {e}; the outputs up to there are kept", outcome.t);
+            cause = Some(ended(py, &outcome.message, outcome.t, "progress", e));
+        } else if !e.is_instance_of::<PyKeyboardInterrupt>(py) {
             return Err(e);
         }
     }
     let d = dictionary(py, &*system, &found)?;
     let kept = Kept { system, journal: found.journal, shared };
+    d.set_item("error", cause.map(|e| e.into_value(py)))?;
     d.set_item("journal", Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
+}
+
+/// Ask `right` about the middle and the last output of a run; what is wrong takes its success away, in words.
+pub fn doubt(
+    py: Python<'_>,
+    d: &Bound<'_, PyDict>,
+    right: &dyn Fn(f64, &[f64], &[f64]) -> Result<(), SystemError>,
+) -> PyResult<()> {
+    let read = |key: &str| -> PyResult<(usize, Vec<f64>)> {
+        let Some(x) = d.get_item(key)? else { return Ok((0, Vec::new())) };
+        let x = crate::arrays::entries(&x).unwrap_or_default();
+        Ok((x.len(), x))
+    };
+    let ((nt, t), (_, q), (_, v)) = (read("t")?, read("q")?, read("v")?);
+    if nt == 0 {
+        return Ok(());
+    }
+    let row = |x: &[f64], i: usize| x[i * x.len() / nt..(i + 1) * x.len() / nt].to_vec();
+    for i in [nt / 2, nt - 1] {
+        // a function that fails at an output was told already
+        if let Err(e @ SystemError::Derivative { .. }) = right(t[i], &row(&q, i), &row(&v, i)) {
+            d.set_item("success", false)?;
+            d.set_item("status", Status::EvaluationFailed.word())?;
+            d.set_item("message", format!("the run cannot be right: {e}"))?;
+            d.set_item("error", failure::system(py, e).into_value(py))?;
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+/// Whose evaluation failed.
+fn blamed(error: &SystemError) -> String {
+    match error {
+        SystemError::Function { what, .. } | SystemError::NotFinite { what, .. } => what.clone(),
+        SystemError::OutsideTable { what, .. } => what.clone(),
+        _ => String::new(),
+    }
+}
+
+/// The error of a run that ended early, raised from `cause` where it is not Partita's own.
+fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyErr {
+    let error = raise(py, "EvaluationError", message, &[("t", t.into()), ("where", name.into())]);
+    error.set_cause(py, Some(cause));
+    error
 }
 
 fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run) -> PyResult<Bound<'py, PyDict>> {

@@ -1,6 +1,7 @@
 //! S1-S5 written by hand: dense matrices from functions, as a [`ConstrainedSystem`].
 
 mod closing;
+pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
@@ -51,6 +52,8 @@ pub struct ByHand<E: Equations> {
     /// The equations.
     pub equations: E,
     pattern: Pattern,
+    /// Characteristic lengths of the coordinates.
+    lengths: Vec<f64>,
 }
 
 /// What was evaluated last.
@@ -68,7 +71,22 @@ impl<E: Equations> ByHand<E> {
     /// Wrap equations.
     pub fn new(equations: E) -> Self {
         let pattern = Pattern::dense(equations.rows(), equations.n());
-        Self { equations, pattern }
+        let lengths = vec![1.0; equations.n()];
+        Self { equations, pattern, lengths }
+    }
+
+    /// With these characteristic lengths: what a large move of each coordinate is, 1 for an angle.
+    #[must_use]
+    pub fn with_lengths(mut self, lengths: Vec<f64>) -> Self {
+        if lengths.len() == self.lengths.len() {
+            self.lengths = lengths;
+        }
+        self
+    }
+
+    /// Characteristic lengths of the coordinates.
+    pub fn lengths(&self) -> &[f64] {
+        &self.lengths
     }
 
     fn mass(&self, t: f64, q: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
@@ -129,6 +147,9 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
     }
     fn rheonomic(&self) -> bool {
         self.equations.rheonomic()
+    }
+    fn reach(&self, i: usize) -> f64 {
+        self.lengths[i]
     }
     fn position(
         &self,

@@ -183,9 +183,34 @@ pub enum SystemError {
         /// Why not.
         reason: String,
     },
+    /// A derivative of a hand-written system is that of another function.
+    #[error(
+        "{} is {given:.9e} at t = {t}, but {of} is {found:.9e}; correct {function} (or what it is the derivative of)",
+        entry(function, *row, *column)
+    )]
+    Derivative {
+        /// Name of the function.
+        function: &'static str,
+        /// Its row.
+        row: usize,
+        /// Its column, where it has columns.
+        column: Option<usize>,
+        /// What it gives there.
+        given: f64,
+        /// What differences give.
+        found: f64,
+        /// Time.
+        t: f64,
+        /// What it should be, in words.
+        of: String,
+    },
     /// Something in the request cannot be.
     #[error("{0}")]
     Request(String),
+}
+
+fn entry(function: &str, row: usize, column: Option<usize>) -> String {
+    column.map_or_else(|| format!("{function}[{row}]"), |column| format!("{function}[{row}, {column}]"))
 }
 
 fn gap(shortfall: f64, angle: f64) -> String {

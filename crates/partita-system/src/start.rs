@@ -1,12 +1,13 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
+use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
 use crate::reduction::openness::OPEN;
+pub use crate::reduction::REDUNDANT;
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 
-pub use crate::reduction::REDUNDANT;
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
 
@@ -30,7 +31,7 @@ pub struct Start {
 }
 
 /// Rank at the last position; rows that are nearly nothing as a whole do not count.
-fn rank_here<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
+fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
     let pattern = r.system.pattern();
     let mut c = r.c.clone();
     let mut weakest: f64 = 1.0;
@@ -53,22 +54,15 @@ fn rank_here<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 /// mechanism's own motion: redundant rows stay closed and stay dependent.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     let size = system.size();
-    let mut probe = Reduction::new(system, 0);
-    probe.position(t, q)?;
-    probe.refresh_scales(t, q)?;
-    let here = rank_here(&probe);
-    let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
-    let mut dropped = here.dropped.clone();
-    dropped.sort_unstable();
-    let start = Start { rank: here.rank, dropped, gap: here.gap, smallest };
+    let (start, largest_dropped) = ranked(system, t, q)?;
     if start.dropped.is_empty() {
         return Ok(start);
     }
-    if here.gap < RANK_GAP {
+    if start.gap < RANK_GAP {
         let message = format!(
-            "the rank of the constraints is not clear, the last row kept has the squared sine {smallest:.2e}, the first \
-             one dropped {:.2e}; start a little away from it",
-            here.largest_dropped
+            "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
+             dropped {largest_dropped:.2e}; start a little away from it",
+            start.smallest
         );
         return Err(SystemError::SingularStart { t, message });
     }
@@ -76,6 +70,24 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
         check_neighbour(system, t, q, &start)?;
     }
     Ok(start)
+}
+
+/// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused: a
+/// singular position has a rank of its own.
+pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    Ok(ranked(system, t, q)?.0)
+}
+
+/// The rank at a position, and the largest squared sine of a row dropped.
+fn ranked<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<(Start, f64), SystemError> {
+    let mut probe = Reduction::new(system, 0);
+    probe.position(t, q)?;
+    probe.refresh_scales(t, q)?;
+    let here = rank_at_last(&probe);
+    let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
+    let mut dropped = here.dropped.clone();
+    dropped.sort_unstable();
+    Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest }, here.largest_dropped))
 }
 
 /// Take a small step along the motion that the kept rows allow; a redundant row does not notice.
@@ -107,7 +119,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     r.refresh_scales(t, &near)?;
     let part = |i: usize| r.phi[i].abs() / system.row_reach(i).unwrap_or(1.0);
     let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
-    let there = rank_here(&r);
+    let there = rank_at_last(&r);
     if there.rank > start.rank || open > OPENS {
         let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
         let message = format!(
@@ -130,7 +142,12 @@ fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64])
         if r.factor(t).is_err() {
             return Ok(false);
         }
-        r.correct_dependent(q);
+        match r.size().holonomic == r.size().rows {
+            true => {
+                r.correct_dependent(q);
+            }
+            false => correct_orthogonally(r, t, q)?, // rows without a position have nothing to be solved for
+        }
     }
     r.position(t, q)?;
     Ok(r.factor(t).is_ok())

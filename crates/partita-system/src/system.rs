@@ -261,6 +261,11 @@ pub trait ConstrainedSystem: Sync {
     fn row_is_angle(&self, _i: usize) -> bool {
         false
     }
+    /// Rows that are closed at q the wrong way round: the directions they compare are perpendicular as they should be, but
+    /// an axis points backwards. One row for each closing that is.
+    fn turned_over(&self, _q: &[f64]) -> Vec<usize> {
+        Vec::new()
+    }
     /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
     fn reach(&self, _i: usize) -> f64 {
         1.0

@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError, UnknownNameError
+from ..numeric import floats, shown
 
 Array = NDArray[np.float64]
+LARGEST = 1e60
+"""Products of five numbers of a description stay finite."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,7 @@ def number(element: Element, what: str, value: Any, *, least: float | None = Non
     result = float(array)
     if not math.isfinite(result):
         element.fail(f"{what} is {result}; give a finite number")
+    _in_range(element, what, abs(result))
     if least is not None and result < least:
         element.fail(f"{what} is {result:g}; it must be at least {least:g}")
     if above is not None and result <= above:
@@ -80,10 +84,16 @@ def number(element: Element, what: str, value: Any, *, least: float | None = Non
 
 def vector(element: Element, what: str, value: Any, size: int = 3) -> Array:
     """A finite vector of `size` numbers."""
+    array = _finite(element, what, _vector(element, what, value, size))
+    _in_range(element, what, max(map(abs, array.tolist())))
+    return array
+
+
+def _vector(element: Element, what: str, value: Any, size: int) -> Array:
     array = _floats(element, what, value)
     if array.shape != (size,):
         element.fail(f"{what} must be {size} numbers, not {_shape(array)}")
-    return _finite(element, what, array)
+    return array
 
 
 def matrix(element: Element, what: str, value: Any) -> Array:
@@ -91,15 +101,23 @@ def matrix(element: Element, what: str, value: Any) -> Array:
     array = _floats(element, what, value)
     if array.shape != (3, 3):
         element.fail(f"{what} must be a 3x3 matrix, not {_shape(array)}")
-    return _finite(element, what, array)
+    _in_range(element, what, float(np.max(np.abs(_finite(element, what, array)))))
+    return array
+
+
+def _in_range(element: Element, what: str, size: float) -> None:
+    """Refuse numbers whose products leave the range of double precision."""
+    if size > LARGEST:
+        element.fail(f"{what} holds {size:g}; nothing above {LARGEST:g} can be computed with: take other units")
 
 
 def direction(element: Element, what: str, value: Any) -> Array:
     """A vector that is not zero; its length does not matter and is kept."""
-    array = vector(element, what, value)
-    if not np.any(array):
+    array = _finite(element, what, _vector(element, what, value, 3))
+    size = max(map(abs, array.tolist()))
+    if size == 0.0:
         element.fail(f"{what} is (0, 0, 0) and has no direction; give for instance (0, 0, 1)")
-    return array
+    return array if 1.0 / LARGEST < size < LARGEST else array / size
 
 
 def index(element: Element, what: str, value: Any, size: int) -> int:
@@ -113,10 +131,10 @@ def index(element: Element, what: str, value: Any, size: int) -> int:
 def choice(element: Element, what: str, value: Any, options: Iterable[str]) -> str:
     """One of `options`."""
     known = list(options)
-    if value not in known:
-        close = difflib.get_close_matches(str(value), known, n=1)
+    if not isinstance(value, str) or value not in known:
+        close = difflib.get_close_matches(shown(value).strip("'"), known, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
-        element.fail(f"{what} is {value!r}; it must be one of {', '.join(map(repr, known))}{hint}")
+        element.fail(f"{what} is {shown(value)}; it must be one of {', '.join(map(repr, known))}{hint}")
     return str(value)
 
 
@@ -131,12 +149,9 @@ def shape_of(value: Any) -> tuple[int, ...] | None:
 def _floats(element: Element, what: str, value: Any) -> Array:
     """`value` as a new float array."""
     try:
-        array = np.array(value)
-        if array.dtype.kind not in "iuf":
-            raise TypeError(f"{array.dtype} values")
-        return array.astype(np.float64)
-    except (TypeError, ValueError) as error:
-        element.fail(f"{what} must be made of real numbers, not {value!r}", cause=error)
+        return floats(value)
+    except TypeError as error:
+        element.fail(f"{what} must be made of real numbers, not {shown(value)}", cause=error)
 
 
 def _finite(element: Element, what: str, array: Array) -> Array:

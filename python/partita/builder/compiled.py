@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..errors import ArgumentError
+from ..errors import ArgumentError, EvaluationError
 from ..instant import Instant
+from ..numeric import floats, shown
 from ..state import Layout, finite_time
 from .checks import Element
 from .records import Description
@@ -45,33 +46,34 @@ class Equations:
 
     def mass_matrix(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """M (nv, nv), symmetric. Dense: costs O(nv^2), which a run avoids."""
-        return self._core.mass_matrix(t, self._q(q))
+        return _finite("the mass matrix", self._core.mass_matrix(finite_time(t), self._q(q)), t)
 
     def forces(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
         """h (nv,): applied and velocity-dependent forces, the right side of (S1) without constraint
         forces."""
-        return self._core.forces(t, self._q(q), self._v(v))
+        return _finite("the forces", self._core.forces(finite_time(t), self._q(q), self._v(v)), t)
 
     def constraints(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """Phi: how far the loops are open (S3); zero in an assembled state."""
-        return self._core.constraints(t, self._q(q))
+        return _finite("the constraints", self._core.constraints(finite_time(t), self._q(q)), t)
 
     def jacobian(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """C (rows, nv) of C v + a = 0 (S4)."""
-        return self._core.jacobian(t, self._q(q))
+        return _finite("the jacobian", self._core.jacobian(finite_time(t), self._q(q)), t)
 
     def rate(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """a (rows,) of C v + a = 0 (S4): zero unless something moves by prescription."""
-        return self._core.rate(t, self._q(q))
+        return _finite("the constraint rate", self._core.rate(finite_time(t), self._q(q)), t)
 
     def bias(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
         """b (rows,) of C v' + b = 0 (S5)."""
-        return self._core.bias(t, self._q(q), self._v(v))
+        return _finite("the bias", self._core.bias(finite_time(t), self._q(q), self._v(v)), t)
 
     def acceleration(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> tuple[Array, Array]:
         """v' (nv,) and multipliers (rows,) that satisfy (S1) and (S5). The state must satisfy the
         constraints."""
-        return self._core.acceleration(t, self._q(q), self._v(v))
+        vdot, multipliers = self._core.acceleration(finite_time(t), self._q(q), self._v(v))
+        return _finite("the acceleration", vdot, t), _finite("a multiplier", multipliers, t)
 
     def measure(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """Projective measure rho (nv,) of every velocity (P4), without units.
@@ -79,7 +81,7 @@ class Equations:
         How mobile it is with the loops closed, relative to the loops opened: 1 = they do not hinder it, 0 =
         locked.
         """
-        return self._core.measure(t, self._q(q))
+        return _finite("the measure", self._core.measure(finite_time(t), self._q(q)), t)
 
     def at(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> Instant:
         """One instant: every term of the equations and of their reduction, with the best choice of coordinates there.
@@ -191,12 +193,15 @@ class CompiledModel(Equations):
         >>> model.with_parameters({"A.point": (0.5, 0, 0)}).mass_matrix([0.0]).round(12).tolist()   # m L^2 / 12
         [[0.25]]
         """
+        if not isinstance(changes, Mapping):
+            message = f"changes must be a dict of names and numbers, not {shown(changes)}"
+            raise ArgumentError(message, argument="changes")
         new = dict(self._changes)
         for name, values in changes.items():
             try:
-                new[str(name)] = np.asarray(values, dtype=np.float64).ravel().tolist()
-            except (TypeError, ValueError) as error:
-                message = f"{name} must be a number or an array of numbers, not {values!r}"
+                new[str(name)] = floats(values).ravel().tolist()
+            except TypeError as error:
+                message = f"{name} must be a number or an array of numbers, not {shown(values)}"
                 raise ArgumentError(message, argument="changes") from error
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
@@ -241,15 +246,26 @@ def _again(
     return model.with_parameters(changes) if changes else model
 
 
+def _finite(what: str, answer: Array, t: float) -> Array:
+    """An answer that is one."""
+    if not np.isfinite(answer).all():
+        raise EvaluationError(
+            f"{what} is not finite at t = {t:g} s: q or v are so large that what is computed with them is lost",
+            t=t,
+            where=what,
+        )
+    return answer
+
+
 def checked(what: str, values: ArrayLike, size: int, names: list[str]) -> Array:
     """`values` as a flat, finite, contiguous float array of `size` numbers."""
     try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what} must be an array of numbers, not {values!r}", argument=what) from error
-    if np.ndim(values) != 1 or array.size != size:
+        array = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"{what} must be an array of numbers, not {shown(values)}", argument=what) from error
+    if array.ndim != 1 or array.size != size:
         raise ArgumentError(
-            f"{what} has shape {np.shape(values)}; it must be a flat array of {size} numbers: {', '.join(names)}",
+            f"{what} has shape {array.shape}; it must be a flat array of {size} numbers: {', '.join(names)}",
             argument=what,
         )
     if not np.all(np.isfinite(array)):

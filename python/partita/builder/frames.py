@@ -110,8 +110,9 @@ def inertia(element: Element, value: Any) -> Array:
             f"inertia is not symmetric: entries across the diagonal differ by {skew:.3g}; products come "
             "with equal signs"
         )
-    tensor = 0.5 * (tensor + tensor.T)
-    small, middle, large = (float(value) for value in np.linalg.eigvalsh(tensor))
+    tensor = 0.5 * tensor + 0.5 * tensor.T
+    unit = size if size > 0.0 else 1.0  # numbers near the ends of their range have squares beyond it
+    small, middle, large = (unit * float(value) for value in np.linalg.eigvalsh(tensor / unit))
     if small < -INERTIA * size:
         element.fail(f"inertia has the principal value {small:.6g}; a body has none below zero")
     if small + middle < large - INERTIA * size:

@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from ..numeric import floats, shown
 from ..state import Layout
 from .checks import Array, Element, number, shape_of
 
@@ -77,7 +78,7 @@ def scalar(
     if is_table(value):
         return table(element, what, value, curve)
     if isinstance(value, tuple | list | np.ndarray):
-        element.fail(f"{what} must be a number, a function or a table (times, values), not {value!r}")
+        element.fail(f"{what} must be a number, a function or a table (times, values), not {shown(value)}")
     return Constant(number(element, what, value))
 
 
@@ -89,7 +90,7 @@ def is_table(value: Any) -> bool:
 def table(element: Element, what: str, value: Sequence[Any], curve: Curve, columns: int | None = None) -> Table:
     """A checked table: times (n,) increasing, values (n,) or (n, columns), n >= 2."""
     try:
-        times, values = (np.array(part, dtype=np.float64) for part in value)
+        times, values = (floats(part) for part in value)
     except (TypeError, ValueError) as error:
         element.fail(f"{what}: a table is (times, values) made of numbers", cause=error)
     shape = (times.size,) if columns is None else (times.size, columns)
@@ -117,8 +118,8 @@ def one_number(value: Any) -> float:
         if value.size != 1:
             raise TypeError(f"an array of shape {value.shape}")
         value = value.reshape(())[()]
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise TypeError(f"{type(value).__name__} {value!r}")
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
+        raise TypeError(f"{type(value).__name__} {shown(value)}")
     return float(value)
 
 

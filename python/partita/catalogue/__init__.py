@@ -18,6 +18,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ArgumentError, UnknownNameError
+from ..numeric import shown
 from . import (
     andrews,
     branch_four_bar,
@@ -76,10 +77,10 @@ def entry(name: str, **parameters: Any) -> Entry:
         UnknownNameError: there is no such entry; the nearest names are told.
         ArgumentError: a parameter that the entry does not have, or an impossible value.
     """
-    if name not in _ENTRIES:
-        near = difflib.get_close_matches(str(name), names(), n=3)
+    if not isinstance(name, str) or name not in _ENTRIES:
+        near = difflib.get_close_matches(shown(name), names(), n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(names())}"
-        raise UnknownNameError(f"the catalogue has no entry {name!r}; {hint}", name=str(name), known=names())
+        raise UnknownNameError(f"the catalogue has no entry {shown(name)}; {hint}", name=shown(name), known=names())
     make = _ENTRIES[name]
     known = list(inspect.signature(make).parameters)
     for parameter in parameters:

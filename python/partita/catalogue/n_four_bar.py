@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 
 from ..errors import ArgumentError
 from ..mechanism import Mechanism
+from ..numeric import shown
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, path_error, row_at
@@ -30,6 +31,7 @@ B0 = {
         20.0: (0.8397465743068435, 0.5429785363528847),
     },
 }
+MOST = 1_000_000
 TIMES = (1.0, 2.0, 5.0, 10.0)
 FIRST_SINGULAR_PASSAGE = {2: 0.714355529292960472, 40: 0.721581024825656828}  # [s]: all links in line
 
@@ -89,8 +91,8 @@ def parallel(result: Result, loops: int) -> float:
 
 def entry(loops: int = 40) -> Entry:
     """The catalogue entry for a chain of `loops` four-bars; `ArgumentError` unless that is a whole number from 1."""
-    if not isinstance(loops, int) or isinstance(loops, bool) or loops < 1:
-        raise ArgumentError(f"loops must be a whole number from 1, got {loops!r}", argument="loops")
+    if not isinstance(loops, int) or isinstance(loops, bool) or not 1 <= loops <= MOST:
+        raise ArgumentError(f"loops must be a whole number from 1 to {MOST}, not {shown(loops)}", argument="loops")
     return Entry(
         name="double-four-bar" if loops == 2 else "n-four-bar",
         title=f"chain of {loops} four-bars with an instantaneous singularity twice in each turn",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import ArgumentError
+from ..numeric import shown
 from ..options import FORMULATIONS, SELECTIONS, one_of
 
 DEFAULT = "projective"
@@ -62,8 +63,8 @@ def _words(what: str, wanted: Iterable[str] | None, known: tuple[str, ...]) -> l
     """The wanted words, each once; None: all."""
     if wanted is None:
         return list(known)
-    if isinstance(wanted, str):
-        raise ArgumentError(f"{what} must be a list of names such as [{wanted!r}]", argument=what)
+    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
+        raise ArgumentError(f"{what} must be a list of names such as {[known[0]]}, not {shown(wanted)}", argument=what)
     words = list(dict.fromkeys(one_of(what, word, known) for word in wanted))
     if not words:
         raise ArgumentError(f"{what} is empty; name some of {', '.join(known)}, or leave it out for all", argument=what)

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from ..builder.compiled import Equations
 from ..errors import ArgumentError
-from ..options import METHODS, one_of, output_times, positive
+from ..numeric import shown
+from ..options import METHODS, count, one_of, output_times, positive
 from ..results import Result
 from ..state import State
 from ..system import System, simulate
@@ -161,6 +162,14 @@ def _bench(
     max_steps: int | None,
 ) -> Bench:
     """Checked once for all runs, so that a wrong argument is an error and not a table of failures."""
+    if not isinstance(start, State):
+        raise ArgumentError(
+            f"initial must be a State as assemble() returns it, not {type(start).__name__}", argument="initial"
+        )
+    if reference is not None and not isinstance(reference, Result):
+        raise ArgumentError(f"reference must be the Result of a run, not {shown(reference)}", argument="reference")
+    if max_steps is not None:
+        count(max_steps)
     if reference is not None and not reference.success:
         raise ArgumentError(
             f"reference must be a run that finished; this one ended with {reference.status!r}: {reference.message}",

@@ -6,10 +6,11 @@ import csv
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, fields
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MissingFileError
+from ..files import put, target
 from .row import Row
 
 if TYPE_CHECKING:
@@ -90,17 +91,12 @@ def write_csv(rows: Sequence[Row], path: PathLike) -> Path:
 
 def write_lines(headings: Sequence[str], lines: Sequence[Sequence[Any]], path: PathLike) -> Path:
     """Comma-separated values; `MissingFileError` when the folder does not exist."""
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise MissingFileError(
-            f"cannot write {str(target)!r}: the folder {str(target.parent)!r} does not exist; make it first",
-            path=str(target.parent),
-        )
-    with target.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(headings)
-        writer.writerows([["" if value is None else value for value in line] for line in lines])
-    return target
+    where = target(path)
+    file = StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(headings)
+    writer.writerows([["" if value is None else value for value in line] for line in lines])
+    return put(where, file.getvalue().encode("utf-8"))
 
 
 def to_pandas(rows: Sequence[Row], caption: str) -> pandas.DataFrame:

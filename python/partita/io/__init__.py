@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..builder import Builder
-from ..errors import FileFormatError, MissingFileError
+from ..errors import FileFormatError
+from ..files import place, target
 from . import toml
 from .toml import Maker
 
@@ -21,20 +22,16 @@ _WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}
 
 def read(path: str | PathLike[str], make: Maker) -> Any:
     """What `make(name, gravity)` made, filled from a model file; see `partita.load`."""
-    where = Path(path)
+    where = place(path)
     reader: Callable[[Path, Maker], Any] = _by_suffix(_READERS, where, "read")
-    if not where.is_file():
-        what = "this is a folder" if where.is_dir() else "there is no such file"
-        raise MissingFileError(f'"{where}": {what}; the working folder is {Path.cwd()}', path=str(where))
     return reader(where, make)
 
 
 def save(mechanism: Builder, path: str | PathLike[str]) -> None:
     """Write a mechanism to a model file; see `Mechanism.save`."""
-    where = Path(path)
+    where = place(path)
     writer = _by_suffix(_WRITERS, where, "written")
-    if not where.parent.is_dir():
-        raise MissingFileError(f'"{where.parent}": there is no such folder; make it first', path=str(where.parent))
+    target(where)
     writer(mechanism, where)
 
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import gc
 import json
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from operator import itemgetter
@@ -33,12 +34,22 @@ from typing import Any
 
 from .. import _core
 from ..builder import Builder
-from ..errors import ArgumentError, DescriptionError, EvaluationError, FileFormatError, UnknownNameError
+from ..errors import (
+    ArgumentError,
+    ChangedFileWarning,
+    DescriptionError,
+    EvaluationError,
+    FileFormatError,
+    UnknownNameError,
+)
+from ..files import BLANK, get, intact, put, sealed
 from . import schema
 from .toml_writer import document
 
 Maker = Callable[..., Builder]
 """Makes an empty mechanism of a name and, if given, a gravity: `Mechanism` itself."""
+
+SEAL = "# as saved by partita (delete this line after editing): "
 
 # Tables that are made together, in the order of the file.
 _STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
@@ -46,11 +57,20 @@ _STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring",
 
 def read(path: Path, make: Maker) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
+    content = get(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
-    return parse(text, make, str(path))
+    mechanism = parse(text, make, str(path))
+    if intact(content) is False:
+        warnings.warn(
+            f'"{path}" is not as it was saved (the checksum in its last line does not agree): it was edited, or '
+            "damaged. Delete that line if you have edited it; else take another copy",
+            ChangedFileWarning,
+            stacklevel=4,
+        )
+    return mechanism
 
 
 def parse(text: str, make: Maker, path: str = "text") -> Any:
@@ -76,11 +96,8 @@ def _growing() -> Iterator[None]:
 
 def write(mechanism: Builder, path: Path) -> None:
     """Write a mechanism to a TOML file."""
-    text = document(mechanism)
-    try:
-        path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise FileFormatError(f'"{path}" cannot be written: {error}', path=str(path), line=None) from error
+    text = f"{document(mechanism)}\n{SEAL}{BLANK}\n"
+    put(path, sealed(text.encode("utf-8")))
 
 
 class _File:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, UnknownNameError
+from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
@@ -59,8 +60,8 @@ def assemble(
     model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
     _fitting("near", start, model)
-    wanted = _indexed("targets", targets or {}, layout.names, layout.q, layout)
-    speeds = _indexed("rates", rates or {}, layout.velocity_names, layout.v, layout)
+    wanted = _indexed("targets", {} if targets is None else targets, layout.names, layout.q, layout)
+    speeds = _indexed("rates", {} if rates is None else rates, layout.velocity_names, layout.v, layout)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
     q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
@@ -105,7 +106,7 @@ def _indexed(
 ) -> list[tuple[int, float]]:
     """Names to indices: a coordinate by its own name, or all those of a joint."""
     if not isinstance(wanted, Mapping):
-        raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {wanted!r}", argument=what)
+        raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {shown(wanted)}", argument=what)
     pairs: dict[int, float] = {}
     place = {name: index for index, name in enumerate(names)} if wanted else {}
     for key, value in wanted.items():
@@ -137,13 +138,14 @@ def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout
 def _numbers(what: str, key: Any, value: Any, count: int) -> list[float]:
     """As many finite numbers as the joint has coordinates."""
     try:
-        numbers = np.atleast_1d(np.array(value, dtype=np.float64))
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{what}[{str(key)!r}] must be made of numbers, not {value!r}", argument=what) from error
+        numbers = np.atleast_1d(floats(value))
+    except TypeError as error:
+        sentence = f"{what}[{str(key)!r}] must be made of numbers, not {shown(value)}"
+        raise ArgumentError(sentence, argument=what) from error
     if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
         raise ArgumentError(
             f"{what}[{str(key)!r}] must be {count} finite number{'s' if count != 1 else ''}, not "
-            f"{value!r}; one coordinate of "
+            f"{shown(value)}; one coordinate of "
             "several is set by its own name",
             argument=what,
         )

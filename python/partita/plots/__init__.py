@@ -11,7 +11,7 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from ..naming import index_of
-from ..readable import Readable
+from ..readable import Readable, checked_run
 from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
 from .measure import draw_measure
@@ -46,6 +46,7 @@ JOINT_HEIGHT = 5.5
 def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
     """Words among overview (the default), coordinates, closure, energy, measure, reactions, or names of joints,
     below each other in one figure. `UnknownNameError` for another word."""
+    checked_run(result)
     parts = [_part(result, word) for word in what or ("overview",)]
     heights = [height for _, height in parts]
     figure = new_figure(11.0, sum(heights))
@@ -61,7 +62,7 @@ def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
 
 
 def _part(result: Readable, word: str) -> tuple[Callable[[Readable, Canvas], object], float]:
-    if word in WORDS:
+    if isinstance(word, str) and word in WORDS:
         return WORDS[word]
     known = [*WORDS, *result.names.joints]
     name = known[index_of(word, known, "plot or joint")]
@@ -93,6 +94,7 @@ def plot_joint(result: Readable, name: str, path: PathLike | None = None, *, axe
 
     Components that are not unique are dashed. `UnknownNameError` with the nearest names.
     """
+    checked_run(result)
     figure = new_figure(11.0, JOINT_HEIGHT)
     draw_joint(result, name, figure, axes)
     return _saved(figure, path)

@@ -18,7 +18,7 @@ def draw_reactions(result: Readable, canvas: Canvas) -> None:
         for ax in (upper, lower):
             empty(ax, "no joints")
         return
-    unique = result.determined[0]
+    unique = np.asarray(result.determined[0].all(axis=0), dtype=bool)
     for ax, key, part in ((upper, "force", slice(0, 3)), (lower, "moment", slice(3, 6))):
         size = np.linalg.norm(result.reactions[key], axis=2)
         peak = np.max(size, axis=0, initial=0.0)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
+from ..numeric import floats, shown
 
 FloatArray = NDArray[np.float64]
 
@@ -46,12 +47,12 @@ class BodyResult:
 
 def _three(point: ArrayLike) -> FloatArray:
     try:
-        p = np.asarray(point, dtype=float)
-    except (TypeError, ValueError):
+        p = floats(point)
+    except TypeError:
         p = np.empty(0)
     if p.shape != (3,) or not np.all(np.isfinite(p)):
         raise ArgumentError(
-            f"a point is three finite numbers (x, y, z) in body axes, in metres; got {point!r}", argument="point"
+            f"a point is three finite numbers (x, y, z) in body axes, in metres; got {shown(point)}", argument="point"
         )
     return p
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
+from ..numeric import floats
 from .source import Arrays, Source, Span
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +37,11 @@ class JointData(Protocol):
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(6,) in world axes and (6,) in the joint's."""
+        """(nt, 6) in world axes and (nt, 6) in the joint's."""
+
+    @property
+    def self_stresses(self) -> FloatArray | None:
+        """(nt, 2, 3, 3): directions in which self-stresses load the joint; None where that is not known any more."""
 
 
 class AskedJoint:
@@ -56,10 +61,14 @@ class AskedJoint:
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         world, joint = self._source.determined
-        return world[self._place.number], joint[self._place.number]
+        return world[:, self._place.number], joint[:, self._place.number]
+
+    @property
+    def self_stresses(self) -> FloatArray | None:
+        return self._source.self_stresses(self._place.number)
 
     def __reduce__(self) -> tuple[Callable[..., KnownJoint], tuple[Any, ...]]:
-        return KnownJoint, (dict(self.motion), dict(self.reaction), self.determined)
+        return KnownJoint, (dict(self.motion), dict(self.reaction), self.determined, self.self_stresses)
 
 
 class KnownJoint(NamedTuple):
@@ -68,6 +77,7 @@ class KnownJoint(NamedTuple):
     motion: Arrays
     reaction: Arrays
     determined: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    self_stresses: FloatArray | None
 
 
 class JointResult:
@@ -81,14 +91,14 @@ class JointResult:
     asked for others; `axes` tells which.
 
     Some reactions cannot be known from rigid bodies: where constraints are redundant, their share is a
-    matter of elasticity. `determined` says of each component whether it is unique. It is judged at the
-    output farthest from a singular position, since *in* a singular position more becomes indeterminate
-    for an instant. Components that are not determined are one possible answer among infinitely many.
+    matter of elasticity. `determined_at` says of each component at each output whether it is unique,
+    `determined` of each component whether it is so at all of them. Components that are not determined are
+    one possible answer among infinitely many.
 
     Attributes:
         name, kind: of the joint.
         parent, child: names of its bodies.
-        axes: "world", "joint" or "own": those of `force`, `moment` and `determined`.
+        axes: "world", "joint" or "own": those of `force`, `moment`, `determined` and `determined_at`.
     """
 
     def __init__(
@@ -137,20 +147,33 @@ class JointResult:
 
     @property
     def determined(self) -> NDArray[np.bool_]:
-        """(6,): which of fx, fy, fz, mx, my, mz are unique, in the axes named by `axes`.
+        """(6,): which of fx, fy, fz, mx, my, mz are unique at every output, in the axes named by `axes`.
 
-        In world and joint axes the answer is exact. In axes of your own, `True` is certain; `False` may
-        also mean that the component mixes a unique and a non-unique one of the world's and joint's axes.
+        A run through a singular position has an output or two where more is open than elsewhere; `determined_at` tells
+        which.
+        """
+        return np.asarray(self.determined_at.all(axis=0))
+
+    @property
+    def determined_at(self) -> NDArray[np.bool_]:
+        """(nt, 6): which of fx, fy, fz, mx, my, mz are unique at each output, in the axes named by `axes`.
+
+        In a singular position more is open than next to it, for that instant. The answer is exact, but for axes
+        of your own in a result read from a file: there `True` is certain, and `False` may also mean that the component
+        mixes a unique and a non-unique one of the world's and the joint's axes.
         """
         world, joint = self._data.determined
         if self.axes == "world" or self._turn is None:
             return world
         if self.axes == "joint":
             return joint
+        stresses = self._data.self_stresses
+        if stresses is not None:
+            return _free_of(stresses, self._turn)
         return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
 
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
-        """The same joint with `force`, `moment` and `determined` along other axes.
+        """The same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
 
         `"joint"`: the joint's axes on the parent body, moving with it. `"world"`: back again. A rotation
         matrix (3, 3), or one per output (nt, 3, 3), has the wanted axes as columns, given in the world.
@@ -192,8 +215,8 @@ class JointResult:
 def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
     """`axes` as a checked rotation, (3, 3) or (nt, 3, 3)."""
     try:
-        turn = np.asarray(axes, dtype=float)
-    except (TypeError, ValueError):
+        turn = floats(axes)
+    except TypeError:
         raise ArgumentError(
             f"in_frame: expected a 3x3 rotation matrix, got {type(axes).__name__}", argument="axes"
         ) from None
@@ -201,6 +224,8 @@ def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
         raise ArgumentError(
             f"in_frame: a rotation must have shape (3, 3) or ({nt}, 3, 3), got {turn.shape}", argument="axes"
         )
+    if not np.max(np.abs(turn), initial=0.0) < 2.0:  # NaN too
+        raise ArgumentError("in_frame: not a rotation matrix; its entries lie between -1 and 1", argument="axes")
     defect = float(np.max(np.abs(_transposed(turn) @ turn - np.eye(3)), initial=0.0))
     if not defect < 1e-8 or np.any(np.linalg.det(turn) < 0):
         raise ArgumentError(
@@ -211,14 +236,17 @@ def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
     return turn
 
 
+def _free_of(stresses: FloatArray, turn: FloatArray) -> NDArray[np.bool_]:
+    """Components along the columns of `turn` that no self-stress touches."""
+    touched = np.abs(stresses @ (turn if turn.ndim == 2 else turn[:, None]))
+    return np.asarray((touched <= 1.0).all(axis=2).reshape(-1, 6))  # a NaN (all is open) is not below 1
+
+
 def _mixed(determined: NDArray[np.bool_], turn: FloatArray) -> NDArray[np.bool_]:
     """Components along new axes are unique when every old component they draw on is."""
-    used = np.abs(turn) > 1e-9
-    used = np.asarray(used.reshape(-1, 3, 3).any(axis=0))
-    force, moment = determined[:3], determined[3:]
-    return np.array(
-        [force[used[:, j]].all() for j in range(3)] + [moment[used[:, j]].all() for j in range(3)], dtype=bool
-    )
+    used = np.broadcast_to(np.abs(turn) > 1e-9, (len(determined), 3, 3))
+    parts = determined.reshape(-1, 2, 3, 1) | ~used[:, None]
+    return np.asarray(parts.all(axis=2).reshape(-1, 6))
 
 
 def _transposed(turn: FloatArray) -> FloatArray:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
-from ..errors import FileFormatError, MissingFileError
+from ..errors import FileFormatError
+from ..files import get, intact, place
+from .load_check import check
 from .record import Record
 from .result import Result
 from .save_json import VERSION
 from .source import ENERGIES, OBSERVED, REACTIONS, StoredSource
+
+UNREADABLE = (
+    KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError, EOFError,
+    OSError, struct.error,
+)  # fmt: skip
+"""What reading raises where the content is not as it should be."""
 
 STORED = (*ENERGIES, *OBSERVED, *REACTIONS, "determined_world", "determined_joint")
 
@@ -30,24 +40,24 @@ def load(path: str | os.PathLike[str]) -> Result:
 
     >>> load("run.json").joint("A").force                              # doctest: +SKIP
     """
-    source = Path(path)
-    if not source.is_file():
-        raise MissingFileError(f"there is no file {str(source)!r}", path=str(source))
+    source = place(path)
     readers = {".json": _read_json, ".nc": _read_netcdf}
+    content = get(source)
     reader = readers.get(source.suffix.lower())
     if reader is None:
         raise _bad(source, f"results are read from .json and .nc, not from {source.suffix!r}; save in one of these")
-    account, arrays = reader(source)
+    account, arrays = reader(source, content)
     try:
-        return _restored(account, arrays)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-        raise _bad(source, f"it is not a complete result ({type(error).__name__}: {error})") from error
+        record = Record.from_account(account, arrays)
+        check(record, arrays)
+        return _restored(record, arrays)
+    except UNREADABLE as error:
+        raise _bad(source, f"it is not a complete result ({type(error).__name__}: {error}); simulate again") from error
 
 
-def _restored(account: Mapping[str, Any], arrays: dict[str, NDArray[Any]]) -> Result:
-    record = Record.from_account(account, arrays)
+def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
     stored = None
-    if "body_position" in arrays or account.get("spec") is not None:
+    if "body_position" in arrays or record.description is not None:
         nt, summary = len(record.arrays["t"]), record.summary
         stored = StoredSource({key: arrays.get(key, np.zeros(_empty(key, nt, summary))) for key in STORED})
     return Result(record, stored)
@@ -61,28 +71,31 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
     if key in ("joint_position", "joint_velocity", "drive"):
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
-        return (nj, 6)
+        return (nt, nj, 6)
     if key in ("residual", *ENERGIES):
         return (nt,)
     return (nt, nj, 3, 3) if key == "joint_rotation" else (nt, nj, 3)
 
 
-def _read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _read_json(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(content.decode("utf-8"))
     except json.JSONDecodeError as error:
         raise FileFormatError(
             f"{str(path)!r}, line {error.lineno}: not JSON ({error.msg})", path=str(path), line=error.lineno
         ) from error
     except UnicodeDecodeError as error:
         raise _bad(path, "it is not text in UTF-8") from error
+    except (ValueError, RecursionError) as error:
+        raise _bad(path, f"it is not JSON ({error})") from error
     if not isinstance(document, dict) or "partita_result" not in document:
         raise _bad(path, "it is not a stored result (no key 'partita_result'); save one with result.save")
     _check_version(path, document["partita_result"])
+    _check_seal(path, content)
     try:
-        arrays = {key: _array(item) for key, item in document["arrays"].items()}
+        arrays = {str(key): _array(item) for key, item in document["arrays"].items()}
         return document["account"], arrays
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except UNREADABLE as error:
         raise _bad(path, f"its arrays cannot be read ({type(error).__name__}: {error})") from error
 
 
@@ -91,23 +104,28 @@ def _array(item: Mapping[str, Any]) -> NDArray[Any]:
     return np.array(item["values"], dtype=float).reshape(item["shape"])
 
 
-def _read_netcdf(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _read_netcdf(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    if not content.startswith(b"CDF"):
+        raise _bad(path, "it is not NetCDF in the classic format")
+    if b"partita_result" not in content:
+        raise _bad(path, "it is NetCDF, but not a stored result of partita, or a damaged one")
+    # before it is taken apart: sizes in a damaged file may ask for all memory there is
+    if intact(content) is not None:
+        _check_seal(path, content)
     try:
-        with netcdf_file(str(path), "r", mmap=False) as file:
-            text = getattr(file, "partita_account", None)
-            if text is None:
-                raise _bad(path, "it is NetCDF, but not a stored result of partita")
+        with netcdf_file(BytesIO(content), "r", mmap=False) as file:
             _check_version(path, int(getattr(file, "partita_result", 0)))
-            account = json.loads(bytes(text).decode("utf-8"))
+            _check_seal(path, content)
+            account = json.loads(bytes(file.partita_account).decode("utf-8"))
             arrays = {
                 name: _native(stored.data)
                 for name, stored in file.variables.items()
                 if not name.endswith(("_name", "_unit"))
             }
-    except (TypeError, ValueError, KeyError, IndexError, EOFError) as error:
-        if isinstance(error, FileFormatError):
-            raise
-        raise _bad(path, f"it is not NetCDF in the classic format ({error})") from error
+    except FileFormatError:
+        raise
+    except UNREADABLE as error:
+        raise _bad(path, f"it is not NetCDF in the classic format ({type(error).__name__}: {error})") from error
     return account, arrays
 
 
@@ -119,6 +137,15 @@ def _native(values: NDArray[Any]) -> NDArray[Any]:
 def _check_version(path: Path, version: Any) -> None:
     if version != VERSION:
         raise _bad(path, f"it has version {version} of the format, this program reads version {VERSION}")
+
+
+def _check_seal(path: Path, content: bytes) -> None:
+    if not intact(content):
+        raise _bad(
+            path,
+            "its content is not what was written (the checksum does not agree): it was changed or damaged since; take "
+            "another copy of it, or simulate again",
+        )
 
 
 def _bad(path: Path, why: str) -> FileFormatError:

@@ -38,6 +38,8 @@ class Record:
     findings: list[Finding] = field(default_factory=list)
     """What stands against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
+    error: Exception | None = None
+    """What ended the run early, from its cause; only in memory."""
     description: str | None = None
     """The mechanism as built, as JSON; None for a `System`."""
 
@@ -68,6 +70,7 @@ class Record:
             gaps=_pair(raw.get("gaps")),
             findings=findings_of(raw.get("findings", ())),
             options=dict(options),
+            error=raw.get("error"),
             description=description,
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError, DoubtfulResultWarning
+from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .energy import EnergyResult
@@ -54,6 +55,9 @@ class Result:
         """(nt, nq): coordinates [m, rad; quaternions scalar first]."""
         self.v: FloatArray = arrays["v"]
         """(nt, nv): velocities [m/s, rad/s]."""
+        self.error = record.error
+        """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
+        run that ended otherwise, and in a stored result. `raise run.error` shows where."""
         self.counters = dict(record.counters)
         self.options = dict(record.options)
         self.summary = dict(record.summary)
@@ -231,7 +235,7 @@ class Result:
     def body(self, name: str) -> BodyResult:
         """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
         source = self._source_for("body", name)
-        if name == "ground":
+        if isinstance(name, str) and name == "ground":
             return resting(name, len(self.t))
         seen = source.body(index_of(name, self.names.bodies, "body"))
         return BodyResult(name, *(seen[key] for key in BODIES))
@@ -264,10 +268,12 @@ class Result:
         True
         """
         source = self._source_for("joint", "all")
-        if route == "recursion":
+        if isinstance(route, str) and route == "recursion":
             return {key: source.reactions[key] for key in ("force", "moment")}
-        if route != "augmented":
-            raise ArgumentError(f'there is no route {route!r}; choose "recursion" or "augmented"', argument="route")
+        if not isinstance(route, str) or route != "augmented":
+            raise ArgumentError(
+                f'there is no route {shown(route)}; choose "recursion" or "augmented"', argument="route"
+            )
         found = source.augmented
         if found is None:
             raise ArgumentError(
@@ -278,7 +284,7 @@ class Result:
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Uniqueness of all reaction components: (nj, 6) in world axes and in joint axes; for tools."""
+        """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
         return self._source_for("joint", "all").determined
 
     def _source_for(self, kind: str, name: str) -> Source:
@@ -354,10 +360,14 @@ class Result:
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
+        try:
+            closure = f"{np.max(self.closure, initial=0.0):.1e}"
+        except Exception:  # of a user's function, which also ended the run
+            closure = "not known"
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
         switches = sum(change.is_switch for change in self.partitions)
         return (
             f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {span}; "
-            f"closure {np.max(self.closure, initial=0.0):.1e}, {switches} switches, "
+            f"closure {closure}, {switches} switches, "
             f"{self.counters.get('steps', 0)} steps>"
         )

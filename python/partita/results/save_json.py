@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
+from ..files import BLANK, sealed
 from ..readable import Readable
 from .record import plain
 from .variables import variables
 
-VERSION = 1
+VERSION = 2
 
 
-def write_json(result: Readable, path: Path) -> None:
-    """Account and arrays of `result`; numbers to full precision, NaN and infinities as null."""
-    path.write_text(json.dumps(document(result), ensure_ascii=False, separators=(",", ":")), encoding="utf-8")
+def as_json(result: Readable) -> bytes:
+    """Account and arrays of `result`, sealed; numbers to full precision, NaN and infinities as null."""
+    return sealed(json.dumps(document(result), ensure_ascii=False, separators=(",", ":")).encode("utf-8"))
 
 
 def document(result: Readable) -> dict[str, Any]:
-    """The file's content: `partita_result` (its version), the account, `arrays` by name with axes and units."""
+    """The file's content: `partita_result` (its version), `checksum`, account, `arrays` by name with axes and units."""
     arrays = {
         v.name: {
             "axes": list(v.axes),
@@ -30,4 +30,4 @@ def document(result: Readable) -> dict[str, Any]:
         }
         for v in variables(result)
     }
-    return {"partita_result": VERSION, "account": result.record.account(), "arrays": arrays}
+    return {"partita_result": VERSION, "checksum": BLANK, "account": result.record.account(), "arrays": arrays}

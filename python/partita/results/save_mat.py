@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..readable import Readable
 from .variables import axes, variables
 
 
-def write_mat(result: Readable, path: Path) -> None:
+def as_mat(result: Readable) -> bytes:
     """Arrays under their own names, time along the first axis; cells of names in the structure `names`.
 
     `units` and `about` tell the unit and the meaning of each array. `independent` counts from 1, as
@@ -33,7 +33,9 @@ def write_mat(result: Readable, path: Path) -> None:
         "message": result.message,
         "counters": {key: float(value) for key, value in result.counters.items()},
     }
-    savemat(str(path), content, appendmat=False, long_field_names=True, oned_as="column", do_compression=True)
+    file = BytesIO()
+    savemat(file, content, long_field_names=True, oned_as="column", do_compression=True)
+    return file.getvalue()
 
 
 def _cell(words: tuple[str, ...]) -> NDArray[np.object_]:

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from scipy.io import netcdf_file
 
+from ..files import BLANK, sealed
 from ..readable import Readable
 from .save_json import VERSION
 from .variables import Axis, Variable, axes, variables
 
 
-def write_netcdf(result: Readable, path: Path) -> None:
-    """All arrays with `units` and `long_name`; names along an axis `body` stand in `body_name`.
+def as_netcdf(result: Readable) -> bytes:
+    """All arrays, sealed, with `units` and `long_name`; names along an axis `body` stand in `body_name`.
 
     The format knows no empty dimension, so arrays without columns are left out (the reader puts them
     back), and no booleans or 64-bit integers, which become bytes and 32-bit integers.
     """
-    with netcdf_file(str(path), "w", version=2) as file:
-        _describe(file, Conventions="CF-1.8", title=result.title, source="partita")
+    stream = BytesIO()
+    with netcdf_file(stream, "w", version=2) as file:
+        _describe(file, checksum=BLANK, Conventions="CF-1.8", title=result.title, source="partita")
         _describe(file, partita_result=VERSION, partita_account=json.dumps(result.record.account()))
         stored = [v for v in variables(result) if v.values.size]
         sizes = {name: size for v in stored for name, size in zip(v.axes, v.values.shape, strict=True)}
@@ -32,6 +34,9 @@ def write_netcdf(result: Readable, path: Path) -> None:
                 _write_axis(file, axis)
         for variable in stored:
             _write_variable(file, variable)
+        file.flush()
+        content = stream.getvalue()
+    return sealed(content)
 
 
 def _write_variable(file: netcdf_file, variable: Variable) -> None:

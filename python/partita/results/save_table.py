@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
-from pathlib import Path
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
@@ -82,17 +82,18 @@ def _spread(pattern: str, labels: Any, units: Any, values: NDArray[Any]) -> list
     return [Column(f"{head}{label}{tail}", unit, values[:, i]) for i, (label, unit) in pairs]
 
 
-def write_csv(result: Readable, path: Path) -> None:
+def as_csv(result: Readable) -> bytes:
     """Comma separated, one header line with units in brackets, numbers to full precision."""
     found = columns(result)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(f"{c.name} [{c.unit}]" if c.unit not in ("", "1") else c.name for c in found)
-        writer.writerows(map(repr, row) for row in zip(*(c.values.tolist() for c in found), strict=True))
+    file = StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(f"{c.name} [{c.unit}]" if c.unit not in ("", "1") else c.name for c in found)
+    writer.writerows(map(repr, row) for row in zip(*(c.values.tolist() for c in found), strict=True))
+    return file.getvalue().encode("utf-8")
 
 
-def write_parquet(result: Readable, path: Path) -> None:
-    """Parquet through pyarrow; the unit of each column stands in the metadata of its field."""
+def as_parquet(result: Readable) -> bytes:
+    """Parquet through pyarrow, with checksums of its pages; a column's unit stands in the metadata of its field."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -104,7 +105,10 @@ def write_parquet(result: Readable, path: Path) -> None:
         metadata={"title": result.title, "status": result.status},
     )
     table = pyarrow.table([pyarrow.array(c.values) for c in found], schema=schema)
-    pyarrow.parquet.write_table(table, str(path))
+    stream = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, stream, write_page_checksum=True)
+    content: bytes = stream.getvalue().to_pybytes()
+    return content
 
 
 def to_pandas(result: Readable) -> pandas.DataFrame:

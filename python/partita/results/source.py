@@ -49,7 +49,11 @@ class Source(Protocol):
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which reaction components are unique: (nj, 6) in world axes, (nj, 6) in joint axes."""
+        """Which reaction components are unique: (nt, nj, 6) in world axes, (nt, nj, 6) in joint axes."""
+
+    def self_stresses(self, j: int) -> NDArray[np.float64] | None:
+        """(nt, 2, 3, 3): directions, as rows, in which self-stresses load joint j by forces and by moments, in units of
+        what counts as zero; None where no model is at hand."""
 
     @property
     def energies(self) -> Arrays:
@@ -67,6 +71,7 @@ class ModelSource:
         self._bodies: dict[int, Arrays] = {}
         self._joints: dict[int, Arrays] = {}
         self._reactions: dict[int, Arrays] = {}
+        self._stresses: dict[int, NDArray[np.float64]] = {}
 
     def body(self, i: int) -> Arrays:
         if i not in self._bodies:
@@ -106,10 +111,13 @@ class ModelSource:
 
     @cached_property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        i = regular_output(self._run["sigma"])
-        t, q = float(self._run["t"][i]), self._run["q"][i]
-        world, joint = (np.asarray(self._model.determined(t, q, axes), dtype=bool) for axes in (False, True))
+        world, joint = self._model.determined(*self._motion)
         return world, joint
+
+    def self_stresses(self, j: int) -> NDArray[np.float64] | None:
+        if j not in self._stresses:
+            self._stresses[j] = self._model.self_stresses(*self._motion, j)
+        return self._stresses[j]
 
     @cached_property
     def energies(self) -> Arrays:
@@ -173,6 +181,9 @@ class StoredSource:
             self._arrays["determined_joint"].astype(bool),
         )
 
+    def self_stresses(self, j: int) -> NDArray[np.float64] | None:
+        return None
+
     @property
     def energies(self) -> Arrays:
         return {key: self._arrays[key] for key in ENERGIES}
@@ -194,10 +205,3 @@ def columns(array: NDArray[Any], span: Span) -> NDArray[Any]:
     """The columns first, count."""
     first, count = span
     return array[:, first : first + count]
-
-
-def regular_output(sigma: NDArray[np.float64]) -> int:
-    """The output farthest from a singular position: there uniqueness of reactions is the general one."""
-    if sigma.size == 0 or not np.any(np.isfinite(sigma)):
-        return 0
-    return int(np.nanargmax(np.where(np.isfinite(sigma), sigma, -np.inf)))

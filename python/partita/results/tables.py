@@ -47,7 +47,11 @@ class Tables(Mapping[str, NDArray[Any]]):
     @property
     def notes(self) -> list[str]:
         """What the description had to tell: outputs in which something is not determined."""
-        self["closure"]
+        try:
+            self["closure"]
+        except Exception as error:  # of a user's function, which may have ended the run as well
+            why = f"{type(error).__name__}: {error}"
+            return [f"what follows from the equations at the outputs cannot be computed: {why}"]
         return self._notes
 
     @property

@@ -70,8 +70,8 @@ REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
 }
 
 DETERMINED = {
-    "determined_world": "whether the component is unique, world axes",
-    "determined_joint": "whether the component is unique, axes of the joint",
+    "determined_world": "1 where the component is unique, world axes",
+    "determined_joint": "1 where the component is unique, axes of the joint",
 }
 
 
@@ -82,7 +82,7 @@ def variables(result: Readable) -> list[Variable]:
     if result.is_mechanism:
         found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
         flags = zip(DETERMINED.items(), result.determined, strict=True)
-        found += [Variable(name, a, ("joint", "component"), "1", text) for (name, text), a in flags]
+        found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
     return found
 
 

@@ -9,8 +9,10 @@ from importlib import resources
 from os import PathLike
 from pathlib import Path
 
-from ..errors import ArgumentError, MissingFileError
-from ..readable import Readable
+from ..errors import ArgumentError
+from ..files import put, target
+from ..numeric import shown
+from ..readable import Readable, checked_run
 from .scene import describe
 
 SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
@@ -28,6 +30,9 @@ def html(result: Readable, title: str | None = None) -> str:
 
     Raises `ArgumentError` for a result without a single output. Costs O(outputs x bodies).
     """
+    checked_run(result)
+    if title is not None and not isinstance(title, str):
+        raise ArgumentError(f"title must be text, not {shown(title)}", argument="title")
     if len(result.t) == 0:
         raise ArgumentError(
             "cannot animate a run with no outputs: it stopped before the first one; see result.message",
@@ -51,22 +56,14 @@ def write_html(result: Readable, path: str | PathLike[str], title: str | None = 
 
     See `html` for what it shows and holds. An existing file is replaced.
 
-    Raises `MissingFileError` when the folder of `path` does not exist, `ArgumentError` when `path` is a folder
-    or the result has no outputs.
+    Raises `MissingFileError` when the folder of `path` does not exist, `FileFormatError` when `path` is a
+    folder or cannot be written, `ArgumentError` when the result has no outputs.
 
     >>> m = partita.catalogue.load("four-bar")                      # doctest: +SKIP
     >>> partita.viewer.write_html(m.simulate(10.0), "four-bar.html")  # doctest: +SKIP
     """
-    target = Path(path)
-    if target.is_dir():
-        raise ArgumentError(f'"{target}" is a folder; give the name of an .html file in it', argument="path")
-    if not target.parent.is_dir():
-        raise MissingFileError(
-            f'cannot write "{target.name}": the folder "{target.parent}" does not exist; create it first',
-            path=str(target),
-        )
-    target.write_text(html(result, title), encoding="utf-8")
-    return target
+    where = target(path, "a page ")
+    return put(where, html(result, title).encode("utf-8"))
 
 
 def _file(name: str) -> str:

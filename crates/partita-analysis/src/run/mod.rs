@@ -1,5 +1,6 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
+mod inconsistent;
 mod journal;
 mod request;
 mod verdict;
@@ -13,11 +14,9 @@ use partita_integrate::simulate::{simulate, Outcome, Status};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Gaps, Output};
-use partita_system::reduction::openness::{CLOSED, OPEN};
-use partita_system::reduction::Reduction;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -51,34 +50,6 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
 /// Does what ends then end inside the run, by more than the round-off of its last step?
 fn within(end: f64, request: &Request) -> bool {
     end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
-}
-
-/// Sentences where the state handed over does not meet the conditions, so that the run starts from another one.
-fn notes_of_start<S: ConstrainedSystem>(
-    system: &S,
-    found: &Start,
-    (t, q, v): (f64, &[f64], &[f64]),
-) -> Result<Vec<String>, SystemError> {
-    let mut r = Reduction::new(system, found.rank);
-    r.position(t, q)?;
-    r.refresh_scales(t, q)?;
-    r.v.copy_from_slice(v);
-    let mut notes = Vec::new();
-    let ((gap, row), (rate, rate_row), fastest) = (r.gap(), r.velocity_gap(), r.fastest());
-    let mut tell = |what: &str, row: usize, off: f64| {
-        notes.push(format!(
-            "the state at the start does not meet its conditions: {what} of {} is off by {off:.1e}, and the run starts from \
-             the nearest state that meets them; assemble() makes one",
-            system.row_owner(row)
-        ));
-    };
-    if gap > CLOSED {
-        tell("the closing", row, gap * r.row_size(row));
-    }
-    if rate > OPEN * fastest {
-        tell("the rate", rate_row, rate * r.row_size(rate_row));
-    }
-    Ok(notes)
 }
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
@@ -130,7 +101,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         notes.push(note_of_dropped(system, &found));
         consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
     }
-    notes.extend(notes_of_start(system, &found, (request.t0, q, v))?);
+    inconsistent::refuse(system, found.rank, request.t0, q)?;
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
@@ -148,6 +119,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
             request.t_end
         );
     }
+    notes.extend(inconsistent::note(system, found.rank, (request.t0, q, v), outputs.first())?);
     let told = f.journal();
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {

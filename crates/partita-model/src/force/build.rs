@@ -136,8 +136,10 @@ impl<S: Scalar> Maker<'_, S> {
         })?;
         let value = Source::new(value, n.value.0[0]);
         let in_space = motion == Motion::Ball;
-        // the velocities of a ball that is walked from child to parent are not the joint's own
-        if p.links.is_some() && !(p.reversed && in_space) {
+        // the velocities of a ball are not the joint's own where it is walked from child to parent, nor where the zero
+        // position has turned what is drawn
+        let own = !p.reversed && p.on_child.0 == placed.basis.0;
+        if p.links.is_some() && (own || !in_space) {
             let (q, v) = tree_coordinate(placed, "force", name, joint, coordinate)?;
             return Ok(Element::Effort(Effort { name: name.into(), q, v, value }));
         }
@@ -171,7 +173,7 @@ fn unit<G: Space>(p: &PlacedJoint, motion: Motion, which: usize) -> Unit<G> {
         }
         (Motion::Turn(a), _) => moment(p.on_parent.apply(a), Vec3::zero()),
         // turns in space are counted in the child's axes
-        (Motion::Ball, _) => moment(Vec3::zero(), Vec3([0, 1, 2].map(|i| f64::from(u8::from(i == which))))),
+        (Motion::Ball, _) => moment(Vec3::zero(), p.on_child.column(which)),
     }
 }
 

@@ -3,11 +3,12 @@
 use super::{Dense, Model, ModelScratch};
 use crate::clusters::{Plan, Preference, Tangents, Way};
 use crate::evaluator::{with_engine, Engine};
+use crate::joint::Motion;
 use crate::spec::Value;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
-use partita_math::spatial::Quaternion;
+use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
@@ -343,5 +344,26 @@ impl ConstrainedSystem for Model {
 
     fn row_is_angle(&self, i: usize) -> bool {
         self.row_is_angle[i]
+    }
+
+    fn turned_over(&self, q: &[f64]) -> Vec<usize> {
+        if self.is_planar() {
+            return Vec::new(); // a turn in the plane is closed as an angle
+        }
+        let mut s = self.full.scratch();
+        self.full.poses(q, &mut s);
+        let over = self.full.closings.iter().filter(|k| {
+            let p = &self.placed.joints[k.joint];
+            let axes = |node: usize, on: &Mat3<f64>| s.links[self.placed.link_of(node)].rot.mul(on);
+            let r = axes(p.parent, &p.on_parent).transpose().mul(&axes(p.child, &p.on_child));
+            let turns: Vec<_> = p.shape.motions.iter().filter(|m| !matches!(m, Motion::Slide(_))).collect();
+            match turns.as_slice() {
+                // other roots of three perpendicular pairs are turned by 120 degrees and more
+                [] => r.0[0][0] + r.0[1][1] + r.0[2][2] < 1.0,
+                [Motion::Turn(a)] => a.dot(r.apply(*a)) < 0.0,
+                _ => false,
+            }
+        });
+        over.map(|k| k.row + k.slide_rows()).collect()
     }
 }

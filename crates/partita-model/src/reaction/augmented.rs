@@ -30,7 +30,7 @@ impl Model {
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
         let Known { mut joints, needed, .. } = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
-        for (place, e) in self.placed.topology.tree.iter().enumerate() {
+        for (place, e) in self.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);
             let point = self.joint_point_now(s, j);
@@ -43,8 +43,12 @@ impl Model {
                     false => w.force += z.axis.times(sigma),
                 }
             }
-            let drives = self.drive_of(j, lambda);
             w = if e.reversed { w.opposite() } else { w };
+            if self.placed.joints[j].links.is_none() {
+                joints[j].add(&w.across());
+                continue;
+            }
+            let drives = self.drive_of(j, lambda);
             joints[j] = with_along(&free, &w, |i| drives[i]);
         }
         joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
@@ -53,7 +57,7 @@ impl Model {
 
     /// Nodes that a displacement in the joint of tree edge `place` carries along.
     fn outboard(&self, place: usize) -> Vec<usize> {
-        let tree = &self.placed.topology.tree;
+        let tree = &self.placed.carrying;
         let mut carried = vec![tree[place].to];
         for e in &tree[place + 1..] {
             if carried.contains(&e.from) {

@@ -1,4 +1,7 @@
 //! Reactions of all joints: at a cut joint from λ, at a tree joint by a Newton-Euler sweep with λ applied.   (R3)
+//!
+//! In absolute coordinates every joint is cut. The rows of a planar mechanism then say nothing of what acts across its
+//! plane; the same sweep along a tree of its joints does.
 
 mod applied;
 mod augmented;
@@ -6,6 +9,7 @@ mod augmented;
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
 use crate::part::Part;
+use crate::topology::TreeEdge;
 use applied::Applied;
 use partita_math::dense;
 use partita_math::scalar::Scalar;
@@ -46,6 +50,11 @@ impl<S: Scalar> Wrench<S> {
     }
     fn opposite(&self) -> Self {
         Self { moment: -self.moment, force: -self.force }
+    }
+    /// The part out of the x-y plane of the mechanism.
+    fn across(&self) -> Self {
+        let ([mx, my, _], [_, _, fz], o) = (self.moment.0, self.force.0, S::zero());
+        Self { moment: Vec3([mx, my, o]), force: Vec3([o, o, fz]) }
     }
     /// In the axes of the world.
     fn out_of(&self, basis: &Mat3<S>) -> Self {
@@ -184,13 +193,24 @@ impl<S: Scalar> Evaluator<S> {
     /// needs.
     fn inward(&self, part: &Part, s: &Scratch<S>, mut needed: Vec<Wrench<S>>) -> Vec<Wrench<S>> {
         for &e in part.edges.iter().rev() {
-            let e = &self.placed.topology.tree[e];
+            let e = &self.placed.carrying[e];
             if e.from > 0 {
                 let w = needed[e.to - 1].about(self.com_now(s, e.to - 1) - self.com_now(s, e.from - 1));
                 needed[e.from - 1].add(&w);
             }
         }
         needed
+    }
+
+    /// What joint `j` of the carrying edge `e` passes on to its child, about the joint's point there.
+    fn passed_on(&self, e: &TreeEdge, j: usize, transmitted: &[Wrench<S>], s: &Scratch<S>) -> Wrench<S> {
+        let outer = e.to - 1;
+        let w = transmitted[outer].about(self.com_now(s, outer) - self.joint_point_now(s, j));
+        if e.reversed {
+            w.opposite()
+        } else {
+            w
+        }
     }
 
     /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and
@@ -277,16 +297,19 @@ impl<S: Scalar> Evaluator<S> {
         s: &mut Scratch<S>,
     ) -> Result<Wrench<S>, SystemError> {
         let Known { joints, needed, .. } = self.known(part, t, q, v, vdot, lambda, s)?;
-        let tree = &self.placed.topology.tree;
+        let tree = &self.placed.carrying;
         let held = part.edges.iter().map(|&e| &tree[e]).find(|e| e.joint == Some(j));
         let w = match held {
             Some(e) => {
-                let outer = e.to - 1;
-                let transmitted = self.inward(part, s, needed);
-                let w = transmitted[outer].about(self.com_now(s, outer) - self.joint_point_now(s, j));
-                let w = if e.reversed { w.opposite() } else { w }; // on the child
-                let drives = self.drive_of(j, lambda);
-                with_along(&self.free_axes(j, s), &w, |i| drives[i])
+                let w = self.passed_on(e, j, &self.inward(part, s, needed), s);
+                if self.placed.joints[j].links.is_some() {
+                    let drives = self.drive_of(j, lambda);
+                    with_along(&self.free_axes(j, s), &w, |i| drives[i])
+                } else {
+                    let mut whole = joints[j];
+                    whole.add(&w.across());
+                    whole
+                }
             }
             None => joints[j],
         };
@@ -327,13 +350,19 @@ impl<S: Scalar> Evaluator<S> {
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
         let mut largest = self.full.gravity.norm() * heaviest;
-        for e in &self.placed.topology.tree {
-            let outer = e.to - 1;
+        for e in &self.placed.carrying {
             let Some(j) = e.joint else { continue };
             let point = self.joint_point_now(s, j);
-            let w = transmitted[outer].about(self.com_now(s, outer) - point);
-            let w = if e.reversed { w.opposite() } else { w }; // on the child
+            let w = self.passed_on(e, j, &transmitted, s);
             let p = &self.placed.joints[j];
+            let (parent, child) = (p.parent, p.child);
+            if p.links.is_none() {
+                let across = w.across();
+                result.joints[j].add(&across);
+                self.put(s, &mut left, child, &across.opposite(), point);
+                self.put(s, &mut left, parent, &across, point);
+                continue;
+            }
             let axes = self.free_axes(j, s);
             let velocities: Vec<usize> = p
                 .links
@@ -350,7 +379,6 @@ impl<S: Scalar> Evaluator<S> {
             let reaction = with_along(&axes, &w, |i| drives[i]);
             let acting = with_along(&axes, &w, |i| drives[i] + efforts[velocities[i]]);
             result.joints[j] = reaction;
-            let (parent, child) = (p.parent, p.child);
             self.put(s, &mut left, child, &acting.opposite(), point);
             self.put(s, &mut left, parent, &acting, point);
             largest = largest.max(acting.force.norm());
@@ -385,10 +413,13 @@ impl<S: Scalar> Evaluator<S> {
         let mut needed = vec![Wrench::default(); self.placed.bodies.len()];
         let mut joints = self.close_with(&whole, lambda, s, &mut needed);
         let transmitted = self.inward(&whole, s, needed);
-        for e in &self.placed.topology.tree {
+        for e in &self.placed.carrying {
             if let Some(j) = e.joint {
-                let w = transmitted[e.to - 1].about(self.com_now(s, e.to - 1) - self.joint_point_now(s, j));
-                joints[j] = if e.reversed { w.opposite() } else { w };
+                let w = self.passed_on(e, j, &transmitted, s);
+                match self.placed.joints[j].links {
+                    Some(_) => joints[j] = w,
+                    None => joints[j].add(&w.across()),
+                }
             }
         }
         let basis = constant(&self.placed.basis);

@@ -46,7 +46,8 @@ pub struct Assembly {
 ///
 /// `tolerance` is relative: in radians for angles, in parts of each row's characteristic length for displacements; the
 /// loops are then closed further, to round-off. Redundant rows are harmless. `locked` velocities keep their coordinate.
-/// Loops that come to rest open are tried again from a few starts around the drawing, always the same ones.
+/// Loops that come to rest open, or closed with an axis pointing backwards, are tried again from a few starts around the
+/// drawing, always the same ones.
 ///
 /// # Errors
 /// `Lengths` where every way ends at rest with the loop open: by how much, and which. `Assembly` where the iterations
@@ -63,13 +64,15 @@ pub fn close<S: ConstrainedSystem>(
     let mut report = Assembly::default();
     d.evaluate(t, q)?;
     d.judge(tolerance * AS_DRAWN);
+    d.turn_over(q);
     if d.open().next().is_none() {
         report.residual = d.scaled.residual();
         return Ok(report);
     }
     let drawn = q.to_vec();
-    let opened: Vec<bool> = d.parts.iter().map(|p| p.ending == Ending::Open).collect();
+    let opened: Vec<bool> = d.parts.iter().map(|p| p.ending != Ending::Closed).collect();
     report.iterations = d.descend(t, q, tolerance)?;
+    let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();
     let mut least: Vec<(f64, Ending)> = d.parts.iter().map(|p| (p.square, p.ending)).collect();
@@ -78,6 +81,8 @@ pub fn close<S: ConstrainedSystem>(
         report.restarts += 1;
         d.start_again(t, q, &drawn, report.restarts)?;
         report.iterations += d.descend(t, q, tolerance)?;
+        let over = d.turn_over(q);
+        turned = if over.is_empty() { turned } else { over };
         for (i, (square, ending)) in least.iter_mut().enumerate() {
             let now = &d.parts[i];
             if *ending != Ending::Closed && (now.ending == Ending::Closed || now.square < *square) {
@@ -90,7 +95,7 @@ pub fn close<S: ConstrainedSystem>(
     d.evaluate(t, q)?;
     if least.iter().any(|(_, ending)| *ending != Ending::Closed) {
         let endings: Vec<Ending> = least.iter().map(|l| l.1).collect();
-        return Err(words::refused(&d, &endings, &report, tolerance));
+        return Err(words::refused(&d, &endings, &turned, &report, tolerance));
     }
     report.iterations += d.polish(t, q, |i| opened[i])?;
     report.residual = d.scaled.residual();

@@ -10,6 +10,9 @@ use partita_math::factor;
 const MET: f64 = 1e-9;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-10;
+/// A rate that takes others to this many times its own speed (in reaches a second) is that of a joint which is locked: what
+/// positions closed to round-off leave open of a dead point is the root of it, 1e-8.
+const LOCKED: f64 = 1e7;
 
 /// Velocities with `v_i = rate` for the given pairs and least kinetic energy otherwise, at the partition of `r`.
 ///
@@ -48,7 +51,7 @@ pub fn with_rates<S: ConstrainedSystem>(
     if r.by_clusters() {
         let (v, got) = r.least_energy(rates)?;
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
-        return if off { Err(failed(&got)) } else { Ok(v) };
+        return if off { Err(failed(&got)) } else { unlocked(r.system, t, rates, fastest, v) };
     }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
     let n = gamma.len();
@@ -99,5 +102,31 @@ pub fn with_rates<S: ConstrainedSystem>(
     }
     dense::cholesky_backward(&md, k, &mut y);
     r.spread(&y);
-    Ok(r.v.clone())
+    unlocked(r.system, t, rates, fastest, r.v.clone())
+}
+
+/// `v`, unless a rate asked for is had only by speeds that no position tells from infinite ones.
+fn unlocked<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    rates: &[(usize, f64)],
+    fastest: f64,
+    v: Vec<f64>,
+) -> Result<Vec<f64>, SystemError> {
+    let speed = |i: usize| v[i].abs() / system.reach(i);
+    let Some(top) = (0..v.len()).max_by(|&i, &j| speed(i).total_cmp(&speed(j))) else { return Ok(v) };
+    if fastest == 0.0 || speed(top) <= LOCKED * fastest {
+        return Ok(v);
+    }
+    let asked: Vec<String> = rates.iter().map(|&(i, rate)| format!("{} = {rate}", system.velocity_name(i))).collect();
+    Err(SystemError::Request(format!(
+        "the rates {} cannot be had at t = {t}: {} would have to go at {:.3e}, {:.1e} times as fast, for what is asked is \
+         locked here but for round-off (a dead point, or a singular position); give the rate of {} instead, or start a \
+         little away from here",
+        asked.join(", "),
+        system.velocity_name(top),
+        v[top],
+        speed(top) / fastest,
+        system.velocity_name(top),
+    )))
 }

@@ -2,9 +2,11 @@
 
 mod arithmetic;
 pub mod openness;
+mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
+pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals};
 
 use crate::clusters::Clusters;
@@ -12,12 +14,6 @@ use crate::partition::Partition;
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
 use partita_math::dense;
 use partita_math::elimination::{Plan, PlanOptions};
-use partita_math::rank::preferred_rows;
-
-/// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
-///
-/// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
-pub const REDUNDANT: f64 = 1e-9;
 
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
@@ -233,23 +229,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Sizes of the system.
     pub fn size(&self) -> Size {
         self.size
-    }
-
-    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come last.
-    pub(crate) fn eligible_rows(&self) -> Vec<bool> {
-        if self.rank == self.size.rows {
-            return vec![true; self.size.rows];
-        }
-        let pattern = self.system.pattern();
-        let mut c = self.c.clone();
-        for i in (0..self.size.rows).filter(|&i| self.row_scale[i] == 0.0) {
-            pattern.row(i).for_each(|e| c[e] = 0.0); // round-off alone, in whatever direction
-        }
-        let found = preferred_rows(pattern, &c, &self.s, 0.0, (REDUNDANT, &|i| self.system.row_is_drive(i)));
-        let enough = found.rank >= self.rank;
-        let mut eligible = vec![!enough; self.size.rows];
-        found.kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
-        eligible
     }
 
     /// s, the square roots of `s2`.

@@ -37,6 +37,8 @@ pub(super) enum Ending {
     /// Under way.
     Open,
     Closed,
+    /// Closed, with an axis pointing backwards: another mechanism.
+    TurnedOver,
     /// At rest with loops open.
     AtRest,
     /// Out of iterations.
@@ -159,6 +161,17 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
             p.ending = if p.active { Ending::Open } else { Ending::Closed };
             (p.damping, p.idle) = (FIRST_DAMPING, 0);
         }
+    }
+
+    /// Parts that are closed the wrong way round are not closed.
+    pub fn turn_over(&mut self, q: &[f64]) -> Vec<usize> {
+        let rows = self.scaled.system.turned_over(q);
+        for p in self.parts.iter_mut().filter(|p| p.ending == Ending::Closed) {
+            if rows.iter().any(|i| p.rows.contains(i)) {
+                (p.ending, p.square) = (Ending::TurnedOver, f64::INFINITY);
+            }
+        }
+        rows
     }
 
     pub fn open(&self) -> impl Iterator<Item = &Part> {

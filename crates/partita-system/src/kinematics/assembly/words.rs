@@ -39,6 +39,7 @@ pub(super) fn open<S: ConstrainedSystem>(
 pub(super) fn refused<S: ConstrainedSystem>(
     d: &Descent<S>,
     endings: &[Ending],
+    turned: &[usize],
     report: &Assembly,
     tolerance: f64,
 ) -> SystemError {
@@ -48,6 +49,16 @@ pub(super) fn refused<S: ConstrainedSystem>(
         let parts = d.parts.iter().zip(endings).filter(move |(_, e)| **e == ending);
         parts.flat_map(|(p, _)| p.rows.iter().copied()).max_by(worst)
     };
+    if let (Some(&row), true) = (turned.first(), endings.contains(&Ending::TurnedOver)) {
+        let words = s.system.row_words(row);
+        let advice = format!(
+            "all of {} starts close {words} the wrong way round, its axes pointing backwards; draw {} nearer to where it \
+             closes, or turn its axis on one of its bodies",
+            report.restarts + 1,
+            loop_of(d, row)
+        );
+        return open(d, report, tolerance, &advice);
+    }
     let Some(row) = of(Ending::AtRest) else {
         let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| loop_of(d, i));
         let advice = format!(

@@ -1,0 +1,87 @@
+//! A start that does not satisfy the constraints: told, with what became of it.
+
+use crate::error::AnalysisError;
+use partita_system::record::Output;
+use partita_system::reduction::{velocity_residuals, Reduction};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Rows open by more than this many times their own round-off are open: what an assembly leaves is a thousandth of it.
+const OPEN: f64 = 1e4;
+/// Rates off by more than this part of what is added up in them are off, ...
+const OFF: f64 = 1e-9;
+/// ... unless a move at that rate (in reaches a second) would not be seen in an hour.
+const STANDING: f64 = 1e-13;
+
+/// Rows open by more than this part of the lengths added up in them stand somewhere else: no step closes them, and what
+/// is nearest is a question to an assembly.
+const ELSEWHERE: f64 = 1e-2;
+
+/// Refuse a start that is not next to one that satisfies the constraints.
+pub(super) fn refuse<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<(), AnalysisError> {
+    let mut r = Reduction::new(system, rank);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let (open, row) = r.openness();
+    if 4.0 * f64::EPSILON * open < ELSEWHERE {
+        return Ok(());
+    }
+    Err(AnalysisError::Argument {
+        argument: "initial",
+        message: format!(
+            "the start does not satisfy the constraints: {} is open by {:.3e}; start from what assemble() makes of it",
+            system.row_name(row),
+            r.phi[row].abs()
+        ),
+    })
+}
+
+/// Where (t, q, v) does not satisfy S3 or S4, and by how much `first`, the output there, was moved from it.
+pub(super) fn note<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    (t, q, v): (f64, &[f64], &[f64]),
+    first: Option<&Output>,
+) -> Result<Option<String>, SystemError> {
+    let mut r = Reduction::new(system, rank);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let (open, row) = r.openness();
+    let mut said = Vec::new();
+    if open > OPEN {
+        said.push(format!("{} is open by {:.3e}", system.row_name(row), r.phi[row].abs()));
+    }
+    let pattern = system.pattern();
+    let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
+    let mut worst = (0.0, 0, 0.0);
+    for (i, x) in residuals.enumerate() {
+        let (mut sum, mut arm) = (r.a[i].abs(), 0.0f64);
+        for e in pattern.row(i) {
+            sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
+            arm = arm.max(r.c[e].abs() * system.reach(pattern.col_idx[e]));
+        }
+        if x.abs() > OFF * sum && x.abs() > STANDING * arm && x.abs() / sum > worst.0 {
+            worst = (x.abs() / sum, i, x.abs());
+        }
+    }
+    if worst.0 > 0.0 {
+        said.push(format!("{} opens by {:.3e} a second", system.row_name(worst.1), worst.2));
+    }
+    if said.is_empty() {
+        return Ok(None);
+    }
+    let moved = match first.filter(|x| x.t == t) {
+        None => "an output there shows by how much it was moved".into(),
+        Some(first) => {
+            let names = (0..v.len()).map(|i| system.velocity_name(i));
+            let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
+            let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
+            let position = if open > OPEN { format!("positions by up to {far:.3e}, ") } else { String::new() };
+            format!("the first output is moved from it: {position}velocities by up to {:.3e} ({})", by.1, by.0)
+        }
+    };
+    Ok(Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", "))))
+}
+
+fn largest(all: impl Iterator<Item = (String, f64)>) -> (String, f64) {
+    all.fold((String::new(), 0.0), |most, x| if x.1 >= most.1 { x } else { most })
+}

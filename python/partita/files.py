@@ -1,0 +1,107 @@
+"""Files that are there as a whole or not at all, and that tell when they were changed.
+
+A sealed file holds the SHA-256 of itself: of its bytes with zeros in the place of the digits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from .errors import ArgumentError, FileFormatError, MissingFileError
+
+BLANK = "sha256:" + 64 * "0"
+"""Stands once in the content of a file that is to be sealed, before all that a user has named."""
+
+_MARK = re.compile(rb"sha256:([0-9a-f]{64})")
+
+
+def place(path: Any) -> Path:
+    """`path` as one that can be looked at; else `ArgumentError` or `FileFormatError`."""
+    try:
+        given = os.fspath(path)
+    except TypeError:
+        given = None
+    if not isinstance(given, str) or not given or "\0" in given:
+        raise ArgumentError(f"path must be the name of a file, not {path!r}", argument="path")
+    where = Path(given)
+    try:
+        where.is_file()
+    except (OSError, ValueError) as error:
+        raise FileFormatError(f"cannot use {given!r}: {_why(error)}", path=given, line=None) from error
+    return where
+
+
+def target(path: Any, what: str = "") -> Path:
+    """`path` as one where a file can be put: `MissingFileError` when its folder does not exist, `FileFormatError` when
+    it is itself a folder. `what` is what shall be written there."""
+    where = place(path)
+    if where.is_dir():
+        raise FileFormatError(
+            f"cannot write {what}to {str(where)!r}: it is a folder; give the name of a file", path=str(where), line=None
+        )
+    if not where.parent.is_dir():
+        raise MissingFileError(
+            f"cannot write {what}to {str(where)!r}: the folder {str(where.parent)!r} does not exist; make it first",
+            path=str(where.parent),
+        )
+    return where
+
+
+def get(path: Path) -> bytes:
+    """All of a file; `MissingFileError` where there is none, `FileFormatError` where it cannot be read."""
+    if not path.is_file():
+        what = "this is a folder" if path.is_dir() else "there is no such file"
+        raise MissingFileError(f"cannot read {str(path)!r}: {what}; the working folder is {Path.cwd()}", path=str(path))
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
+
+
+def put(path: Path, content: bytes) -> Path:
+    """Write `content` beside `path` first and put it in place when it is safely stored: no half file is ever seen, and
+    where it cannot be written (no space, no permission) an older file stays as it is. Raises `FileFormatError`."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            with draft.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(draft, path)
+        finally:
+            draft.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        raise FileFormatError(
+            f"cannot write {str(path)!r} ({len(content)} bytes): {_why(error)}; what stood there before is unchanged. "
+            "Free space or give another place",
+            path=str(path),
+            line=None,
+        ) from error
+    return path
+
+
+def _why(error: Exception) -> str:
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+
+
+def sealed(content: bytes) -> bytes:
+    """`content` with its digest in the place of the first `BLANK`."""
+    return content.replace(BLANK.encode(), b"sha256:" + _digest(content), 1)
+
+
+def intact(content: bytes) -> bool | None:
+    """Whether a sealed file is as it was written; None where no seal is found."""
+    mark = _MARK.search(content)
+    if mark is None:
+        return None
+    first, last = mark.span()
+    return _digest(content[:first] + BLANK.encode() + content[last:]) == mark[1]
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()

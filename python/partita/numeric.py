@@ -1,0 +1,49 @@
+"""Numbers as they are meant: integers and floats. No words, truth values or complex numbers, which NumPy converts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SHOWN = 80
+
+
+def floats(values: Any) -> NDArray[np.float64]:
+    """`values` as an array of floats, new and in one piece; TypeError for what is not made of real numbers."""
+    try:
+        array = np.array(values, order="C")
+        if array.dtype == np.float64:
+            return array
+        if array.dtype.kind in "iuf" or (array.size == 0 and array.dtype.kind != "O"):
+            return np.array(array, dtype=np.float64, order="C")
+    except TypeError:
+        raise
+    except Exception as error:  # whatever an object does when it is asked for its numbers
+        raise TypeError(str(error)) from error
+    if array.dtype.kind == "O" and all(type(x) in (int, float) for x in array.flat):
+        try:
+            return np.array(array, dtype=np.float64, order="C")  # integers beyond 64 bits
+        except OverflowError as error:
+            raise TypeError("an integer beyond 1e308") from error
+    raise TypeError(f"{array.dtype} values")
+
+
+def real(value: Any) -> float:
+    """One real number; TypeError for anything else, arrays of several numbers included."""
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{type(value).__name__} {value!r}")
+    array = floats(value)
+    if array.size != 1:
+        raise TypeError(f"an array of shape {array.shape}")
+    return float(array.reshape(()))
+
+
+def shown(value: Any) -> str:
+    """`value` in a message, cut where it is long; whatever it is."""
+    try:
+        text = repr(value)
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."

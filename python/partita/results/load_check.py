@@ -1,0 +1,71 @@
+"""Whether what a file holds is a result: every array of the shape that the others ask for, names where names belong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .partition_log import partition_changes
+from .record import Record
+from .variables import DETERMINED, OBSERVED, REACTIONS, RUN
+
+_JOINT_WORDS = ("name", "kind", "parent", "child")
+
+
+def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise `ValueError` (or what looking into strange data raises) for the first thing that does not fit."""
+    summary, nt = record.summary, len(record.arrays["t"])
+    joints = summary["joints"]
+    sizes = {
+        "t": nt,
+        "coordinate": _names(summary, "coordinates"),
+        "velocity": _names(summary, "velocities"),
+        "multiplier": int(summary["rows"]),
+        "body": len({str(body["name"]) for body in summary["bodies"]}),
+        "joint": len({str(joint["name"]) for joint in joints}),
+        "joint_coordinate": sum(int(joint["q"][1]) for joint in joints),
+        "joint_freedom": sum(int(joint["v"][1]) for joint in joints),
+        "axis": 3,
+        "body_axis": 3,
+        "joint_axis": 3,
+        "component": 6,
+    }
+    for name, (axes, _, _) in {**RUN, **OBSERVED, **REACTIONS}.items():
+        _fits(name, arrays, ("t", *axes), sizes)
+    for name, width in (("q", sizes["coordinate"]), ("v", sizes["velocity"])):
+        if nt and width and record.arrays[name].size == 0:
+            raise ValueError(f"there is no {name}")
+    for name in DETERMINED:
+        _fits(name, arrays, ("joint", "component"), sizes)
+    for joint in joints:
+        if not all(isinstance(joint[word], str) for word in _JOINT_WORDS):
+            raise ValueError(f"the joint {joint['name']!r} is not described in words")
+    t = record.arrays["t"]
+    if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
+        raise ValueError("the times of the outputs do not increase")
+    chosen = record.arrays["independent"]
+    if chosen.size and not (chosen.min() >= -1 and chosen.max() < sizes["velocity"]):
+        raise ValueError("an independent coordinate is none of the velocities")
+    partition_changes(record.partitions, summary["velocities"])
+    if not isinstance(record.success, bool) or not isinstance(record.options, dict):
+        raise ValueError("the account of the run has entries of the wrong kind")
+
+
+def _names(summary: Mapping[str, Any], key: str) -> int:
+    words = summary[key]
+    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+        raise ValueError(f"{key} are not a list of names")
+    return len(words)
+
+
+def _fits(name: str, arrays: Mapping[str, NDArray[Any]], axes: tuple[str, ...], sizes: Mapping[str, int]) -> None:
+    """Shape of an array that is there; what has no entries is left out of files."""
+    array = arrays.get(name)
+    if array is None or array.size == 0:
+        return
+    wanted = tuple(sizes.get(axis) for axis in axes)
+    if len(wanted) != array.ndim or any(w not in (None, s) for w, s in zip(wanted, array.shape, strict=True)):
+        raise ValueError(f"{name} has the shape {array.shape} instead of {wanted}")

@@ -1,0 +1,37 @@
+"""Many mechanisms: counted, and those on which the programs differ made short and printed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from . import chance
+from .comparison import Verdict, compare
+from .shrinking import shrunk
+
+
+def kind_of(line: str) -> str:
+    """What was off, without where and by how much."""
+    return line.split(" off by")[0].split(": ")[-1].split(" is ")[-1].split(" (")[0]
+
+
+def report(seed: int, verdict: Verdict) -> str:
+    """The first difference on a mechanism, and the shortest drawing that still shows it."""
+    kind = kind_of(verdict.wrong[0])
+    short = shrunk(chance.mechanism(seed), lambda d: any(kind_of(line) == kind for line in compare(d).wrong))
+    told = "\n  ".join(compare(short).wrong[:5] or verdict.wrong[:5])
+    return f"mechanism {seed} ({short.words}): {len(verdict.wrong)} differences, such as\n  {told}\n{short.lines()}"
+
+
+def study(seeds: Iterable[int]) -> tuple[Counter[str], dict[str, float], list[tuple[int, Verdict]]]:
+    """What was counted, the largest difference of each kind, and what was wrong."""
+    counts, worst, wrong = Counter[str](), dict[str, float](), []
+    for seed in seeds:
+        verdict = compare(chance.mechanism(seed))
+        counts += verdict.counts
+        counts["mechanisms"] += 1
+        for what, error in verdict.worst.items():
+            worst[what] = max(worst.get(what, 0.0), error)
+        if verdict.wrong:
+            wrong.append((seed, verdict))
+    return counts, worst, wrong

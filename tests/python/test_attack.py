@@ -1,0 +1,423 @@
+"""Every public call with nonsense in each of its arguments: a typed error in a sentence, or a sound answer.
+
+An answer counts as right when it is finite and, for a run, when a run that says `success` is finite and closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import io
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita import cli, plots, results, viewer
+from partita.comparison import Comparison
+from partita.errors import PartitaError
+
+NAN, INF = math.nan, math.inf
+
+NUMBERS: list[Any] = [NAN, INF, -INF, 1e308, -1e308, 1e-308, 1e160, 1e-170, 0.0, -1.0, 10**400, True, 1 + 2j]
+ARRAYS: list[Any] = [
+    [],
+    (),
+    [NAN] * 3,
+    [INF, 0.0, 0.0],
+    [1e308] * 3,
+    [1e-170, 0.0, 0.0],
+    [1e-308] * 3,
+    [0.0] * 3,
+    [1.0, 2.0],
+    [-1.0, 1.0, 1.0],
+    [[1.0, 2.0], [3.0]],
+    [1j, 0.0, 0.0],
+    [True, False, True],
+    ["1", "2", "3"],
+    [None] * 3,
+    np.zeros((3, 3)),
+    np.full((3, 3), 1e308),
+    np.full((3, 3), NAN),
+    np.eye(3) * 1e-170,
+    np.ones((2, 2, 2)),
+    np.array(["a"]),
+    np.array([object()]),
+]
+OTHERS: list[Any] = [
+    None, "x", "", " ", "\0", "A", "q0", "ground", b"x", object(), {}, {"x": 1.0}, {"A": NAN}, {"A": "x"}, {1: 2}, set(),
+    range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"), ["A", "A"], ["x"],
+    [1],
+]  # fmt: skip
+NONSENSE = [*NUMBERS, *ARRAYS, *OTHERS]
+
+Call = tuple[Callable[..., Any], dict[str, Any]]
+ORIGIN, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def mechanism() -> pt.Mechanism:
+    m = pt.Mechanism("m")
+    rod = m.add_rod("rod", start=ORIGIN, end=X, mass=1.0)
+    m.add_body("box", mass=1.0, inertia=(1.0, 1.0, 1.0), position=(2.0, 0.0, 0.0))
+    m.add_revolute("A", m.ground, rod, point=ORIGIN)
+    m.add_planar("P", m.ground, "box")
+    return m
+
+
+def loop() -> pt.Mechanism:
+    return pt.catalogue.load("four-bar")
+
+
+def ring(**change: Any) -> pt.System:
+    functions: dict[str, Any] = {
+        "n": 2,
+        "mass": np.eye(2),
+        "forces": (0.0, -9.81),
+        "constraints": lambda t, q: [0.5 * (q @ q - 1.0)],
+        "jacobian": lambda t, q: [q],
+        "bias": lambda t, q, v: [v @ v],
+        **change,
+    }
+    return pt.System(**functions)
+
+
+def built() -> dict[str, Callable[[], Call]]:
+    """Calls that describe."""
+    two = {"name": "J", "parent": "rod", "child": "box", "point": X}
+    axis = {"axis": Z, "child_point": (1.0, 0.0, 0.1), "child_axis": Z, "cut": "auto"}
+    cases: dict[str, dict[str, Any]] = {
+        "add_rod": {"name": "r", "start": ORIGIN, "end": X, "mass": 1.0},
+        "add_body": {
+            "name": "b",
+            "mass": 1.0,
+            "inertia": (1.0, 1.0, 1.0),
+            "com": ORIGIN,
+            "position": ORIGIN,
+            "orientation": np.eye(3),
+        },
+        "add_revolute": {**two, **axis},
+        "add_prismatic": {**two, **axis},
+        "add_cylindrical": {**two, **axis},
+        "add_spherical": {**two, "child_point": X, "cut": "auto"},
+        "add_universal": {**two, "axis1": X, "axis2": Y, "child_point": X, "cut": "auto"},
+        "add_planar": {**two, "normal": Z, "child_point": X, "child_axis": Z, "cut": "auto"},
+        "add_fixed": {**two, "child_point": X, "cut": "auto"},
+        "add_free": {**two, "cut": "auto"},
+        "add_joint": {**two, "free": ("x", "rz"), "frame": np.eye(3), "child_point": X, "cut": "auto"},
+        "add_drive": {
+            "joint": "A",
+            "position": lambda t: 0.1 * np.sin(t),
+            "velocity": lambda t: 0.1 * np.cos(t),
+            "acceleration": lambda t: -0.1 * np.sin(t),
+            "coordinate": 0,
+            "name": "d",
+        },
+        "add_torque": {"joint": "A", "value": 1.0, "coordinate": 0, "name": "t"},
+        "add_force": {"body": "rod", "force": X, "point": ORIGIN, "axes": "world", "name": "f"},
+        "add_spring": {
+            "name": "s",
+            "body1": "rod",
+            "point1": ORIGIN,
+            "body2": "ground",
+            "point2": Y,
+            "stiffness": 1.0,
+            "damping": 0.1,
+            "length": 1.0,
+        },
+        "add_torsion_spring": {
+            "joint": "A",
+            "stiffness": 1.0,
+            "damping": 0.1,
+            "angle": 0.1,
+            "coordinate": 0,
+            "name": "ts",
+        },
+    }
+
+    def make(name: str, arguments: dict[str, Any]) -> Callable[[], Call]:
+        def call() -> Call:
+            m = mechanism()
+
+            def add_and_run(**given: Any) -> Any:
+                getattr(m, name)(**given)
+                return m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
+
+            return add_and_run, arguments
+
+        return call
+
+    return {f"Mechanism.{name}": make(name, arguments) for name, arguments in cases.items()}
+
+
+def asked() -> dict[str, Callable[[], Call]]:
+    """Calls that compute."""
+    m = loop()
+    state = m.assemble(rates={"A": 1.0})
+    model = m.compile()
+    run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
+    s = ring()
+    hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
+    q, v = state.q, state.v
+    options: dict[str, Any] = {
+        "duration": 0.01,
+        "t_eval": [0.0, 0.01],
+        "rtol": 1e-6,
+        "atol": 1e-8,
+        "method": "dop853",
+        "formulation": "projective",
+        "events": (),
+        "progress": False,
+        "correction": "partition",
+        "exchange": 1.25,
+        "step": None,
+        "max_step": 0.1,
+        "max_steps": 50,
+        "independent": None,
+        "selection": "collective",
+        "weights": None,
+        "window": None,
+        "baumgarte": None,
+        "renew": 0.5,
+        "tangent": None,
+    }
+    compare = {
+        "duration": 0.01,
+        "formulations": ["projective"],
+        "selections": ["collective"],
+        "rtol": 1e-6,
+        "atol": 1e-8,
+        "method": "dop853",
+        "baumgarte": None,
+        "window": None,
+        "tangent": None,
+        "max_steps": 50,
+        "reference": None,  # given below: to make one takes time
+        "progress": False,
+    }
+    at = {"q": q, "v": v, "t": 0.0}
+    joint, body = run.joint("A"), run.body("crank")
+    matrices = {"M": np.eye(2), "C": [[3.0, 4.0]]}
+    calls: dict[str, Call] = {
+        "Mechanism": (pt.Mechanism, {"name": "m", "gravity": ORIGIN}),
+        "State": (pt.State, {"t": 0.0, "q": [1.0], "v": [1.0], "names": ["a"], "velocity_names": ["a"]}),
+        "State.position": (state.position, {"joint": "A"}),
+        "State.velocity": (state.velocity, {"joint": "A"}),
+        "System": (pt.System, {"n": 1, "mass": [[1.0]], "forces": [1.0], "names": ["a"], "closing": None}),
+        "System.functions": (
+            lambda **given: pt.simulate(ring(**given), 0.01, [1.0, 0.0], [0.0, 0.0], max_steps=50),
+            {
+                "mass": np.eye(2),
+                "forces": (0.0, 1.0),
+                "constraints": None,
+                "jacobian": None,
+                "constraint_rate": None,
+                "bias": None,
+                "lengths": None,
+                "check_derivatives": True,
+            },
+        ),
+        "System.assemble": (s.assemble, {"q0": [1.0, 0.1], "v0": [0.0, 1.0], "t": 0.0, "tolerance": 1e-12}),
+        "System.summary": (s.summary, {"t": 0.0, "q": [1.0, 0.0]}),
+        "System.at": (s.at, {"q": [1.0, 0.0], "v": [0.0, 1.0], "t": 0.0}),
+        "simulate": (pt.simulate, {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "t0": 0.0, **options}),
+        "simulate.initial": (pt.simulate, {"system": s, "duration": 0.01, "initial": s.assemble([1.0, 0.0])}),
+        "TangentVelocities": (
+            pt.TangentVelocities,
+            {"directions": lambda t, q: [[-q[1], q[0]]], "offset": None, "bias": None},
+        ),
+        "compare": (
+            pt.compare,
+            {
+                "system": s,
+                "q0": [1.0, 0.0],
+                "v0": [0.0, 0.0],
+                "initial": None,
+                "t0": 0.0,
+                **compare,
+                "reference": hand_run,
+            },
+        ),
+        "Mechanism.simulate": (m.simulate, {**options, "initial": state, "coordinates": "relative"}),
+        "Mechanism.assemble": (
+            m.assemble,
+            {
+                "targets": {"A": 0.1},
+                "rates": {"A": 1.0},
+                "near": None,
+                "t": 0.0,
+                "tolerance": 1e-9,
+                "coordinates": "relative",
+            },
+        ),
+        "Mechanism.assemblies": (
+            m.assemblies,
+            {"targets": {"A": 0.1}, "rates": {"A": 1.0}, "near": None, "inputs": ["A"], "t": 0.0},
+        ),
+        "Mechanism.convert": (m.convert, {"state": state, "coordinates": "absolute"}),
+        "Mechanism.compile": (m.compile, {"coordinates": "relative"}),
+        "Mechanism.report": (m.report, {"state": state, "coordinates": "relative"}),
+        "Mechanism.compare": (m.compare, {**compare, "initial": state, "coordinates": "relative", "reference": run}),
+        "Model.with_parameters": (model.with_parameters, {"changes": {"crank.mass": 1.0}}),
+        "Model.with_parameters.value": (
+            lambda value: model.with_parameters({"crank.mass": value}).mass_matrix(q),
+            {"value": 1.0},
+        ),
+        "Model.with_parameters.point": (
+            lambda value: model.with_parameters({"A.point": value}).constraints(q),
+            {"value": ORIGIN},
+        ),
+        "partition.measure": (pt.partition.measure, matrices),
+        "partition.choose": (
+            pt.partition.choose,
+            {**matrices, "selection": "collective", "threshold": 1.0, "weights": None, "fixed": None},
+        ),
+        "partition.geometry": (pt.partition.geometry, {**matrices, "independent": [0]}),
+        "units.convert": (lambda **given: Exact([pt.units.convert(**given)]), {"value": 1.0, "unit": "m", "to": "mm"}),
+        "catalogue.load": (pt.catalogue.load, {"name": "n-four-bar", "loops": 2}),
+        "catalogue.entry": (pt.catalogue.entry, {"name": "n-four-bar", "loops": 2}),
+        "catalogue.about": (pt.catalogue.about, {"name": "four-bar"}),
+        "Entry.simulate": (pt.catalogue.entry("four-bar").simulate, {"rtol": 1e-6, "max_steps": 20}),
+        "Result.joint": (run.joint, {"name": "A"}),
+        "Result.body": (run.body, {"name": "crank"}),
+        "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
+        "JointResult.in_frame": (joint.in_frame, {"axes": np.eye(3)}),
+        "BodyResult.point": (body.point, {"point": X}),
+        "BodyResult.point_velocity": (body.point_velocity, {"point": X}),
+        "Result.plot": (lambda what: run.plot(what), {"what": "energy"}),
+        "plots.plot_joint": (plots.plot_joint, {"result": run, "name": "A", "axes": "world"}),
+        "plots.plot": (lambda result: plots.plot(result, "energy"), {"result": run}),
+        "viewer.html": (viewer.html, {"result": run, "title": "t"}),
+        "load": (pt.load, {"path": "none.toml"}),
+        "results.load": (results.load, {"path": "none.json"}),
+    }
+    for name in ("mass_matrix", "constraints", "jacobian", "measure", "rate"):
+        calls[f"Model.{name}"] = (getattr(model, name), {"q": q, "t": 0.0})
+        calls[f"System.{name}"] = (getattr(s, name), {"q": [1.0, 0.0], "t": 0.0})
+    for name in ("forces", "bias", "acceleration", "at"):
+        calls[f"Model.{name}"] = (getattr(model, name), at)
+        calls[f"System.{name}"] = (getattr(s, name), {"q": [1.0, 0.0], "v": [0.0, 1.0], "t": 0.0})
+
+    return {name: (lambda call=call: call) for name, call in calls.items()}  # type: ignore[misc]
+
+
+ASKED = asked()
+CALLS = {**built(), **ASKED}
+
+
+class Exact(tuple[Any, ...]):
+    """An answer that may hold what was handed over, NaN included."""
+
+
+def numbers_of(answer: Any) -> Iterator[np.ndarray]:
+    if isinstance(answer, np.ndarray) and answer.dtype.kind == "f":
+        yield answer
+    elif isinstance(answer, tuple):
+        for item in answer:
+            yield from numbers_of(item)
+    elif isinstance(answer, pt.State):
+        yield answer.q
+        yield answer.v
+
+
+def wrong(answer: Any) -> str:
+    """What is wrong with an answer, in words."""
+    if isinstance(answer, results.Result):
+        if answer.success and not (np.isfinite(answer.q).all() and np.isfinite(answer.v).all()):
+            return "a run that is not finite says success"
+        reach = 1.0 + float(np.max(np.abs(answer.q), initial=0.0))
+        if answer.success and not float(np.max(answer.closure, initial=0.0)) <= 1e-6 * reach:
+            return f"a run that is open by {np.max(answer.closure):.1e} says success"
+    elif isinstance(answer, Comparison):
+        return ""
+    elif isinstance(answer, Exact):
+        return ""
+    elif not all(np.isfinite(array).all() for array in numbers_of(answer)):
+        return f"the answer is not finite: {answer!r}"
+    return ""
+
+
+def attack1(function: Callable[..., Any], arguments: dict[str, Any], name: str, value: Any) -> Iterator[str]:
+    """Say what came out that should not."""
+    with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            fault = wrong(function(**{**arguments, name: value}))
+        except PartitaError as error:
+            fault = "" if len(str(error)) > 15 and " " in str(error) else f"no sentence: {error}"
+            if "internal error" in str(error):
+                fault = str(error)
+        except Exception as error:
+            fault = f"{type(error).__name__}: {error}"
+            if isinstance(error, TypeError) and callable(value):
+                fault = ""  # of the function handed over, called with what it does not take
+    if fault:
+        yield f"{name}={value!r:.60}: {fault}"
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_nonsense_in_each_argument(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    function, arguments = CALLS[name]()
+    found: list[str] = []
+    for key in arguments:
+        for value in NONSENSE:
+            if name.startswith("Mechanism.add_"):  # descriptions grow: each attempt starts from a new one
+                function = CALLS[name]()[0]
+            found += attack1(function, arguments, key, value)
+    assert not found, f"{len(found)} of {name}:\n" + "\n".join(found)
+
+
+COMMANDS: list[list[str]] = [
+    ["simulate", "four-bar", "--time", "x"],
+    ["simulate", "four-bar", "--time", "nan"],
+    ["simulate", "four-bar", "--time", "inf"],
+    ["simulate", "four-bar", "--time", "-1"],
+    ["simulate", "four-bar", "--time", "0"],
+    ["simulate", "four-bar", "--time", "1", "--rtol", "nan"],
+    ["simulate", "four-bar", "--time", "1", "--outputs", "0"],
+    ["simulate", "four-bar", "--time", "1", "--outputs", "-5"],
+    ["simulate", "four-bar", "--time", "1", "--outputs", "1e9"],
+    ["simulate", "four-bar", "--target", "A=nan"],
+    ["simulate", "four-bar", "--target", "=1"],
+    ["simulate", "four-bar", "--rate", "A=1e308"],
+    ["simulate", "four-bar", "--save", "none/x.nc"],
+    ["simulate", "four-bar", "--save", "."],
+    ["simulate", ""],
+    ["simulate", "\0"],
+    ["report", "."],
+    ["report", "y" * 5000],
+    ["plot", "none.nc"],
+    ["view", "none.json"],
+    ["convert", "a.toml", "b.toml"],
+    ["convert", "four-bar", "none/b.toml"],
+    [""],
+    ["\0"],
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: " ".join(c)[:40].replace("\0", "0") or "empty")
+def test_nonsense_on_the_command_line(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = cli.main(command)
+    said = capsys.readouterr().err
+    assert code == 2 and "partita" in said and "Traceback" not in said and "internal error" not in said
+
+
+def test_every_public_name_is_attacked() -> None:
+    """What is added to the package is added here."""
+    covered = " ".join(CALLS)
+    quiet = {"errors", "catalogue", "partition", "units", "__version__"}
+    missing = [name for name in pt.__all__ if name not in quiet and name not in covered]
+    for kind, word in ((pt.Mechanism, "Mechanism"), (pt.System, "System"), (type(loop().compile()), "Model")):
+        for name, value in inspect.getmembers(kind, inspect.isfunction):
+            takes = list(inspect.signature(value).parameters) != ["self"]
+            if not name.startswith("_") and takes and f"{word}.{name}" not in CALLS and name != "save":
+                missing.append(f"{word}.{name}")
+    assert not missing, missing
