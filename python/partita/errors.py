@@ -19,8 +19,10 @@ __all__ = [
     "ArgumentError",
     "AssemblyError",
     "ChangedFileWarning",
+    "ContradictionError",
     "DerivativeError",
     "DescriptionError",
+    "DoubtfulResultWarning",
     "EvaluationError",
     "FileFormatError",
     "IntegrationError",
@@ -60,6 +62,10 @@ class PartitaError(Exception):
 def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> PartitaError:
     """Make the error again in another process: `pickle` alone would lose the keyword arguments."""
     return kind(message, **fields)
+
+
+class DoubtfulResultWarning(UserWarning):
+    """A result stands on what the tolerances and the round-off of its run do not explain; its certificate says what."""
 
 
 class DescriptionError(PartitaError, ValueError):
@@ -105,6 +111,16 @@ class AssemblyError(PartitaError, RuntimeError):
     residual: float
     iterations: int
     loops: str
+
+
+class ContradictionError(PartitaError, RuntimeError):
+    """Conditions that depend on each other do not agree: no motion keeps them all. Fields: time `t` [s] at which
+    it was seen, the `gap` there, `who` is off and `whom` it contradicts."""
+
+    t: float
+    gap: float
+    who: str
+    whom: str
 
 
 class SingularityError(PartitaError, RuntimeError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -203,8 +204,8 @@ def _early(monkeypatch: pytest.MonkeyPatch, status: str) -> None:
 
     def half(self: pt.Mechanism, *args: object, **options: object) -> results.Result:
         result = whole(self, *args, **options)  # type: ignore[arg-type]
-        result.success, result.status, result.message = False, status, "it could not go on"
-        return result
+        ended = replace(result.record, success=False, status=status, message="it could not go on")
+        return results.Result(ended, result._source)
 
     monkeypatch.setattr(pt.Mechanism, "simulate", half)
 

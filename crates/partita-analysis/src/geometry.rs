@@ -149,6 +149,9 @@ impl ConstrainedSystem for Geometry<'_> {
     fn row_name(&self, i: usize) -> String {
         self.model.row_name(i)
     }
+    fn row_is_drive(&self, i: usize) -> bool {
+        self.model.row_is_drive(i)
+    }
     fn rheonomic(&self) -> bool {
         self.pattern.rows > self.model.row_names.len() && self.model.rheonomic()
     }

@@ -35,6 +35,8 @@ pub enum Status {
     StepTooSmall,
     /// At a singular position of the mechanism, or at a dead point of coordinates that stay.
     Singular,
+    /// Where conditions that depend on each other no longer agree.
+    Contradiction,
     /// After the number of steps allowed.
     MaxSteps,
     /// Because something could not be evaluated.
@@ -49,6 +51,7 @@ impl Status {
             Self::Interrupted => "interrupted",
             Self::StepTooSmall => "step-too-small",
             Self::Singular => "singular",
+            Self::Contradiction => "contradiction",
             Self::MaxSteps => "max-steps",
             Self::EvaluationFailed => "evaluation-failed",
         }
@@ -186,9 +189,16 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
         StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
             (Status::Singular, format!("stopped at t = {t}: {e}"), Some(e))
         }
+        StepFailure::TooSmall { last: Some(e @ SystemError::Jump { .. }), .. } => {
+            (Status::EvaluationFailed, format!("stopped at t = {t}: {e}"), Some(e))
+        }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
-            let status = if is_of_a_position(&error) { Status::Singular } else { Status::EvaluationFailed };
+            let status = match &error {
+                SystemError::Contradiction { .. } => Status::Contradiction,
+                e if is_of_a_position(e) => Status::Singular,
+                _ => Status::EvaluationFailed,
+            };
             (status, format!("stopped at t = {t}: {error}"), Some(error))
         }
         StepFailure::NotFinite { .. } => (Status::EvaluationFailed, message, None),

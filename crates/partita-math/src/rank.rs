@@ -52,9 +52,26 @@ const PERPENDICULAR: f64 = 1e-32;
 /// # Panics
 /// If a length contradicts the pattern.
 pub fn independent_rows(pattern: &Pattern, values: &[f64], col_scale: &[f64], tol: f64) -> RowRank {
+    preferred_rows(pattern, values, col_scale, tol, (f64::INFINITY, &|_| false))
+}
+
+/// The same, where some rows come after all others: those of which `last` is true are accepted only when of the others no
+/// squared sine above `clear` is left.
+///
+/// # Panics
+/// If a length contradicts the pattern.
+pub fn preferred_rows(
+    pattern: &Pattern,
+    values: &[f64],
+    col_scale: &[f64],
+    tol: f64,
+    (clear, last): (f64, &dyn Fn(usize) -> bool),
+) -> RowRank {
     assert_eq!(values.len(), pattern.nnz(), "one value per entry");
     assert_eq!(col_scale.len(), pattern.cols, "one scale per column");
     let mut gram = Gram::new(pattern, values, col_scale);
+    gram.clear = clear;
+    gram.last = (0..pattern.rows).map(last).collect();
     let mut heap: BinaryHeap<Claim> = (0..pattern.rows).filter(|&i| gram.waiting[i]).map(|i| gram.claim(i)).collect();
     let mut found = RowRank::default();
     while let Some(claim) = heap.pop() {
@@ -85,6 +102,8 @@ pub fn independent_rows(pattern: &Pattern, values: &[f64], col_scale: &[f64], to
 
 /// A row's claim to be accepted next; outdated when the row would now make another one.
 struct Claim {
+    /// Clear of the others, and not of those that come last.
+    first: bool,
     /// Its squared sine, rounded down to a level in large systems.
     sine2: f64,
     /// Its number of neighbours, in large systems.
@@ -94,7 +113,12 @@ struct Claim {
 
 impl Ord for Claim {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.sine2.total_cmp(&other.sine2).then(self.neighbours.cmp(&other.neighbours)).then(self.row.cmp(&other.row))
+        let sines = self.sine2.total_cmp(&other.sine2);
+        self.first
+            .cmp(&other.first)
+            .then(sines)
+            .then(self.neighbours.cmp(&other.neighbours))
+            .then(self.row.cmp(&other.row))
     }
 }
 
@@ -121,6 +145,9 @@ struct Gram {
     /// Place + 1 of each column in the row being updated, else 0.
     place: Vec<usize>,
     largest_dropped: f64,
+    /// Rows that come after those whose squared sine is above `clear`.
+    last: Vec<bool>,
+    clear: f64,
 }
 
 impl Gram {
@@ -139,6 +166,8 @@ impl Gram {
             waiting: unit.iter().map(|row| !row.is_empty()).collect(),
             place: vec![0; m],
             largest_dropped: 0.0,
+            last: Vec::new(),
+            clear: f64::INFINITY,
         };
         for (i, row) in unit.iter().enumerate() {
             for &(j, x) in row {
@@ -151,11 +180,12 @@ impl Gram {
 
     fn claim(&self, row: usize) -> Claim {
         let sine2 = self.diagonal[row];
+        let first = sine2 > self.clear && !self.last[row];
         if self.rows.len() <= FULL_SEARCH {
-            return Claim { sine2, neighbours: Reverse(0), row: Reverse(row) };
+            return Claim { first, sine2, neighbours: Reverse(0), row: Reverse(row) };
         }
         let level = LEVELS.into_iter().find(|&level| sine2 >= level).unwrap_or(0.0);
-        Claim { sine2: level, neighbours: Reverse(self.rows[row].len()), row: Reverse(row) }
+        Claim { first, sine2: level, neighbours: Reverse(self.rows[row].len()), row: Reverse(row) }
     }
 
     /// Adds `factor` times some entries to row `i`, leaving the places of the row marked.
@@ -258,6 +288,22 @@ mod tests {
 
     fn random(rng: &mut fastrand::Rng, rows: usize, cols: usize) -> Matrix {
         Matrix::from_vec(rows, cols, (0..rows * cols).map(|_| 2.0 * rng.f64() - 1.0).collect())
+    }
+
+    #[test]
+    fn rows_that_come_last_are_those_left_out() {
+        let mut rng = fastrand::Rng::with_seed(52);
+        for _ in 0..50 {
+            // six rows of rank four, the first two to come last
+            let c = random(&mut rng, 6, 4).matmul(&random(&mut rng, 4, 7));
+            let pattern = Pattern::dense(6, 7);
+            for tol in [1e-9, 0.0] {
+                let found = preferred_rows(&pattern, c.data(), &[1.0; 7], tol, (1e-9, &|i| i < 2));
+                let mut kept = found.kept[..4].to_vec();
+                kept.sort_unstable();
+                assert_eq!(kept, [2, 3, 4, 5], "the others are independent and suffice");
+            }
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod dynamics;
 pub mod error;
 pub mod evaluator;
 pub mod force;
+pub mod horizon;
 pub mod joint;
 pub mod loop_closure;
 pub mod mechanics;

@@ -90,11 +90,23 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             let fields = [("residual", shortfall.into()), ("iterations", 0usize.into()), ("loops", block.into())];
             raise(py, "AssemblyError", &message, &fields)
         }
+        SystemError::Contradiction { t, who, whom, gap, .. } => {
+            let fields = [
+                ("t", t.into()),
+                ("gap", gap.into()),
+                ("who", String::from(who).into()),
+                ("whom", whom.join(", ").into()),
+            ];
+            raise(py, "ContradictionError", &message, &fields)
+        }
         SystemError::Mass { name, .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }
         SystemError::SingularStart { t, .. } | SystemError::Passage { t, .. } | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
+        }
+        SystemError::Jump { t, what, .. } => {
+            raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", String::from(what).into())])
         }
         SystemError::Basis { t, .. } | SystemError::DeadPoint { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])

@@ -5,7 +5,7 @@ use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::{self, Journal, Request, Run};
+use partita_analysis::run::{self, Finding, Journal, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
@@ -34,6 +34,11 @@ trait Told: Send + Sync {
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
 }
 
+/// Findings as plain data: broken, t, sentence.
+fn told(findings: &[Finding]) -> Vec<(bool, f64, String)> {
+    findings.iter().map(|x| (x.broken, x.t, x.sentence.clone())).collect()
+}
+
 struct Kept<S> {
     system: Arc<S>,
     journal: Journal,
@@ -45,7 +50,10 @@ impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Told for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
         let found = watched(py, |watch| self.journal.describe::<S, Stop>(&self.system, self.shared, watch))?;
-        described(py, self.journal.outputs.len(), size, found)
+        let findings = told(&self.journal.judge(&*self.system, &found));
+        let d = described(py, self.journal.outputs.len(), size, found)?;
+        d.set_item("findings", findings)?;
+        Ok(d)
     }
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
@@ -211,12 +219,15 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("notes", &run.notes)?;
     d.set_item("kept_rows", &run.rows)?;
     d.set_item("steps_open", run.open)?;
+    d.set_item("gaps", (run.gaps.position.part, run.gaps.velocity.part))?;
+    d.set_item("findings", told(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);
     for (name, value) in [
         ("steps", c.steps),
         ("rejected", c.rejected),
         ("retries", c.retries),
+        ("lenient", c.lenient),
         ("evaluations", c.evaluations),
         ("dense_evaluations", c.dense_evaluations),
         ("factorisations", f.factorisations),

@@ -144,6 +144,35 @@ pub enum SystemError {
         /// Whether others would do, and what to try.
         advice: String,
     },
+    /// Conditions that depend on each other and do not agree.
+    #[error("{}", contradiction(who, whom, *t, *gap, unit, *drive))]
+    Contradiction {
+        /// When it was seen.
+        t: f64,
+        /// What was left out because it follows from the others, in words.
+        who: Box<str>,
+        /// The others, in words, drives first.
+        whom: Vec<String>,
+        /// By how much they miss each other there.
+        gap: f64,
+        /// Its unit.
+        unit: Box<str>,
+        /// Is the one left out a drive?
+        drive: bool,
+    },
+    /// A condition is left in a step, however short.
+    #[error(
+        "{what} jumps by {by:.3e} at t = {}: no body follows a step; give it a motion that is continuous with its rate",
+        six_digits(*t)
+    )]
+    Jump {
+        /// What the condition belongs to.
+        what: Box<str>,
+        /// Time.
+        t: f64,
+        /// By how much it is left.
+        by: f64,
+    },
     /// A tangent basis no longer spans the motion, or a position cannot be found from its tangent coordinates.
     #[error("the tangent basis \"{name}\" fails at t = {t}: {reason}")]
     Basis {
@@ -207,6 +236,28 @@ fn gap(shortfall: f64, angle: f64) -> String {
     }
 }
 
+fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive: bool) -> String {
+    let others = match whom {
+        [] => "the state at the start".to_string(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    };
+    let advice = match drive || whom.iter().any(|w| w.contains("drive")) {
+        true => "take a drive away, or prescribe motions that agree",
+        false => "take one of them away, or give lengths and directions that agree",
+    };
+    format!(
+        "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {gap:.3e} {unit} where the others \
+         hold; {advice}",
+        six_digits(t)
+    )
+}
+
+/// Six digits of a time, as people read it.
+pub fn six_digits(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
+}
+
 fn limit(block: &str, t: f64, shortfall: f64) -> String {
     let advice = "stop the inputs before it, or take other coordinates as inputs";
     if shortfall == 0.0 {
@@ -230,6 +281,7 @@ impl SystemError {
                 | Self::DeadPoint { .. }
                 | Self::Basis { .. }
                 | Self::Choice { .. }
+                | Self::Jump { .. }
         )
     }
 }

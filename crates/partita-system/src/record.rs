@@ -108,6 +108,10 @@ pub struct Sample {
     pub closure: f64,
     /// Largest |C v + a| over all rows.
     pub velocity_closure: f64,
+    /// Both in parts of sizes, with the rows; rates in parts of the size alone [1/s].
+    pub gaps: Gaps,
+    /// The fastest rate [1/s].
+    pub fastest: f64,
     /// P4 (nv).
     pub measure: Vec<f64>,
     /// σ and √μ of the current choice.
@@ -154,8 +158,39 @@ pub struct Journal {
     pub passages: Vec<f64>,
     /// Largest |Φ| and |C v + a| over all rows at the ends of the steps taken.
     pub open: (f64, f64),
+    /// The same in parts of sizes, with times and rows.
+    pub gaps: Gaps,
     /// What the user should know besides, in sentences.
     pub notes: Vec<String>,
+}
+
+/// How far a condition stood open, in parts of its size, where that was worst.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gap {
+    /// Part of the row's size; of rates, over the fastest rate of the motion as well.
+    pub part: f64,
+    /// When.
+    pub t: f64,
+    /// Which row.
+    pub row: usize,
+}
+
+/// What stood open at the ends of the steps taken, all rows looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gaps {
+    /// Φ.
+    pub position: Gap,
+    /// C v + a.
+    pub velocity: Gap,
+}
+
+impl Gaps {
+    /// Take over what is worse in `other`.
+    pub fn raise(&mut self, other: &Self) {
+        let worse = |a: Gap, b: Gap| if b.part > a.part { b } else { a };
+        self.position = worse(self.position, other.position);
+        self.velocity = worse(self.velocity, other.velocity);
+    }
 }
 
 /// What is to become of a step, seen from its end.

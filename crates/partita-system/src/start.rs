@@ -2,10 +2,11 @@
 
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
+use crate::reduction::openness::OPEN;
 pub use crate::reduction::REDUNDANT;
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::rank::{independent_rows, RowRank};
+use partita_math::rank::{preferred_rows, RowRank};
 
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
@@ -41,7 +42,8 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
             None => {}
         }
     }
-    let mut rank = independent_rows(pattern, &c, r.scales(), REDUNDANT);
+    let drive = |i: usize| r.system.row_is_drive(i);
+    let mut rank = preferred_rows(pattern, &c, r.scales(), REDUNDANT, (REDUNDANT, &drive));
     rank.pivots.push(weakest);
     rank
 }
@@ -100,22 +102,20 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
             NEXT_DOOR * sign * (1.0 + 0.37 * (j as f64).sin()) * system.reach(r.partition.independent[j])
         })
         .collect();
+    let mut near = q.to_vec();
+    if !all_closed(&mut r, t, &mut near)? {
+        return Ok(());
+    }
+    let (part, row) = r.dropped_gap();
+    if part > OPEN {
+        return Err(r.contradiction(t, row, part, ""));
+    }
     r.gamma.fill(0.0);
     r.spread(&move_independent);
-    let mut near = q.to_vec();
     system.step(&mut near, &r.v.clone());
-    for _ in 0..6 {
-        r.position(t, &near)?;
-        if r.factor(t).is_err() {
-            return Ok(()); // the probe itself ran into a singular position: no verdict from it
-        }
-        if system.size().holonomic == system.size().rows {
-            r.correct_dependent(&mut near);
-        } else {
-            correct_orthogonally(&mut r, t, &mut near)?; // rows without a position have nothing to be solved for
-        }
+    if !all_closed(&mut r, t, &mut near)? {
+        return Ok(());
     }
-    r.position(t, &near)?;
     r.refresh_scales(t, &near)?;
     let part = |i: usize| r.phi[i].abs() / system.row_reach(i).unwrap_or(1.0);
     let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
@@ -135,6 +135,24 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     Ok(())
 }
 
+/// Close the rows kept, near q. False where the probe itself runs into a singular position: no verdict from it.
+fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
+    for _ in 0..6 {
+        r.position(t, q)?;
+        if r.factor(t).is_err() {
+            return Ok(false);
+        }
+        match r.size().holonomic == r.size().rows {
+            true => {
+                r.correct_dependent(q);
+            }
+            false => correct_orthogonally(r, t, q)?, // rows without a position have nothing to be solved for
+        }
+    }
+    r.position(t, q)?;
+    Ok(r.factor(t).is_ok())
+}
+
 /// Any admissible partition: the one a sparse elimination with pivoting arrives at.
 pub(crate) fn first_partition<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
@@ -149,7 +167,7 @@ pub(crate) fn first_partition<S: ConstrainedSystem>(
     let plan = Plan::new(
         pattern,
         &r.c,
-        &vec![true; size.rows],
+        &r.eligible_rows(),
         &vec![true; size.nv],
         r.row_scales(),
         r.scales(),

@@ -245,6 +245,18 @@ pub trait ConstrainedSystem: Sync {
     fn row_reach(&self, _i: usize) -> Option<f64> {
         None
     }
+    /// The time after which nothing can be evaluated, and what ends there, in words.
+    fn horizon(&self) -> Option<(f64, String)> {
+        None
+    }
+    /// What condition `i` belongs to, in words.
+    fn row_owner(&self, i: usize) -> String {
+        self.row_words(i)
+    }
+    /// Does row `i` prescribe a motion? Such rows are kept after all others: what closes a loop is no matter of choice.
+    fn row_is_drive(&self, _i: usize) -> bool {
+        false
+    }
     /// Does row `i` close a direction (rad), not a length?
     fn row_is_angle(&self, _i: usize) -> bool {
         false

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError, MissingFileError
+from ..errors import ArgumentError, DoubtfulResultWarning, MissingFileError
 from ..results.save import checked_path
 from .account import account
 from .models import Opened, open_model
@@ -48,8 +49,13 @@ def simulate(arguments: argparse.Namespace) -> int:
         print(account(result, _measured(opened, result, arguments)))
         for path in written:
             print(f"wrote {path}")
+    if result.certificate.verdict == "doubtful":
+        print("partita: the result is doubtful; its certificate says why", file=sys.stderr)
     if result.success:
         return 0
+    if result.status == "broken":
+        print(f"partita: {result.message}", file=sys.stderr)
+        return 1
     reached = f"t = {result.t[-1]:.6g} s" if len(result.t) else "the start"
     print(f"partita: the run stopped after {reached} ({result.status}): {result.message}", file=sys.stderr)
     return 130 if result.status == "interrupted" else 1
@@ -104,6 +110,7 @@ def _run(opened: Opened, start: State | None, arguments: argparse.Namespace) -> 
             options[name] = getattr(arguments, name)
     duration = arguments.time or (opened.entry.duration if opened.entry else 0.0)
     progress = _Progress() if sys.stderr.isatty() and not arguments.quiet else None
+    warnings.simplefilter("ignore", DoubtfulResultWarning)  # told in a line of its own
     try:
         return opened.mechanism.simulate(
             duration, t_eval=_outputs(opened, start, duration, arguments), initial=start, progress=progress, **options

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
+from .verdict import Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,18 @@ class Certificate:
     """Steps after which the remainder of the closure was removed."""
     notes: tuple[str, ...]
     """All that was dropped, switched, repaired or not found, in sentences."""
+    findings: tuple[Finding, ...] = ()
+    """What stands against the run: broken or doubtful, when [s], and a sentence."""
+
+    @property
+    def verdict(self) -> str:
+        """ "holds", "doubtful" or "broken": that of the worst finding."""
+        return word_of(self.findings)
 
     def __str__(self) -> str:
         lines = [
+            f"verdict           {self.verdict}",
+            *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
             f"closure           {_shown(self.closure)}",
             f"velocity closure  {_shown(self.velocity_closure)}",
             f"energy balance    {_shown(self.energy_balance)}  (relative to the energy exchanged)",
@@ -58,11 +68,20 @@ def certify(result: Readable) -> Certificate:
     """Gather the certificate of a result; asks for the reactions, O(outputs x bodies)."""
     notes = list(result.notes)
     newton_euler = None
+    findings = [*result.record.findings, *result.record.arrays.findings, *of_arrays(result.t, result.q, result.v)]
+    if result.record.status == "contradiction":
+        findings.insert(0, Finding(True, float("nan"), result.record.message))
     if result.names.bodies:
         try:
-            newton_euler = _largest(result.reactions["residual"])
+            residual = result.reactions["residual"]
+            newton_euler = _largest(residual)
+            findings += of_reactions(result.t, residual, result.record.options)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
+    if result.has_energy:
+        findings += of_energy(
+            result.t, result.energy, tolerance(result.record.options), int(result.counters.get("steps", 0))
+        )
     sigma, sigma_t = _smallest(result.sigma, result.t)
     sqrt_mu, sqrt_mu_t = _smallest(result.sqrt_mu, result.t)
     return Certificate(
@@ -77,6 +96,7 @@ def certify(result: Readable) -> Certificate:
         switches=sum(change.is_switch for change in result.partitions),
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
+        findings=tuple(dict.fromkeys(findings)),
     )
 
 

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from .tables import Tables
+from .verdict import Finding, findings_of
 
 ACCOUNT = (
-    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "options", "spec",
+    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "findings",
+    "options", "spec",
 )  # fmt: skip
 
 
@@ -31,6 +33,10 @@ class Record:
     message: str = ""
     steps_open: tuple[float, float] = (0.0, 0.0)
     """Largest |Phi| and |C v + a| at the ends of the steps taken."""
+    gaps: tuple[float, float] = (0.0, 0.0)
+    """The same in parts of what a large move opens each condition by, and of the fastest rate."""
+    findings: list[Finding] = field(default_factory=list)
+    """What stands against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
     error: Exception | None = None
     """What ended the run early, from its cause; only in memory."""
@@ -61,6 +67,8 @@ class Record:
             success=bool(raw.get("success", True)),
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
+            gaps=_pair(raw.get("gaps")),
+            findings=findings_of(raw.get("findings", ())),
             options=dict(options),
             error=raw.get("error"),
             description=description,
@@ -68,7 +76,8 @@ class Record:
 
     def account(self) -> dict[str, Any]:
         """Everything but the arrays, ready for JSON."""
-        return {key: plain(getattr(self, key)) for key in ACCOUNT} | {"notes": self.all_notes}
+        told = {"notes": self.all_notes, "findings": plain([*self.findings, *self.arrays.findings])}
+        return {key: plain(getattr(self, key)) for key in ACCOUNT} | told
 
     @property
     def all_notes(self) -> list[str]:
@@ -79,8 +88,9 @@ class Record:
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
         spec = account["spec"]
-        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open")}
-        told["steps_open"] = _pair(account.get("steps_open"))
+        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open", "gaps", "findings")}
+        told["steps_open"], told["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
+        told["findings"] = findings_of(account.get("findings", ()))
         return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
 
 

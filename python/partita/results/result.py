@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, DoubtfulResultWarning
 from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
@@ -21,6 +22,7 @@ from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .source import BODIES, Arrays, ModelSource, Source
+from .verdict import DOUBTFUL, Finding, of_reactions, word_of
 
 if TYPE_CHECKING:
     import pandas
@@ -45,6 +47,7 @@ class Result:
     def __init__(self, record: Record, source: Source | None) -> None:
         self._record = record
         self._source = source
+        self._warned = False
         arrays = record.arrays
         self.t: FloatArray = arrays["t"]
         """(nt,): times of the outputs [s]."""
@@ -52,9 +55,6 @@ class Result:
         """(nt, nq): coordinates [m, rad; quaternions scalar first]."""
         self.v: FloatArray = arrays["v"]
         """(nt, nv): velocities [m/s, rad/s]."""
-        self.status = record.status
-        self.success = record.success
-        self.message = record.message
         self.error = record.error
         """What ended the run early, for instance an `EvaluationError` raised from what a function raised; None for a
         run that ended otherwise, and in a stored result. `raise run.error` shows where."""
@@ -81,10 +81,55 @@ class Result:
         `spec` is the description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints.
         """
         record = Record.from_raw(raw, summary, options or {}, spec)
-        if spec is None:
-            return cls(record, None)
-        counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
-        return cls(record, ModelSource(model, record.arrays, *counts))
+        source = None
+        if spec is not None:
+            counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
+            source = ModelSource(model, record.arrays, *counts)
+        result = cls(record, source)
+        result._warn(record.findings)
+        return result
+
+    @property
+    def success(self) -> bool:
+        """Whether the run reached its end and what it returned holds: all conditions closed at every step, the
+        reactions in balance with the motion. Looks at the first and the last output; with the certificate, at all."""
+        return self._record.success and self._broken is None
+
+    @property
+    def status(self) -> str:
+        """How the run ended, in a word: "finished", "broken" (at its end, with a result that does not hold), ..."""
+        return "broken" if self._record.success and self._broken else self._record.status
+
+    @property
+    def message(self) -> str:
+        """How the run ended, in a sentence."""
+        broken = self._broken if self._record.success else None
+        told = self._record.message
+        return told if broken is None else f"{told}, but the result is broken: {broken.sentence}"
+
+    @property
+    def _broken(self) -> Finding | None:
+        """The first finding by which the run is broken, among those known."""
+        known = self.certificate.findings if "certificate" in self.__dict__ else self._at_ends
+        return next((finding for finding in known if finding.broken), None)
+
+    @cached_property
+    def _at_ends(self) -> list[Finding]:
+        """What is known without looking at every output: of the steps, and of the first and last output."""
+        known = list(self._record.findings)
+        if self._source is not None and len(self.t):
+            ends = [0, -1] if len(self.t) > 1 else [0]
+            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options)
+            self._warn(own)
+            known += own
+        return known
+
+    def _warn(self, findings: Sequence[Finding]) -> None:
+        """One warning for a result that is doubtful and not known to be broken."""
+        if self._record.success and word_of(findings) == DOUBTFUL and not self._warned:
+            self._warned = True
+            told = "; ".join(finding.sentence for finding in findings)
+            warnings.warn(f"the result is doubtful: {told}", DoubtfulResultWarning, stacklevel=4)
 
     @cached_property
     def names(self) -> Names:
@@ -156,7 +201,9 @@ class Result:
     @cached_property
     def certificate(self) -> Certificate:
         """Worst closure, energy balance, Newton-Euler residual, quality, switches and notes of this run."""
-        return certify(self)
+        found = certify(self)
+        self._warn(found.findings)
+        return found
 
     @property
     def has_energy(self) -> bool:

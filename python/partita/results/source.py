@@ -40,6 +40,9 @@ class Source(Protocol):
     def reactions(self) -> Arrays:
         """Wrench of every joint at every output (the `REACTIONS` arrays)."""
 
+    def residual_at(self, outputs: list[int]) -> NDArray[np.float64]:
+        """`residual` of a few outputs."""
+
     @property
     def augmented(self) -> Arrays | None:
         """`force` and `moment` of every joint by augmented joint coordinates; None where no model is at hand."""
@@ -94,6 +97,12 @@ class ModelSource:
     def reactions(self) -> Arrays:
         found: Arrays = self._model.reactions(*self._motion, *self._acting)
         return found
+
+    def residual_at(self, outputs: list[int]) -> NDArray[np.float64]:
+        if "reactions" in self.__dict__:
+            return np.asarray(self.reactions["residual"])[outputs]
+        found = self._model.reactions(*(np.ascontiguousarray(a[outputs]) for a in (*self._motion, *self._acting)))
+        return np.asarray(found["residual"])
 
     @cached_property
     def augmented(self) -> Arrays | None:
@@ -157,6 +166,9 @@ class StoredSource:
     @property
     def reactions(self) -> Arrays:
         return {key: self._arrays[key] for key in REACTIONS}
+
+    def residual_at(self, outputs: list[int]) -> NDArray[np.float64]:
+        return self._arrays["residual"][outputs]
 
     @property
     def augmented(self) -> Arrays | None:

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .verdict import Finding, findings_of
+
 KEPT_1D, KEPT_2D = ("work",), ("q", "v")
 DESCRIBED_1D, DESCRIBED_2D = ("closure", "velocity_closure"), ("vdot", "multipliers")
 ASSESSED_1D, ASSESSED_2D = ("sigma", "sqrt_mu"), ("measure",)
@@ -37,6 +39,7 @@ class Tables(Mapping[str, NDArray[Any]]):
         self._arrays: dict[str, NDArray[Any]] = {"t": t}
         self._take(arrays, KEPT_1D, KEPT_2D)
         self._notes: list[str] = []
+        self._findings: list[Finding] = []
         if journal is None:
             self._describe(arrays)
             self._assess(arrays)
@@ -51,6 +54,12 @@ class Tables(Mapping[str, NDArray[Any]]):
             return [f"what follows from the equations at the outputs cannot be computed: {why}"]
         return self._notes
 
+    @property
+    def findings(self) -> list[Finding]:
+        """What the description found against the run, at its outputs."""
+        self["closure"]
+        return self._findings
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name in self._arrays or self._journal is None:
             return self._arrays[name]
@@ -60,6 +69,7 @@ class Tables(Mapping[str, NDArray[Any]]):
             found = self._journal.describe()
             self._describe(found)
             self._notes = [str(note) for note in found["notes"]]
+            self._findings = findings_of(found["findings"])
         return self._arrays[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -71,6 +81,7 @@ class Tables(Mapping[str, NDArray[Any]]):
     def __deepcopy__(self, memo: dict[int, Any]) -> Tables:
         other = Tables({}, self._journal)  # what the core keeps never changes
         other._arrays, other._notes = copy.deepcopy(self._arrays, memo), list(self._notes)
+        other._findings = list(self._findings)
         return other
 
     def __reduce__(self) -> tuple[type[Tables], tuple[dict[str, NDArray[Any]]]]:

@@ -1,9 +1,11 @@
 //! What a run keeps, and what follows from it when it is asked for.
 
+use super::verdict::{Finding, Limits};
 use crate::outputs::{tables, Rows, Watch};
 use partita_system::formulation::registry;
 use partita_system::options::FormulationOptions;
-use partita_system::record::{Output, PartitionEvent, Sample};
+use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
+use partita_system::reduction::largest;
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Outputs of a run with the choices in use: from them everything else about an instant can be computed later.
@@ -18,6 +20,8 @@ pub struct Journal {
     pub events: Vec<PartitionEvent>,
     /// Closed positions and velocities.
     pub outputs: Vec<Output>,
+    /// How far conditions may be open.
+    pub limits: Limits,
 }
 
 /// Accelerations, multipliers and closures at all outputs, row by row.
@@ -37,6 +41,8 @@ pub struct Described {
     pub k: usize,
     /// What is not determined, where and why.
     pub notes: Vec<String>,
+    /// What stands open at the outputs, in parts of sizes and of the fastest rate, where that is worst.
+    pub gaps: Gaps,
 }
 
 /// How mobile the coordinates are and how good the choice is, at all outputs, row by row.
@@ -106,15 +112,33 @@ impl Journal {
             }
             rows.row(3, i)[0] = sample.closure;
             rows.row(4, i)[0] = sample.velocity_closure;
+            let (position, velocity) = (sample.gaps.position, sample.gaps.velocity);
+            let open = [position.part, position.row as f64, velocity.part, velocity.row as f64, sample.fastest];
+            rows.row(5, i).copy_from_slice(&open);
         };
-        let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1], fill, watch)?;
+        let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1, 5], fill, watch)?;
         let mut next = || found.next().unwrap_or_default();
         let (vdot, multipliers, independent) = (next(), next(), next());
         let (closure, velocity_closure) = (next(), next());
-        let mut described =
-            Described { vdot, multipliers, independent, closure, velocity_closure, k, notes: Vec::new() };
+        let mut described = Described {
+            vdot,
+            multipliers,
+            independent,
+            closure,
+            velocity_closure,
+            k,
+            notes: Vec::new(),
+            gaps: self.worst(&next()),
+        };
         described.notes.extend(self.undetermined(system, &described, size.nv)?);
         Ok(described)
+    }
+
+    /// What stands against the run in outputs that were described.
+    pub fn judge<S: ConstrainedSystem>(&self, system: &S, described: &Described) -> Vec<Finding> {
+        let mut found = Vec::new();
+        self.limits.judge(system, &described.gaps, "the output", &mut found);
+        found
     }
 
     /// Measures and qualities of the outputs.
@@ -135,6 +159,18 @@ impl Journal {
         let mut found = self.tables(system, shared, false, &[system.size().nv, 1, 1], fill, watch)?;
         let mut next = || found.next().unwrap_or_default();
         Ok(Assessed { measure: next(), sigma: next(), sqrt_mu: next() })
+    }
+
+    /// The worst of what was open at the outputs.
+    fn worst(&self, open: &[f64]) -> Gaps {
+        let fastest = largest(open.chunks_exact(5).map(|x| x[4]));
+        let mut gaps = Gaps::default();
+        for (x, output) in open.chunks_exact(5).zip(&self.outputs) {
+            let gap = |part: f64, row: f64| Gap { part, t: output.t, row: row as usize };
+            let rate = if x[2] > 0.0 { x[2] / fastest } else { 0.0 };
+            gaps.raise(&Gaps { position: gap(x[0], x[1]), velocity: gap(rate, x[3]) });
+        }
+        gaps
     }
 
     /// A sentence for outputs in which accelerations have no value.

@@ -3,15 +3,18 @@
 mod inconsistent;
 mod journal;
 mod request;
+mod verdict;
 
 pub use journal::{Assessed, Described, Journal};
 pub use request::Request;
+pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
-use partita_integrate::simulate::{simulate, Outcome};
+use partita_integrate::simulate::{simulate, Outcome, Status};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
-use partita_system::record::{FormulationCounters, Output};
+use partita_system::record::{FormulationCounters, Gaps, Output};
+use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
@@ -29,8 +32,12 @@ pub struct Run {
     pub rows: Vec<usize>,
     /// Largest |Φ| and |C v + a| at the ends of the steps taken.
     pub open: (f64, f64),
+    /// The same in parts of sizes, with times and rows.
+    pub gaps: Gaps,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
+    /// What stands against the run at the ends of its steps.
+    pub findings: Vec<Finding>,
 }
 
 /// At most six of many, in words.
@@ -38,6 +45,11 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
     let first: Vec<String> = all.iter().take(6).map(word).collect();
     let more = if all.len() > 6 { ", ..." } else { "" };
     format!("{}{more}", first.join(", "))
+}
+
+/// Does what ends then end inside the run, by more than the round-off of its last step?
+fn within(end: f64, request: &Request) -> bool {
+    end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
 }
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
@@ -72,8 +84,13 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
-    let settings = request.settings()?;
+    let mut settings = request.settings()?;
+    let ends = system.horizon().filter(|(end, _)| within(*end, request));
+    if let Some((end, _)) = &ends {
+        settings.t_end = *end;
+    }
     let options = request.formulation_options(system, tangent)?;
+    let limits = Limits::of(request);
     let mut notes = Vec::new();
     let unread = registry::unread(&request.formulation, &options);
     if !unread.is_empty() {
@@ -82,6 +99,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     let found = start::analyse(system, request.t0, q)?;
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
+        consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
     }
     inconsistent::refuse(system, found.rank, request.t0, q)?;
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
@@ -91,15 +109,28 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         outputs.push(output.clone());
         Ok(())
     };
-    let outcome = simulate(&mut f, request.t0, q, v, t_eval, &settings, &mut sink, watch)?;
+    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
+    let mut outcome = simulate(&mut f, request.t0, q, v, reached, &settings, &mut sink, watch)?;
+    if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
+        outcome.status = Status::EvaluationFailed;
+        outcome.message = format!(
+            "stopped at t = {end}: the table of {what} ends at {end} s, before the run does at {} s; extend the table or \
+             shorten the run",
+            request.t_end
+        );
+    }
     notes.extend(inconsistent::note(system, found.rank, (request.t0, q, v), outputs.first())?);
     let told = f.journal();
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
-    let (rows, counters, events, open) = (told.rows, told.counters, told.events, told.open);
+    let (rows, counters, events, open, gaps) = (told.rows, told.counters, told.events, told.open, told.gaps);
     drop(f);
-    let journal = Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs };
-    Ok(Run { outcome, journal, counters, rows, open, notes })
+    let journal =
+        Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs, limits };
+    let mut findings = Vec::new();
+    limits.judge(system, &gaps, "the end of the step", &mut findings);
+    verdict::of_steps(&outcome, &mut findings);
+    Ok(Run { outcome, journal, counters, rows, open, gaps, notes, findings })
 }

@@ -74,6 +74,26 @@ impl ConstrainedSystem for Model {
             _ => name,
         }
     }
+    fn row_owner(&self, i: usize) -> String {
+        match self.row_names.get(i) {
+            Some(r) => format!("joint \"{}\"", self.spec.joints[r.joint].name),
+            None => {
+                let d = &self.drives[i - self.row_names.len()];
+                let (usual, joint) =
+                    (format!("drive of {}", self.spec.joints[d.joint].name), &self.spec.joints[d.joint].name);
+                match d.name == usual {
+                    true => format!("the {usual}"),
+                    false => format!("drive \"{}\" of {joint}", d.name),
+                }
+            }
+        }
+    }
+    fn horizon(&self) -> Option<(f64, String)> {
+        crate::horizon::horizon(&self.spec)
+    }
+    fn row_is_drive(&self, i: usize) -> bool {
+        i >= self.row_names.len()
+    }
     fn rheonomic(&self) -> bool {
         self.drives.iter().any(|d| !matches!(d.motion, Value::Constant(_)))
     }

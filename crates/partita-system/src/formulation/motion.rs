@@ -20,6 +20,7 @@ use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Passage, Probe};
+use crate::singular::consistency::Watch;
 use crate::singular::crossing::{Seam, Trail};
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::all::Everything;
@@ -67,10 +68,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     lost: bool,
     /// Largest rate at the end of the step that was judged, in reaches.
     fastest: f64,
-    /// |Φ| and |C v + a| at the end of the step that was judged.
-    trial_open: (f64, f64),
-    /// The largest of those taken.
-    open: (f64, f64),
+    /// What is open at the ends of steps.
+    watch: Watch,
     v: Vec<f64>,
     vdot: Vec<f64>,
 }
@@ -182,8 +181,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             flipped: false,
             lost: false,
             fastest: 0.0,
-            trial_open: (0.0, 0.0),
-            open: (0.0, 0.0),
+            watch: Watch::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
         }
@@ -399,11 +397,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
     fn dim(&self) -> usize {
-        self.controlled() + usize::from(self.observes_work)
+        self.places().1 + usize::from(self.observes_work)
     }
 
+    /// Where drives prescribe all motion, their work is what there is to integrate.
     fn controlled(&self) -> usize {
-        self.places().1
+        self.places().1 + usize::from(self.observes_work && self.k == 0)
     }
 
     fn natural_sizes(&self, out: &mut [f64]) {
@@ -412,6 +411,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let mut of_q = vec![1.0; self.system.size().nq];
         super::sizes_of_coordinates(self.system, &mut of_q);
         self.positions.sizes(&of_q, &mut out[..p]);
+        if self.observes_work {
+            out[w] = self.tangent.seen().natural_energy();
+        }
         out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
 
@@ -440,7 +442,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             self.derivative(t, y, dy)?;
         }
         self.moved = false;
-        self.trial_open = (self.tangent.seen().closure(), self.tangent.seen().velocity_closure());
+        self.watch.look(t, self.tangent.seen());
+        self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
         self.look_back(t);
         if self.lost {
@@ -479,7 +482,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             }
             return Ok(true);
         }
-        self.open = (self.open.0.max(self.trial_open.0), self.open.1.max(self.trial_open.1));
+        self.watch.accept();
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
@@ -517,8 +520,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn journal(&self) -> Journal {
-        let mut journal =
-            Journal { name: self.name, passages: self.passage.times.clone(), open: self.open, ..Journal::default() };
+        let mut journal = Journal { name: self.name, passages: self.passage.times.clone(), ..Journal::default() };
+        (journal.open, journal.gaps) = (self.watch.open, self.watch.gaps);
         self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);

@@ -105,6 +105,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
             return Ok(moved);
         }
         r.position(t, q)?;
+        r.jumped(t)?;
         if r.is_closed() || !tangent.correct(t, q, self.correction)? {
             return Ok(moved);
         }

@@ -1,6 +1,7 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
 
 mod arithmetic;
+pub mod openness;
 mod rows;
 mod watch;
 
@@ -89,6 +90,10 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     reach: Vec<f64>,
     row_scale: Vec<f64>,
     row_reach: Vec<Option<f64>>,
+    /// What a large move opens each row by.
+    row_size: Vec<f64>,
+    /// Rows not kept, ascending.
+    dropped: Vec<usize>,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -171,6 +176,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             reach: (0..n).map(|i| system.reach(i)).collect(),
             row_scale: vec![1.0; size.rows],
             row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
+            row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
+            dropped: Vec::new(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -270,6 +277,12 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
             self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
+            let arm = self.noise[i] / (4.0 * f64::EPSILON);
+            self.row_size[i] = match self.row_reach[i] {
+                Some(reach) => reach.max(arm),
+                None if arm > 0.0 => arm,
+                None => 1.0,
+            };
         }
     }
 
@@ -308,6 +321,9 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.partition.independent = independent.to_vec();
         self.partition.dependent = plan.pivot_cols().to_vec();
         self.partition.rows = plan.pivot_rows().to_vec();
+        let mut dropped = vec![true; self.size.rows];
+        self.partition.rows.iter().for_each(|&i| dropped[i] = false);
+        self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
         self.plan_recursion();
         self.place_columns(independent);
         let mut place = vec![NONE; self.size.nv];

@@ -3,7 +3,7 @@
 use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::dense::dot;
-use partita_math::rank::independent_rows;
+use partita_math::rank::{independent_rows, preferred_rows};
 
 /// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
 ///
@@ -11,11 +11,12 @@ use partita_math::rank::independent_rows;
 pub const REDUNDANT: f64 = 1e-9;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
-    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here.
+    /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come
+    /// last.
     ///
     /// Rows with a position go before those that hold for velocities only: what is kept then closes every position, and
     /// the velocity rows that say nothing new follow from them.
-    pub(super) fn eligible_rows(&self) -> Vec<bool> {
+    pub(crate) fn eligible_rows(&self) -> Vec<bool> {
         let (rows, rank) = (self.size.rows, self.rank);
         if rank == rows {
             return vec![true; rows];
@@ -28,7 +29,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let mut eligible = vec![false; rows];
         if self.size.holonomic == rows {
-            let found = independent_rows(pattern, &c, &self.s, 0.0);
+            let found = preferred_rows(pattern, &c, &self.s, 0.0, (REDUNDANT, &|i| self.system.row_is_drive(i)));
             if found.rank < rank {
                 return vec![true; rows];
             }

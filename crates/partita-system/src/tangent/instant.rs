@@ -6,7 +6,7 @@
 
 use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
-use crate::record::{Output, Sample};
+use crate::record::{Gap, Gaps, Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -84,8 +84,12 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
     }
 }
 
-fn closures<S: ConstrainedSystem>(r: &Reduction<S>, v: &[f64], out: &mut Sample) {
+fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
     out.closure = r.closure();
+    r.v.copy_from_slice(v);
+    let gap = |(part, row): (f64, usize)| Gap { part, t: out.t, row };
+    out.gaps = Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()) };
+    out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
 
@@ -93,7 +97,6 @@ fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f6
     let size = r.size();
     closures(r, v, out);
     r.tangent(t)?;
-    r.v.copy_from_slice(v);
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
     out.vdot.resize(size.nv, 0.0);

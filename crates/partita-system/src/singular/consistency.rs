@@ -1,0 +1,165 @@
+//! Redundant rows that were dropped: do they follow from the rows kept, in values as in directions?
+//!
+//! A dropped row depends on the others in its direction alone. Whether it agrees with them is looked at before the first step,
+//! in its value, its rates and over a short motion, and after every step. Where it does not, the conditions contradict each
+//! other: no motion keeps them all.
+
+use crate::kinematics::projection::correct_orthogonally;
+use crate::record::{Gap, Gaps};
+use crate::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
+use crate::reduction::Reduction;
+use crate::start::{choose_partition, Start};
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// Kept rows that are open themselves tell nothing of the dropped ones unless those are open so many times more.
+const CLEARLY: f64 = 1e3;
+/// Length of the motion at the start, in the time the mechanism itself takes for a large move.
+const SHORT: f64 = 1e-3;
+/// Second rates off by more than this part are no round-off of tables (a cubic through exact points errs there by the square
+/// of its spacing): the condition leaves the motion.
+const BENDS: f64 = 1e-2;
+
+/// Do the dropped rows agree with the kept ones at the start, and for a short time after it?
+///
+/// `longest` bounds that time.
+///
+/// # Errors
+/// `Contradiction`, with who contradicts whom. Where nothing can be evaluated nothing is said: the run will tell.
+pub fn check<S: ConstrainedSystem>(
+    system: &S,
+    start: &Start,
+    (t, q, v): (f64, &[f64], &[f64]),
+    longest: f64,
+) -> Result<(), SystemError> {
+    if start.dropped.is_empty() {
+        return Ok(());
+    }
+    let mut r = Reduction::new(system, start.rank);
+    let mut here = q.to_vec();
+    if choose_partition(&mut r, t, q, None, None).is_err() || close(&mut r, t, &mut here).is_err() {
+        return Ok(());
+    }
+    let (part, row) = r.dropped_gap();
+    if part > OPEN {
+        return Err(r.contradiction(t, row, part, ""));
+    }
+    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    if r.evaluate(t, &here, &speeds).is_err() {
+        return Ok(());
+    }
+    let (rate, row) = r.dropped_velocity_gap();
+    let fastest = r.fastest();
+    if rate > OPEN_RATE * fastest {
+        return Err(r.contradiction(t, row, rate, "/s"));
+    }
+    let mut vdot = vec![0.0; v.len()];
+    r.full_acceleration(&mut vdot);
+    let (bend, row) = r.dropped_acceleration_gap(&vdot);
+    let strongest = r.strongest(&vdot).max(fastest * fastest);
+    if bend > BENDS * strongest {
+        return Err(r.contradiction(t, row, bend, "/s^2"));
+    }
+    if strongest == 0.0 {
+        return Ok(()); // at rest, and nothing that would end it
+    }
+    let h = (SHORT / strongest.sqrt()).min(longest);
+    let moved: Vec<f64> = r.v.iter().zip(&vdot).map(|(v, a)| h * (v + 0.5 * h * a)).collect();
+    system.step(&mut here, &moved);
+    if close(&mut r, t + h, &mut here).is_err() || r.gap_of_kept() > CLOSED {
+        return Ok(());
+    }
+    let (part, row) = r.dropped_gap();
+    match part > CLOSED {
+        true => Err(r.contradiction(t + h, row, part, "")),
+        false => Ok(()),
+    }
+}
+
+/// Close the kept rows to round-off near q; leaves the factors there.
+fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+    let size = r.size();
+    for _ in 0..6 {
+        r.position(t, q)?;
+        r.factor(t)?;
+        match size.rows == size.holonomic {
+            true => {
+                r.correct_dependent(q);
+            }
+            false => correct_orthogonally(r, t, q)?,
+        }
+    }
+    r.position(t, q)?;
+    r.factor(t)
+}
+
+/// What was open at the end of the step that is judged, and at the ends of those taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Watch {
+    /// |Φ| and |C v + a|.
+    trial: (f64, f64),
+    trial_gaps: Gaps,
+    trial_fastest: f64,
+    /// The largest of those taken.
+    pub open: (f64, f64),
+    /// The same in parts, with times and rows.
+    pub gaps: Gaps,
+    /// The fastest rate so far [1/s].
+    fastest: f64,
+}
+
+impl Watch {
+    /// Look at the end of a step, the point last evaluated.
+    pub fn look<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) {
+        self.trial = (r.closure(), r.velocity_closure());
+        let fastest = self.fastest.max(r.fastest());
+        self.trial_fastest = fastest;
+        let ((part, row), (rate, rate_row)) = (r.gap(), r.velocity_gap());
+        let rate = if rate > 0.0 { rate / fastest } else { 0.0 };
+        self.trial_gaps = Gaps { position: Gap { part, t, row }, velocity: Gap { part: rate, t, row: rate_row } };
+    }
+
+    /// The step that was looked at is taken.
+    pub fn accept(&mut self) {
+        self.fastest = self.trial_fastest;
+        self.open = (self.open.0.max(self.trial.0), self.open.1.max(self.trial.1));
+        self.gaps.raise(&self.trial_gaps);
+    }
+
+    /// Do the dropped rows contradict the others at the end of the step that was looked at, (t, q, v)?
+    ///
+    /// # Errors
+    /// `Contradiction`, with who contradicts whom.
+    pub fn check<S: ConstrainedSystem>(&self, t: f64, q: &[f64], r: &Reduction<S>) -> Result<(), SystemError> {
+        if r.dropped().is_empty() {
+            return Ok(());
+        }
+        let (kept, size) = (r.gap_of_kept(), r.size());
+        let (part, (rate, _)) = (r.dropped_gap().0, r.dropped_velocity_gap());
+        let open = part > OPEN && part > CLEARLY * kept;
+        let fastest = self.trial_fastest;
+        let limit = if size.rows == size.holonomic { OPEN_RATE } else { OPEN };
+        if !open && rate <= limit * fastest {
+            return Ok(());
+        }
+        // with the kept rows closed for good, in a choice of its own
+        let mut probe = Reduction::new(r.system, r.rank());
+        let mut here = q.to_vec();
+        if choose_partition(&mut probe, t, q, None, None).is_err() || close(&mut probe, t, &mut here).is_err() {
+            return Ok(()); // next to a singular position: nothing can be said
+        }
+        let (part, row) = probe.dropped_gap();
+        if part > OPEN {
+            return Err(probe.contradiction(t, row, part, ""));
+        }
+        let speeds: Vec<f64> = probe.partition.independent.iter().map(|&i| r.v[i]).collect();
+        if probe.tangent(t).is_err() {
+            return Ok(());
+        }
+        probe.spread(&speeds);
+        let (rate, row) = probe.dropped_velocity_gap();
+        match rate > limit * fastest {
+            true => Err(probe.contradiction(t, row, rate, "/s")),
+            false => Ok(()),
+        }
+    }
+}

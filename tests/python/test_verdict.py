@@ -1,0 +1,193 @@
+"""The verdict on a run: what is right holds, what is not is doubtful or broken, and told everywhere."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita import results
+from partita.cli import main
+from partita.errors import DoubtfulResultWarning, PartitaError
+from partita.results import Result
+from partita.results.energy import EnergyResult
+from partita.results.verdict import Finding, of_arrays, of_energy, of_reactions, word_of
+
+CLOSED = ["projective", "wehage-haug", "explicit-closing", "zero-eigenvalue", "svd", "qr", "gram-schmidt"]
+CLOSED += ["tangent-space", "multipliers", "range-space", "proximal"]
+
+
+@pytest.mark.parametrize("formulation", CLOSED)
+@pytest.mark.parametrize("name", pt.catalogue.names())
+def test_what_is_right_holds(name: str, formulation: str) -> None:
+    """Short runs of the catalogue at loose, usual and tight tolerances; a warning would be an error here."""
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    start = entry.initial(m)
+    for rtol in (1e-4, 1e-8, 1e-12):
+        span = min(entry.duration, 0.5)
+        run = m.simulate(
+            span, initial=start, rtol=rtol, atol=1e-2 * rtol, formulation=formulation, t_eval=np.linspace(0, span, 21)
+        )
+        assert run.success and run.certificate.verdict == "holds", (rtol, run.message, run.certificate.findings)
+        assert max(run.record.gaps) <= 1e-9
+
+
+@pytest.mark.parametrize("formulation", ["projective", "multipliers"])
+def test_drift_that_was_asked_for_holds(formulation: str) -> None:
+    for rtol in (1e-4, 1e-8):
+        run = pt.catalogue.entry("four-bar").simulate(rtol=rtol, formulation=formulation, correction="none")
+        assert run.success and run.certificate.verdict == "holds", run.certificate.findings
+
+
+def four_bar_run() -> Result:
+    return pt.catalogue.entry("four-bar").simulate(t_eval=np.linspace(0.0, 0.5, 6))
+
+
+def spoilt(run: Result, broken: bool) -> Result:
+    finding = Finding(broken, 0.25, "the closing of C stands open by 0.1 m")
+    return Result(replace(run.record, findings=[finding]), run._source)
+
+
+def test_a_broken_run_is_no_success() -> None:
+    run = spoilt(four_bar_run(), True)
+    assert not run.success and run.status == "broken"
+    assert run.message == "reached t = 10, but the result is broken: the closing of C stands open by 0.1 m"
+    assert run.certificate.verdict == "broken"
+    assert "verdict           broken" in str(run.certificate)
+    assert "broken: the closing of C" in str(run.certificate) and "BROKEN" in repr(run)
+
+
+def test_a_doubtful_run_warns_once() -> None:
+    run = spoilt(four_bar_run(), False)
+    with pytest.warns(DoubtfulResultWarning, match=r"the closing of C") as told:
+        assert run.certificate.verdict == "doubtful"
+        assert run.success and run.status == "finished"
+        str(run.certificate)
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("ending", ["json", "nc"])
+@pytest.mark.parametrize("broken", [True, False])
+def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, broken: bool) -> None:
+    run = spoilt(four_bar_run(), broken)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DoubtfulResultWarning)
+        run.save(tmp_path / f"run.{ending}")
+        back = results.load(tmp_path / f"run.{ending}")
+        assert back.success is run.success and back.status == run.status and back.message == run.message
+        assert back.certificate.findings == run.certificate.findings
+
+
+def test_the_command_line_fails_where_the_run_is_broken(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = pt.Mechanism.simulate
+    for broken, code, words in ((True, 1, "but the result is broken"), (False, 0, "the result is doubtful")):
+        monkeypatch.setattr(pt.Mechanism, "simulate", lambda *a, b=broken, **o: spoilt(whole(*a, **o), b))
+        assert main(["simulate", "four-bar", "--time", "0.1", "--outputs", "3", "--quiet"]) == code
+        assert words in capsys.readouterr().err
+
+
+def test_words() -> None:
+    fine, doubtful, broken = [], [Finding(False, 0.0, "x")], [Finding(False, 0.0, "x"), Finding(True, 1.0, "y")]
+    assert [word_of(x) for x in (fine, doubtful, broken)] == ["holds", "doubtful", "broken"]
+
+
+@pytest.mark.parametrize(("residual", "word"), [(0.9e-7, "holds"), (1.1e-7, "doubtful"), (1.1e-3, "broken")])
+def test_newton_euler_from_both_sides(residual: float, word: str) -> None:
+    t = np.array([0.0, 1.0, 2.0])
+    found = of_reactions(t, np.array([1e-15, residual, np.nan]), {})
+    assert word_of(found) == word and all(x.t == 1.0 for x in found)
+
+
+@pytest.mark.parametrize(
+    ("off", "rtol", "steps", "word"),
+    [
+        (0.9e-8, 1e-12, 100, "holds"),
+        (1.1e-8, 1e-12, 100, "doubtful"),
+        (3.9e-2, 1e-11, 2000, "broken"),
+        (1.9e-6, 1e-8, 100, "holds"),
+        (2.1e-6, 1e-8, 100, "doubtful"),
+        (1.1e-2, 1e-8, 100, "broken"),
+        (1.9e-1, 1e-4, 100, "doubtful"),
+        (2.1e-1, 1e-4, 100, "broken"),
+    ],
+)
+def test_energy_from_both_sides(off: float, rtol: float, steps: int, word: str) -> None:
+    for scale in (1e-9, 1.0, 1e9):
+        kinetic = scale * np.array([1.0, 0.5, 0.2])
+        energy = EnergyResult(kinetic, scale * np.array([0.0, 0.5, 0.8 - off]), np.zeros(3))
+        assert word_of(of_energy(np.arange(3.0), energy, rtol, steps)) == word
+
+
+def test_numbers_that_are_none() -> None:
+    values = np.array([[0.0, 1.0], [np.nan, 1.0]])
+    assert of_arrays(np.array([0.0, 0.5]), values) == [Finding(True, 0.5, "the motion is not finite from t = 0.5 s on")]
+
+
+def pendulum() -> pt.Mechanism:
+    m = pt.Mechanism("pendulum", gravity=(0, -9.81, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=2.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    return m
+
+
+def linkage() -> pt.Mechanism:
+    return pt.catalogue.entry("four-bar").mechanism()
+
+
+@pytest.mark.parametrize("make", [pendulum, linkage])
+@pytest.mark.parametrize("formulation", ["projective", "multipliers", "svd"])
+def test_a_drive_that_jumps_teleports_nothing(make: object, formulation: str) -> None:
+    m = make()  # type: ignore[operator]
+    m.add_drive("A", position=lambda t: 0.0 if t < 0.5 else 0.4)
+    try:
+        run = m.simulate(1.0, formulation=formulation)
+    except PartitaError as error:
+        assert "drive of A" in str(error)
+        return
+    assert not run.success
+    assert run.t[-1] <= 0.5 and np.max(np.abs(run.joint("A").position)) <= 1e-9
+    assert "the drive of A jumps by 4.0" in run.message and "at t = 0.5" in run.message
+
+
+def test_a_table_ends_where_it_ends() -> None:
+    m = pendulum()
+    t = np.linspace(0.0, 3.0, 61)
+    m.add_drive("A", position=(t, np.sin(t)))
+    run = m.simulate(3.001)
+    assert not run.success and run.t[-1] <= 3.0 < run.t[-1] + 0.02
+    assert "the table of the drive of A ends at 3 s" in run.message
+    assert m.simulate(3.0).success
+    torque = pendulum()
+    torque.add_torque("A", value=(t, np.cos(t)), name="motor")
+    run = torque.simulate(4.0)
+    assert not run.success and 'the table of force "motor" ends at 3 s' in run.message and run.t[-1] > 2.97
+
+
+@pytest.mark.parametrize("formulation", ["projective", "multipliers", "wehage-haug"])
+@pytest.mark.parametrize("make", [pendulum, linkage])
+def test_work_of_drives_where_nothing_else_moves(make: object, formulation: str) -> None:
+    """Where no freedom is left the work is all there is to integrate: its error follows the tolerance."""
+    m = make()  # type: ignore[operator]
+    m.add_drive("A", position=lambda t: 2.0 * t + 0.5 * np.sin(3.0 * t))
+    for rtol in (1e-4, 1e-8, 1e-12):
+        run = m.simulate(2.0, initial=m.assemble(), rtol=rtol, atol=1e-2 * rtol, formulation=formulation)
+        assert run.success and run.certificate.verdict == "holds", run.certificate.findings
+        assert run.energy.relative_balance <= 20.0 * rtol + 1e-12
+
+
+def test_a_start_that_misses_its_conditions_is_told() -> None:
+    m = pendulum()
+    m.add_drive("A", position=lambda t: math.pi * t)
+    rest = m.assemble()
+    still = pt.State(0.0, rest.q, 0.0 * rest.v, rest.names, rest.velocity_names)
+    run = m.simulate(0.1, initial=still)
+    assert any("drive of A opens by 3.142e0 a second" in note for note in run.notes), run.notes
+    assert not any("does not satisfy the constraints" in note for note in m.simulate(0.1, initial=rest).notes)
