@@ -172,6 +172,12 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
         Ok(-dense::dot(&self.lambda, &self.base.r.a))
     }
+    /// That of the partition, whose factors no evaluation needs.
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        let r = &mut self.base.r;
+        let free = r.rank() == 0 || r.tangent(f64::NAN).is_err();
+        (!free).then(|| r.distance())
+    }
     fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {

@@ -280,6 +280,10 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         (self.w, self.x) = (w, x);
         Ok(true)
     }
+    fn margin(&mut self) -> Option<(f64, u64)> {
+        let r = &mut self.base.r;
+        (r.rank() > 0).then(|| r.distance())
+    }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
         if self.base.is_rigid_or_free() {
