@@ -378,6 +378,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let advice = passage.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
         self.passage = passage;
         self.passing = advice != Advice::Free;
+        if let Advice::GiveUp { zero } = advice {
+            return Err(SystemError::Passage { t: zero, tries: self.passage.tries() });
+        }
         if let Advice::Back { zero, to } = advice {
             step.pace = Some(pace);
             if self.go_back(zero, to, step)? {

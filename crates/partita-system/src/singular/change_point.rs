@@ -45,6 +45,11 @@ pub enum Advice {
     Free,
     /// One is being passed.
     Passing,
+    /// It was tried often enough.
+    GiveUp {
+        /// When it is expected.
+        zero: f64,
+    },
     /// It is too close to be crossed from here.
     Back {
         /// When it is expected.
@@ -182,6 +187,7 @@ impl Passage {
             }
             self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
             self.settled = true;
+            self.tries = 0;
             return Advice::Free;
         };
         if !self.settled {
@@ -202,6 +208,9 @@ impl Passage {
                 return Advice::Free;
             }
             if ahead < Self::TOO_CLOSE * self.usual {
+                if self.tries >= Self::LENGTHS.len() {
+                    return Advice::GiveUp { zero };
+                }
                 if let Some(to) = self.back(zero) {
                     return Advice::Back { zero, to };
                 }
