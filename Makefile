@@ -60,10 +60,12 @@ test-rust: $(TOOLS)
 test-python: $(BUILT)
 	$(BIN)/python -m pytest
 
-## trust: thousands of mechanisms drawn by chance against an independent program; N=5000 of them
+## trust: thousands of mechanisms drawn by chance against an independent program, N=5000 of them; branches kept, RUNS=2000
 N ?= 5000
+RUNS ?= 2000
 trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
+	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
 
 ## bench: measured costs against their limits
 bench: $(BUILT)

@@ -47,7 +47,6 @@ def test_the_mechanisms_are_what_they_are_meant_to_be(seen: dict[int, Verdict]) 
     assert min(d.size for d in drawings) < 0.01 and max(d.size for d in drawings) > 100.0
 
 
-@pytest.mark.xfail(reason="conditions that contradict each other are dropped without being tested", strict=True)
 def test_contradictory_drives_do_not_succeed(seen: dict[int, Verdict]) -> None:
     counts = sum((verdict.counts for verdict in seen.values()), Counter[str]())
     assert counts["contradiction"] > 3

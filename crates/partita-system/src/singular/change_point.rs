@@ -34,6 +34,8 @@ pub struct Passage {
     unsigned: Option<f64>,
     /// Attempts at crossing the one expected, from ever new places or with ever new lengths.
     tries: usize,
+    /// When that is expected, at the latest.
+    tried: Option<f64>,
     /// Times stepped over.
     pub times: Vec<f64>,
 }
@@ -115,6 +117,7 @@ impl Passage {
     /// The next step, from t, crosses the position at `zero`.
     pub fn cross(&mut self, zero: f64, t: f64, pace: &mut Pace) {
         self.crossing = Some(zero);
+        self.tried = Some(self.tried.map_or(zero, |z| zero.max(z)));
         self.expected = None;
         pace.next = Self::LENGTHS[self.tries.min(Self::LENGTHS.len() - 1)] * pace.stretch * (zero - t);
         (pace.floor, pace.limit) = (Self::ROUND_OFF, Self::CROSSING);
@@ -146,7 +149,7 @@ impl Passage {
     pub fn back(&self, zero: f64) -> Option<f64> {
         // each time from farther away
         let far = Self::BACK * (1.0 + self.tries as f64 / 2.0);
-        (self.tries < Self::LENGTHS.len() && self.usual > 0.0).then(|| zero - far * self.usual)
+        (self.tries < Self::LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
     }
 
     /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead. `probe`
@@ -187,7 +190,9 @@ impl Passage {
             }
             self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
             self.settled = true;
-            self.tries = 0;
+            if self.tried.is_none_or(|zero| t > zero) {
+                self.tries = 0; // the motion turned away from it
+            }
             return Advice::Free;
         };
         if !self.settled {

@@ -172,10 +172,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
         Ok(-dense::dot(&self.lambda, &self.base.r.a))
     }
-    /// That of the partition, whose factors no evaluation needs.
+    /// That of the partition, whose factors no evaluation needs. Positions that drift are no closer to it than they are open.
     fn margin(&mut self) -> Option<(f64, u64)> {
         let r = &mut self.base.r;
-        let free = r.rank() == 0 || r.tangent(f64::NAN).is_err();
+        let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();
         (!free).then(|| r.distance())
     }
     fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {

@@ -1,0 +1,27 @@
+"""Through positions in which branches of a mechanism meet: the motion keeps its own, and each is told."""
+
+from __future__ import annotations
+
+import pytest
+from branches import FAMILIES, trial
+
+pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.DoubtfulResultWarning")
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_motions_keep_their_branch(family: str, rtol: float) -> None:
+    """`make trust` does 2000 of these."""
+    found = [trial(family, seed, rtol) for seed in range(4)]
+    assert [x.words for x in found if x.outcome != "right"] == []
+    assert sum(x.passed for x in found) > 4
+    # where two lie close to each other the curve shows one
+    assert sum(abs(x.told - x.passed) for x in found) <= 1, [(x.told, x.passed, x.words) for x in found]
+
+
+@pytest.mark.parametrize("formulation", ["fixed", "svd", "gram-schmidt", "wehage-haug", "multipliers", "range-space"])
+@pytest.mark.parametrize("rtol", [1e-5, 1e-9])
+def test_others_keep_it_or_stop(formulation: str, rtol: float) -> None:
+    for seed, family in enumerate(FAMILIES):
+        seen = trial(family, seed, rtol, formulation)
+        assert seen.outcome != "wrong", seen.words
