@@ -132,3 +132,47 @@ impl Seam {
         norm(&missed) <= Self::MISSED * speed && !(0..s.len()).any(jumps)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seam(t: f64, v: &[f64], vdot: &[f64]) -> Seam {
+        let mut seam = Seam::new(v.len());
+        seam.start(t, v, vdot);
+        seam
+    }
+
+    #[test]
+    fn a_smooth_motion_holds_at_every_step_and_a_jump_at_none() {
+        // x = sin t, y = cos t over the top: y goes on, or is thrown back
+        for h in [1e-6, 1e-3, 0.1, 0.5, 1.0] {
+            let (a, b) = (0.5 * (std::f64::consts::PI - h), 0.5 * (std::f64::consts::PI + h));
+            let before = seam(a, &[a.cos(), -a.sin()], &[-a.sin(), -a.cos()]);
+            let after = seam(b, &[b.cos(), -b.sin()], &[-b.sin(), -b.cos()]);
+            let back = seam(b, &[b.cos(), b.sin()], &[-b.sin(), b.cos()]);
+            assert!(before.holds(&after, &[1.0, 1.0]), "{h}");
+            assert!(!before.holds(&back, &[1.0, 1.0]), "{h}");
+            // one small velocity of many that jumps
+            let (slow, jumped) = (seam(a, &[1.0, 0.2], &[0.0, 0.0]), seam(b, &[1.0, -0.2], &[0.0, 0.0]));
+            assert!(!slow.holds(&jumped, &[1.0, 1.0]) && slow.holds(&seam(b, &[1.0, 0.2], &[0.0, 0.0]), &[1.0, 1.0]));
+        }
+        assert!(!seam(0.0, &[1.0], &[0.0]).holds(&seam(1.0, &[f64::NAN], &[0.0]), &[1.0]));
+    }
+
+    #[test]
+    fn a_trail_leads_back_to_the_latest_state_before() {
+        let mut trail = Trail::new(1, 1);
+        assert!(trail.back_to(1.0).is_none());
+        for i in 0..20 {
+            let t = 0.1 * f64::from(i);
+            trail.push(t, 0.15, |past| past.set(&[t], &[-t], 2.0 * t, &[i]));
+        }
+        // every second state is far enough from the one before, and eight are kept
+        let past = trail.back_to(1.45).cloned().unwrap();
+        assert!((past.t - 1.4).abs() < 1e-12 && past.q == [past.t] && past.v == [-past.t] && past.turns == [14]);
+        assert!(trail.back_to(0.3).is_none(), "older ones were given up");
+        trail.clear();
+        assert!(trail.back_to(9.0).is_none());
+    }
+}
