@@ -18,8 +18,10 @@ import partita as pt
 Array = NDArray[np.float64]
 Drawn = tuple[float, ...]
 
-STEP = 1e-2
+STEP = 4e-3
 """Length of a step along the curve [rad]; its prediction is good to the cube of it."""
+BELIEVED = 0.5 * STEP**2
+"""Corrections of that prediction beyond this belong to another branch."""
 BESIDE = 0.03
 """Outputs farther than this from the curve are on another branch [rad]."""
 LOST = 1e-2
@@ -113,10 +115,10 @@ def follow(bars: FourBar, x: Array, sign: float, length: float) -> Array:
     g = bars.gradient(x)
     along = np.array([-g[1], g[0]]) / np.hypot(*g)
     along *= sign * np.sign(along[0])
-    points = [x, x + STEP * along]
+    points = [x]
     for _ in range(int(length / STEP)):
         # points so far are continued by a parabola, and the next one is moved across the way until it fits
-        ahead = points[-1] - points[-2]
+        ahead = points[-1] - points[-2] if len(points) > 1 else STEP * along
         bend = points[-1] - 2.0 * points[-2] + points[-3] if len(points) > 2 else np.zeros(2)
         guess = points[-1] + ahead + bend
         across = np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead)
@@ -125,7 +127,7 @@ def follow(bars: FourBar, x: Array, sign: float, length: float) -> Array:
             slope = float(bars.gradient(guess + moved * across) @ across)
             moved -= bars.open(guess + moved * across) / slope if slope else 0.0
         # in the crossing itself nothing says where the curve is but the way so far
-        believed = abs(moved) < STEP**2 or len(points) < 4
+        believed = abs(moved) < BELIEVED or len(points) < 6
         after = guess + (moved if believed else 0.0) * across - points[-1]
         points.append(points[-1] + after * (STEP / np.hypot(*after)))
     return np.array(points)
