@@ -53,13 +53,15 @@ impl All {
             let now = tangent.seen().closure();
             if now >= left {
                 self.q.copy_from_slice(&self.last);
-                break;
+                return tangent.reduction().position(t, &self.q);
             }
-            let done = tangent.seen().is_closed() || (left.is_finite() && now > 0.25 * left);
+            if tangent.seen().is_closed() || (left.is_finite() && now > 0.25 * left) {
+                return Ok(());
+            }
             self.last.copy_from_slice(&self.q);
             left = now;
             // what cannot be removed here, next to a singular position, stays
-            if done || !matches!(tangent.correct(t, &mut self.q, rule), Ok(true)) {
+            if !matches!(tangent.correct(t, &mut self.q, rule), Ok(true)) {
                 break;
             }
         }
