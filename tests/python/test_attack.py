@@ -20,7 +20,7 @@ import pytest
 import partita as pt
 from partita import cli, plots, results, viewer
 from partita.comparison import Comparison
-from partita.errors import PartitaError
+from partita.errors import ArgumentError, PartitaError
 
 NAN, INF = math.nan, math.inf
 
@@ -242,7 +242,10 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "reference": hand_run,
             },
         ),
-        "Mechanism.simulate": (m.simulate, {**options, "initial": state, "coordinates": "relative"}),
+        "Mechanism.simulate": (
+            m.simulate,
+            {**options, "initial": state, "coordinates": "relative", "parameters": None},
+        ),
         "Mechanism.assemble": (
             m.assemble,
             {
@@ -252,6 +255,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "t": 0.0,
                 "tolerance": 1e-9,
                 "coordinates": "relative",
+                "parameters": {"gravity": (0, -1.0, 0)},
             },
         ),
         "Mechanism.assemblies": (
@@ -349,6 +353,8 @@ def attack1(function: Callable[..., Any], arguments: dict[str, Any], name: str, 
             fault = "" if len(str(error)) > 15 and " " in str(error) else f"no sentence: {error}"
             if "internal error" in str(error):
                 fault = str(error)
+            if isinstance(error, ArgumentError) and not error.argument:
+                fault = f"names no argument: {error}"
         except Exception as error:
             fault = f"{type(error).__name__}: {error}"
             if isinstance(error, TypeError) and callable(value):

@@ -128,8 +128,8 @@ pub fn simulate<F: Formulation>(
         stretch: stretch(settings.tableau),
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
-    let mut stepper =
-        Stepper::new(settings.tableau, dim, options).map_err(|e| SystemError::Request(format!("settings: {e}")))?;
+    let mut stepper = Stepper::new(settings.tableau, dim, options)
+        .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
     formulation.natural_sizes(&mut march.buffer);
     stepper.set_sizes(&march.buffer);
     while march.next < t_eval.len() && t_eval[march.next] <= t {
@@ -149,7 +149,7 @@ pub fn simulate<F: Formulation>(
     if let Err(failure) = stepper.start(&mut Adapter(formulation), t, &y, settings.t_end) {
         return match failure {
             StepFailure::Rhs { error, .. } => Err(error),
-            other => Err(SystemError::Request(other.to_string())),
+            other => Err(SystemError::argument("initial", other.to_string())),
         };
     }
     let ended = march.run(formulation, &mut stepper, settings, sink, watch);

@@ -33,11 +33,14 @@ pub fn fill(
 ) -> Result<(), SystemError> {
     let x = call(f, what, t, q, v)?;
     if x.len() != out.len() {
-        return Err(SystemError::Request(format!(
-            "{what} returned {} numbers at t = {t}, {} were expected; it must keep its shape",
-            x.len(),
-            out.len()
-        )));
+        return Err(SystemError::argument(
+            what,
+            format!(
+                "{what} returned {} numbers at t = {t}, {} were expected; it must keep its shape",
+                x.len(),
+                out.len()
+            ),
+        ));
     }
     out.copy_from_slice(&x);
     Ok(())

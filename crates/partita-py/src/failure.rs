@@ -117,7 +117,10 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             fields.extend([("given", given.into()), ("found", found.into())]);
             raise(py, "DerivativeError", &message, &fields)
         }
-        SystemError::Request(_) => raise(py, "ArgumentError", &message, &[("argument", "".into())]),
+        SystemError::Argument { argument, .. } => {
+            raise(py, "ArgumentError", &message, &[("argument", String::from(argument).into())])
+        }
+        SystemError::Unchosen(_) => raise(py, "PartitaError", &message, &[]),
     }
 }
 

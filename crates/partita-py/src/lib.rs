@@ -10,6 +10,7 @@ mod outputs;
 mod partition;
 mod run;
 mod state;
+mod summary;
 mod tangent;
 mod toml;
 mod waiting;

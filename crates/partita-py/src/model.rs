@@ -6,6 +6,7 @@ use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
 use crate::run::{self, read_options};
 use crate::state::{self, Array};
+use crate::summary::summary;
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -15,9 +16,9 @@ use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
 use std::sync::{Arc, OnceLock};
 
 /// A compiled mechanism: constant; states are handed in.
@@ -173,51 +174,9 @@ impl Model {
     #[getter]
     fn summary(slf: &Bound<'_, Self>) -> PyResult<String> {
         guarded(slf.py(), || {
-            let m = &slf.get().inner;
             let found = Self::known(slf)?;
-            let (mut oq, mut ov) = (0, 0);
-            let joints: Vec<serde_json::Value> = m
-                .placed
-                .joints
-                .iter()
-                .zip(&m.spec.joints)
-                .map(|(p, j)| {
-                    let nq: usize = p.shape.motions.iter().map(|x| x.coordinates()).sum();
-                    let nv = p.shape.freedoms();
-                    let (q, v) = ([oq, nq], [ov, nv]);
-                    oq += nq;
-                    ov += nv;
-                    // coordinates of a joint lie side by side in the state unless it was walked backwards
-                    let first = p.links.as_ref().filter(|l| !(l.is_empty() || p.reversed && nv > 1)).map(|l| l[0]);
-                    let state_q = first.map(|l| [m.placed.links[l].q, nq]);
-                    let state_v = first.map(|l| [m.placed.links[l].v, nv]);
-                    let mut axes: Vec<&str> = Vec::new();
-                    for (motion, name) in p.shape.motions.iter().zip(&p.shape.names) {
-                        match motion {
-                            partita_model::joint::Motion::Ball => axes.extend(["wx", "wy", "wz"]),
-                            _ => axes.push(name),
-                        }
-                    }
-                    json!({ "name": j.name, "kind": j.kind, "parent": j.parent, "child": j.child,
-                            "tree": p.links.is_some(), "q": q, "v": v, "state_q": state_q, "state_v": state_v, "axes": axes })
-                })
-                .collect();
-            let rows: Vec<String> = (0..m.size().rows).map(|i| m.row_name(i)).collect();
-            let bodies: Vec<serde_json::Value> = m.spec.bodies.iter().map(|b| json!({ "name": b.name })).collect();
-            let mobility = found.mobility.as_ref();
-            let removed: Vec<serde_json::Value> = mobility
-                .map(|m| m.redundant.iter().map(|r| json!({ "row": r.row, "why": r.why })).collect())
-                .unwrap_or_default();
-            let notes: Vec<&String> = found.note.iter().collect();
-            Ok(json!({
-                "name": m.spec.name, "planar": m.is_planar(), "nq": m.size().nq, "nv": m.size().nv,
-                "rows": m.size().rows, "rank": mobility.map(|x| m.size().nv - x.mobility),
-                "mobility": mobility.map(|x| x.mobility),
-                "joint_rows": mobility.map(|x| x.joint_rows), "joint_rank": mobility.map(|x| x.joint_rank),
-                "bodies": bodies, "joints": joints, "coordinates": m.placed.coordinate_names,
-                "velocities": m.placed.velocity_names, "rows_names": rows, "removed": removed, "notes": notes,
-            })
-            .to_string())
+            let text = summary(&slf.get().inner, found.mobility.as_ref(), found.note.as_deref());
+            text.map_err(|e| PyRuntimeError::new_err(e.to_string()))
         })
     }
 

@@ -219,9 +219,24 @@ pub enum SystemError {
         /// What it should be, in words.
         of: String,
     },
-    /// Something in the request cannot be.
-    #[error("{0}")]
-    Request(String),
+    /// An argument cannot be what was given.
+    #[error("{message}")]
+    Argument {
+        /// Its name, as the request writes it.
+        argument: Box<str>,
+        /// What was given, why it cannot be, what to give.
+        message: String,
+    },
+    /// Evaluated before anything was chosen.
+    #[error("no {0} was chosen before the evaluation")]
+    Unchosen(&'static str),
+}
+
+impl SystemError {
+    /// What was given for an argument cannot be.
+    pub fn argument(argument: impl Into<Box<str>>, message: String) -> Self {
+        Self::Argument { argument: argument.into(), message }
+    }
 }
 
 fn entry(function: &str, row: usize, column: Option<usize>) -> String {

@@ -50,32 +50,36 @@ impl FormulationOptions {
     /// Refuses numbers that make no sense for a system of n velocities, whatever the formulation.
     ///
     /// # Errors
-    /// `Request`, with the option, what was given and what to give.
+    /// `Argument`, with the option, what was given and what to give.
     pub fn check(&self, n: usize) -> Result<()> {
-        let refuse = |message: String| Err(SystemError::Request(message));
+        let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
         if self.exchange.is_nan() || self.exchange < 1.0 {
-            return refuse(format!(
+            return refuse("exchange", format!(
                 "exchange is {}; below 1 two choices would replace each other for ever; give 1.25, or infinity for never",
                 self.exchange
             ));
         }
         if !(0.0..=1.0).contains(&self.renew) {
-            return refuse(format!(
-                "renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)",
-                self.renew
-            ));
+            return refuse(
+                "renew",
+                format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", self.renew),
+            );
         }
         if let Some(independent) = &self.independent {
-            start::distinct("independent", independent, n)?;
+            start::distinct(independent, n)?;
         }
         let Some(weights) = &self.weights else { return Ok(()) };
         if weights.len() != n {
-            return refuse(format!("weights has {} numbers for {n} velocities; give one each", weights.len()));
+            return refuse(
+                "weights",
+                format!("weights has {} numbers for {n} velocities; give one each", weights.len()),
+            );
         }
         match weights.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
-            Some(i) => {
-                refuse(format!("weights[{i}] is {}; give a finite number above zero, 1 for no preference", weights[i]))
-            }
+            Some(i) => refuse(
+                "weights",
+                format!("weights[{i}] is {}; give a finite number above zero, 1 for no preference", weights[i]),
+            ),
             None => Ok(()),
         }
     }

@@ -187,16 +187,19 @@ pub(crate) fn first_partition<S: ConstrainedSystem>(
 /// These velocities, ascending: below n and each named once.
 ///
 /// # Errors
-/// `Request`, with the one that is not.
-pub(crate) fn distinct(what: &str, named: &[usize], n: usize) -> Result<Vec<usize>, SystemError> {
+/// `Argument`, with the one that is not.
+pub(crate) fn distinct(named: &[usize], n: usize) -> Result<Vec<usize>, SystemError> {
     let mut sorted = named.to_vec();
     sorted.sort_unstable();
     if let Some(i) = sorted.last().filter(|&&i| i >= n) {
-        let message = format!("{what}: there is no velocity {i}; there are {n}, numbered from 0");
-        return Err(SystemError::Request(message));
+        let message = format!("independent: there is no velocity {i}; there are {n}, numbered from 0");
+        return Err(SystemError::argument("independent", message));
     }
     if let Some(x) = sorted.windows(2).find(|x| x[0] == x[1]) {
-        return Err(SystemError::Request(format!("{what}: velocity {} is named twice; name each once", x[0])));
+        return Err(SystemError::argument(
+            "independent",
+            format!("independent: velocity {} is named twice; name each once", x[0]),
+        ));
     }
     Ok(sorted)
 }
@@ -214,14 +217,17 @@ pub fn choose_partition<S: ConstrainedSystem>(
 ) -> Result<(), SystemError> {
     if let Some(fixed) = fixed {
         if fixed.len() != r.k() {
-            return Err(SystemError::Request(format!(
-                "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom; name as \
+            return Err(SystemError::argument(
+                "independent",
+                format!(
+                    "{} independent coordinates were asked for, but the mechanism has {} degrees of freedom; name as \
                  many, or none",
-                fixed.len(),
-                r.k()
-            )));
+                    fixed.len(),
+                    r.k()
+                ),
+            ));
         }
-        let sorted = distinct("independent coordinates", fixed, r.size().nv)?;
+        let sorted = distinct(fixed, r.size().nv)?;
         r.position(t, q)?;
         r.refresh_scales(t, q)?;
         if let Err(e) = r.set_partition(t, &sorted) {
@@ -231,12 +237,15 @@ pub fn choose_partition<S: ConstrainedSystem>(
             // no choice at all: then it is the mechanism that is singular
             choose_with_threshold(r, t, q, None, 1.0)?;
             let names = |x: &[usize]| x.iter().map(|&i| r.system.velocity_name(i)).collect::<Vec<_>>().join(", ");
-            return Err(SystemError::Request(format!(
+            return Err(SystemError::argument(
+                "independent",
+                format!(
                 "the coordinates {} cannot be independent here: the others do not follow from them (C_D is singular), \
                  though the mechanism stands in no singular position; {} would do",
                 names(&sorted),
                 names(&r.partition.independent)
-            )));
+            ),
+            ));
         }
         return r.tangent(t);
     }

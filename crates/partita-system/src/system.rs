@@ -137,7 +137,10 @@ pub trait ConstrainedSystem: Sync {
         _s: &mut Self::Scratch,
         _vdot: &mut [f64],
     ) -> Result<(), SystemError> {
-        Err(SystemError::Request("this system offers no recursion over clusters; give its equations densely".into()))
+        Err(SystemError::argument(
+            "formulation",
+            "this system offers no recursion over clusters; give its equations densely".into(),
+        ))
     }
     /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and the terms of
     /// velocity. After `position` and [`plan_recursion`](Self::plan_recursion).
@@ -148,7 +151,10 @@ pub trait ConstrainedSystem: Sync {
         _s: &mut Self::Scratch,
         _out: &mut [f64],
     ) -> Result<(), SystemError> {
-        Err(SystemError::Request("this system offers no recursion over clusters; give its equations densely".into()))
+        Err(SystemError::argument(
+            "formulation",
+            "this system offers no recursion over clusters; give its equations densely".into(),
+        ))
     }
     /// Reduced mass (k_c x k_c, lower triangle) on a resting base of the n-th cluster that goes by partial velocities,
     /// after `accelerate` or `respond`.
@@ -230,7 +236,7 @@ pub trait ConstrainedSystem: Sync {
         _q: &[f64],
         _inputs: Option<&[usize]>,
     ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Err(SystemError::Request(
+        Err(SystemError::argument("formulation", 
             "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
              (closing=); use another formulation"
                 .into(),

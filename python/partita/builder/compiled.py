@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -234,9 +236,23 @@ def compile_description(description: Description, coordinates: str) -> tuple[Com
     writer = Writer(description, layout)
     text = writer.text()
     core = _core.Model(text, writer.functions, coordinates)
-    summary = json.loads(core.summary)
-    layout.fill(summary)
+    with uncollected():
+        summary = json.loads(core.summary)
+        layout.fill(summary)
     return CompiledModel(core, summary, coordinates, writer.notes, text, description), layout
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No search for cycles while plain data is made: the search goes through all of it again and again, and a long
+    chain has a hundred thousand entries."""
+    runs = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if runs:
+            gc.enable()
 
 
 def _again(

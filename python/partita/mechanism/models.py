@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from numpy.typing import ArrayLike
 
 from .. import options as run_options
@@ -47,7 +49,11 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
     return self._compiled[wanted][1]
 
 
-def layout_of(mechanism: Modelled, coordinates: str) -> tuple[CompiledModel, Layout]:
-    """The compiled model with the layout of its states."""
+def layout_of(
+    mechanism: Modelled, coordinates: str, parameters: Mapping[str, ArrayLike] | None = None
+) -> tuple[CompiledModel, Layout]:
+    """The compiled model, with these of its parameters changed, and the layout of its states."""
     model = compile(mechanism, coordinates)
+    if parameters is not None:
+        model = model.with_parameters(parameters)
     return model, mechanism._compiled[coordinates][2]

@@ -28,6 +28,7 @@ def assemble(
     t: float | None = None,
     tolerance: float = 1e-12,
     coordinates: str = "relative",
+    parameters: Mapping[str, ArrayLike] | None = None,
 ) -> State:
     """Close the loops: a state that satisfies the constraints, nearest to the drawing or to `near`.
 
@@ -41,6 +42,7 @@ def assemble(
         tolerance: largest residual |Phi| allowed, in radians for directions and in parts of the loop's own length for
             points; what is closed is then closed further, to round-off.
         coordinates: as in `compile`; a run with "absolute" needs a state of that kind.
+        parameters: numbers other than the drawn ones, as `CompiledModel.with_parameters` takes them.
 
     Returns:
         The state; `state.assembly` says what residual was reached.
@@ -57,7 +59,7 @@ def assemble(
     >>> m.assemble(targets={"A": 1.0}, rates={"A": 2.0}).position("A")
     1.0
     """
-    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES), parameters)
     start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
     _fitting("near", start, model)
     wanted = _indexed("targets", {} if targets is None else targets, layout.names, layout.q, layout)
@@ -84,13 +86,18 @@ def convert(self: Modelled, state: State, coordinates: str) -> State:
     >>> m.convert(m.assemble(rates={"A": 2.0}), "absolute").v.round(12).tolist()    # centre of mass, then the turn
     [0.0, 1.0, 2.0]
     """
-    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    return _converted(self, state, run_options.one_of("coordinates", coordinates, run_options.COORDINATES), None)
+
+
+def _converted(self: Modelled, state: State, coordinates: str, parameters: Mapping[str, ArrayLike] | None) -> State:
+    """The same state in other coordinates, of the mechanism with these parameters."""
+    model, layout = layout_of(self, coordinates, parameters)
     if not isinstance(state, State):
         raise ArgumentError(f"convert takes a State, not {type(state).__name__}", argument="state")
     if state.names == model.names:
         return state
     for other in run_options.COORDINATES:
-        source = compile(self, other)
+        source, _ = layout_of(self, other, parameters)
         if other != coordinates and state.names == source.names:
             q, v = model.core.carried_over(source.core, state.q, state.v)
             return State(state.t, q, v, layout=layout)
@@ -193,6 +200,7 @@ def simulate(
     baumgarte: tuple[float, float] | None = None,
     renew: float = 0.5,
     tangent: TangentVelocities | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -236,6 +244,8 @@ def simulate(
         renew: frozen tangent velocities are renewed when their sqrt_mu falls below this part of what it was when they
             were frozen, 0 to 1; 0: never.
         tangent: `TangentVelocities` for "user-tangent".
+        parameters: numbers other than the drawn ones, name -> value, as `CompiledModel.with_parameters` takes them: for
+            sweeps and gradients, where compiling anew would cost more than the run. `initial` must close their loops.
 
     Returns:
         A result, also for a run that stopped early: look at `success` and `message`.
@@ -250,15 +260,19 @@ def simulate(
     >>> run = m.simulate(1.0, rtol=1e-10)
     >>> run.success, run.t.shape
     (True, (201,))
+    >>> heavy = m.simulate(1.0, rtol=1e-10, parameters={"rod.mass": 2.0})   # its inertia stays: another pendulum
+    >>> bool(abs(heavy.joint("A").position[-1] - run.joint("A").position[-1]) > 0.1)
+    True
     """
-    model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
-    start = initial if initial is not None else assemble(self, coordinates=coordinates)
+    wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    model, _ = layout_of(self, wanted, parameters)
+    start = initial if initial is not None else assemble(self, coordinates=coordinates, parameters=parameters)
     if (
         isinstance(start, State)
         and start.names != model.names
         and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
     ):
-        start = convert(self, start, coordinates)
+        start = _converted(self, start, wanted, parameters)
     _fitting("initial", start, model)
     chosen = run_options.options(
         start.t,

@@ -279,7 +279,7 @@ impl ConstrainedSystem for Recognised {
             None => self.choices.iter().max_by(|x, y| product(&x.1).total_cmp(&product(&y.1))),
         };
         let Some((inputs, unknown)) = found else {
-            return Err(SystemError::Request("no such inputs".into()));
+            return Err(SystemError::argument("independent", "no such inputs".into()));
         };
         let branch = |p: f64| BlockState { branch: if p > 0.0 { 1 } else { -1 }, pivot: p.abs() };
         let block = |(b, u): (usize, &[usize; 2])| Block {
@@ -386,7 +386,7 @@ fn blocks_are_checked() {
         let mut f = explicit(&system, None, 1.25);
         let mut y = vec![0.0; f.dim()];
         match f.start(0.0, &q, &v, &mut y) {
-            Err(SystemError::Request(message)) => assert!(message.contains(word), "{message}"),
+            Err(SystemError::Argument { message, .. }) => assert!(message.contains(word), "{message}"),
             other => panic!("{other:?}"),
         }
     };

@@ -209,7 +209,7 @@ fn two_k_states_need_positions() {
     let system = ByHand::new(Sleigh { rod: true });
     for name in ["wehage-haug", "explicit-closing"] {
         match registry::by_name(name, &system, 3, &FormulationOptions::default()) {
-            Err(SystemError::Request(message)) => assert!(message.contains("velocities only"), "{message}"),
+            Err(SystemError::Argument { message, .. }) => assert!(message.contains("velocities only"), "{message}"),
             Err(other) => panic!("{other}"),
             Ok(_) => panic!("{name} was accepted"),
         }

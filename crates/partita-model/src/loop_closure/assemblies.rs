@@ -68,9 +68,10 @@ impl Model {
         sorted.dedup();
         let nv = self.size().nv;
         if sorted.len() != inputs.len() || sorted.iter().any(|&i| i >= nv) {
-            return Err(SystemError::Request(format!(
-                "the inputs {inputs:?} must be different numbers of velocities below {nv}"
-            )));
+            return Err(SystemError::argument(
+                "inputs",
+                format!("the inputs {inputs:?} must be different numbers of velocities below {nv}"),
+            ));
         }
         let mut plan = LoopClosing::new(&at, q, &sorted)?;
         plan.close(t, &mut q.to_vec())?;
@@ -88,12 +89,15 @@ impl Model {
         let free: Vec<usize> = (0..own.len()).filter(|&i| own[i] != 0).collect();
         let count = 1usize.checked_shl(free.len() as u32).unwrap_or(usize::MAX);
         if free.len() >= usize::BITS as usize || count > COMBINATIONS {
-            return Err(SystemError::Request(format!(
+            return Err(SystemError::argument(
+                "mechanism",
+                format!(
                 "{} blocks have two branches each, 2^{} assemblies: more than {COMBINATIONS}; ask for a part of the \
                  mechanism",
                 free.len(),
                 free.len()
-            )));
+            ),
+            ));
         }
         let mut all =
             Assemblies { blocks: closing.blocks().iter().map(|b| b.words.clone()).collect(), ..Assemblies::default() };

@@ -35,7 +35,10 @@ impl LoopClosing<'_> {
         let nv = self.model.size().nv;
         let unknown: Vec<usize> = (0..nv).filter(|v| self.inputs.binary_search(v).is_err()).collect();
         let Some((row_of, mut needs)) = at.structure(rows, &unknown) else {
-            return Err(SystemError::Request("the rows of the loops cannot be told apart; choose other inputs".into()));
+            return Err(SystemError::argument(
+                "independent",
+                "the rows of the loops cannot be told apart; choose other inputs".into(),
+            ));
         };
         let mut step_of = vec![usize::MAX; unknown.len()];
         let mut own: Vec<Vec<usize>> = Vec::new();

@@ -157,10 +157,13 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
         }
     }
     best.map(|b| b.2).ok_or_else(|| {
-        SystemError::Request(format!(
+        SystemError::argument(
+            "independent",
+            format!(
             "no {k} of the {} joint coordinates were found that determine all others at t = {t}; name the inputs, or \
              start a little away from this position",
             model.size().nv
-        ))
+        ),
+        )
     })
 }

@@ -23,7 +23,8 @@ impl<'m> Instant<'m> {
     /// Fails where the position is not closed.
     pub fn new(model: &'m Model, t: f64, q: &[f64]) -> Result<Self, SystemError> {
         if model.coordinates() == Coordinates::Absolute {
-            return Err(SystemError::Request(
+            return Err(SystemError::argument(
+                "coordinates",
                 "explicit closing follows the joints, absolute coordinates know none of them: use relative coordinates"
                     .into(),
             ));
@@ -31,7 +32,7 @@ impl<'m> Instant<'m> {
         let size = model.size();
         if q.len() != size.nq {
             let message = format!("{} coordinates were given, but the mechanism has {}", q.len(), size.nq);
-            return Err(SystemError::Request(message));
+            return Err(SystemError::argument("q", message));
         }
         let (mut phi, mut a) = (vec![0.0; size.holonomic], vec![0.0; size.rows]);
         let mut c = vec![0.0; model.pattern().nnz()];
@@ -47,7 +48,7 @@ impl<'m> Instant<'m> {
                     model.row_words(i),
                     x.abs()
                 );
-                return Err(SystemError::Request(message));
+                return Err(SystemError::argument("q", message));
             }
         }
         Ok(Self { model, pattern: model.pattern(), c })

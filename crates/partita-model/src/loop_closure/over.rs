@@ -52,7 +52,7 @@ impl LoopClosing<'_> {
     ) -> Result<S, SystemError> {
         if !Arc::ptr_eq(&e.placed, &self.model.placed) {
             let message = "the evaluator was made from another model than the closing; make both from one";
-            return Err(SystemError::Request(message.into()));
+            return Err(SystemError::argument("evaluator", message.into()));
         }
         let ClosingRoom { pose, straight } = room;
         for (i, edge) in self.graph.edges.iter().enumerate() {

@@ -58,23 +58,26 @@ impl<'m> LoopClosing<'m> {
         let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
         if let Some(d) = model.drives.iter().find(|d| inputs.binary_search(&d.v).is_ok()) {
             let name = model.velocity_name(d.v);
-            return Err(SystemError::Request(format!(
-                "{name} is driven by \"{}\": it cannot be an input; leave it out",
-                d.name
-            )));
+            return Err(SystemError::argument(
+                "independent",
+                format!("{name} is driven by \"{}\": it cannot be an input; leave it out", d.name),
+            ));
         }
         let dependent: Vec<bool> = (0..size.nv).map(|v| inputs.binary_search(&v).is_err()).collect();
         let rows = at.rows(&dependent);
         if rows.len() + inputs.len() != size.nv {
             let k = at.mobility();
-            return Err(SystemError::Request(if k != inputs.len() {
-                format!(
-                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or none",
-                    inputs.len()
-                )
-            } else {
-                format!("the inputs {} do not determine the others here (C_D is singular); choose others", names())
-            }));
+            return Err(SystemError::argument(
+                "independent",
+                if k != inputs.len() {
+                    format!(
+                        "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or none",
+                        inputs.len()
+                    )
+                } else {
+                    format!("the inputs {} do not determine the others here (C_D is singular); choose others", names())
+                },
+            ));
         }
         let mut closing = Self::empty(model, inputs, q);
         let task = Task::new(model, &closing.graph, inputs);
@@ -85,7 +88,7 @@ impl<'m> LoopClosing<'m> {
         };
         if !found {
             let message = format!("no order of solution was found for the inputs {}; choose others", names());
-            return Err(SystemError::Request(message));
+            return Err(SystemError::argument("independent", message));
         }
         closing.plan_blocks(at, &rows)?;
         closing.old.copy_from_slice(q);

@@ -21,7 +21,7 @@ impl<'e, E: Equations> HandClosing<'e, E> {
     /// Check the function's coordinates against the rank of C and choose the rows that determine them, by pivoting.
     pub(super) fn new(hand: &'e ByHand<E>, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<Self, SystemError> {
         let e = &hand.equations;
-        let refuse = |message: String| Err(SystemError::Request(message));
+        let refuse = |message: String| Err(SystemError::argument("closing", message));
         let Some(closed) = e.closes() else {
             return refuse(
                 "explicit closing of equations by hand needs a function that closes them (closing=) and the coordinates it \

@@ -139,7 +139,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
         let Some(map) = &options.tangent else {
             let message =
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
-            return Err(SystemError::Request(message.into()));
+            return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size().nq, options.correction).whole_turns();
         Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))

@@ -32,7 +32,7 @@ pub const NAMES: &[&str] = &[
 /// The formulation of this name for a system of the given rank (see [`crate::start::analyse`]).
 ///
 /// # Errors
-/// `Request` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
+/// `Argument` for a name that is not one of [`NAMES`], and for options that make no sense or that the formulation misses.
 pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
     name: &str,
     system: &'s S,
@@ -64,7 +64,7 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         }
         other => {
             let message = format!("there is no formulation \"{other}\"; choose among {}", NAMES.join(", "));
-            return Err(SystemError::Request(message));
+            return Err(SystemError::argument("formulation", message));
         }
     })
 }

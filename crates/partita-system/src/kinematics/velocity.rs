@@ -35,10 +35,10 @@ pub fn with_rates<S: ConstrainedSystem>(
             .zip(got)
             .map(|(&(i, want), got)| format!("{} = {want} (possible: {got:.6})", r.system.velocity_name(i)))
             .collect();
-        SystemError::Request(format!(
-            "the rates {} cannot hold together: the loops leave {k} degrees of freedom here",
-            words.join(", ")
-        ))
+        SystemError::argument(
+            "rates",
+            format!("the rates {} cannot hold together: the loops leave {k} degrees of freedom here", words.join(", ")),
+        )
     };
     let reach = |i: usize| r.system.reach(i);
     let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / reach(i)));
@@ -119,7 +119,7 @@ fn unlocked<S: ConstrainedSystem>(
         return Ok(v);
     }
     let asked: Vec<String> = rates.iter().map(|&(i, rate)| format!("{} = {rate}", system.velocity_name(i))).collect();
-    Err(SystemError::Request(format!(
+    Err(SystemError::argument("rates", format!(
         "the rates {} cannot be had at t = {t}: {} would have to go at {:.3e}, {:.1e} times as fast, for what is asked is \
          locked here but for round-off (a dead point, or a singular position); give the rate of {} instead, or start a \
          little away from here",

@@ -258,7 +258,7 @@ fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
         .into_iter()
         .map(|(start, velocities)| match <[usize; 3]>::try_from(velocities) {
             Ok(b) if system.coordinates_of(b[0]).len() == 4 => Ok(b),
-            _ => Err(SystemError::Request(format!(
+            _ => Err(SystemError::argument("formulation", format!(
                 "tangent-space knows coordinates that are integrals of velocities and unit quaternions; coordinate {start} is \
                  neither; use projective"
             ))),

@@ -72,7 +72,7 @@ pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_
     if size.rows <= size.holonomic {
         return Ok(());
     }
-    Err(SystemError::Request(format!(
+    Err(SystemError::argument("formulation", format!(
         "\"{name}\" {use_}, which needs constraints that hold for positions; {} of the {} rows ({}, ...) hold for velocities only \
          (nonholonomic); use \"projective\"",
         size.rows - size.holonomic,

@@ -425,7 +425,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.factorisations += 1;
         let ok = match &self.plan {
             Some(plan) => plan.factor(&self.c, &mut self.factors).is_ok(),
-            None => return Err(SystemError::Request("no partition was chosen before the evaluation".into())),
+            None => return Err(SystemError::Unchosen("partition")),
         };
         if ok {
             return Ok(());

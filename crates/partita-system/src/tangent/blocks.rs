@@ -39,13 +39,16 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         let (n, k) = (size.nv, size.nv - rank);
         let mut fixed = options.independent.clone();
         if let Some(inputs) = &mut fixed {
-            *inputs = start::distinct("inputs", inputs, n)?;
+            *inputs = start::distinct(inputs, n)?;
             if inputs.len() != k {
-                return Err(SystemError::Request(format!(
-                    "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or \
+                return Err(SystemError::argument(
+                    "independent",
+                    format!(
+                        "{} inputs were asked for, but the mechanism has {k} degrees of freedom; name as many, or \
                      none",
-                    inputs.len()
-                )));
+                        inputs.len()
+                    ),
+                ));
             }
         }
         let (base, exchange) = (Base::new(Reduction::dense(system, rank)), options.exchange);
@@ -59,7 +62,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     pub fn closing(&mut self) -> Result<&mut (dyn Closing + Send + 's)> {
         match &mut self.closing {
             Some(closing) => Ok(&mut **closing),
-            None => Err(SystemError::Request("no closing was chosen before the evaluation".into())),
+            None => Err(SystemError::Unchosen("closing")),
         }
     }
 
@@ -70,7 +73,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
-            Some((row, phi)) => Err(SystemError::Request(format!(
+            Some((row, phi)) => Err(SystemError::argument("closing", format!(
                 "the explicit closing leaves {} open by {phi:.3e} at t = {t}; check the function that closes the loops, and that it \
                  takes the branch of the start",
                 r.system.row_words(row)
@@ -114,7 +117,10 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         let mut solved = vec![false; system.size().nv];
         closing.inputs().iter().for_each(|&i| solved[i] = true);
         let refuse = |what: String| {
-            Err(SystemError::Request(format!("the explicit closing cannot be used: {what}; take another formulation")))
+            Err(SystemError::argument(
+                "formulation",
+                format!("the explicit closing cannot be used: {what}; take another formulation"),
+            ))
         };
         for block in closing.blocks() {
             for &i in &block.unknown {

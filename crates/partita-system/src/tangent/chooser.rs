@@ -18,28 +18,37 @@ pub use crate::partition::volume::Largest as Choice;
 /// Refuses weights, and a window, where the rule has no use for them.
 ///
 /// # Errors
-/// `Request`, with the rule and what to leave out or to give.
+/// `Argument`, with the rule and what to leave out or to give.
 pub fn check(selection: Selection, weights: Option<&[f64]>, window: Option<f64>) -> Result<()> {
     let name = selection.name();
-    let refuse = |message: String| Err(SystemError::Request(message));
+    let refuse = |argument: &str, message: String| Err(SystemError::argument(argument, message));
     if weights.is_some() && matches!(selection, Selection::Determinant | Selection::CompletePivoting) {
-        return refuse(format!(
-            "selection \"{name}\" compares plain entries of C and has no use for weights; leave them out, or take \
+        return refuse(
+            "weights",
+            format!(
+                "selection \"{name}\" compares plain entries of C and has no use for weights; leave them out, or take \
              \"normalised-determinant\""
-        ));
+            ),
+        );
     }
     match (selection, window) {
-        (Selection::Persistence, None) => refuse(format!(
-            "selection \"{name}\" needs a window, the time over which coordinates are to stay good: a turn of the \
+        (Selection::Persistence, None) => refuse(
+            "window",
+            format!(
+                "selection \"{name}\" needs a window, the time over which coordinates are to stay good: a turn of the \
              machine, or some of its periods"
-        )),
+            ),
+        ),
         (Selection::Persistence, Some(x)) if !(x > 0.0 && x.is_finite()) => {
-            refuse(format!("window = {x} s; give a positive time"))
+            refuse("window", format!("window = {x} s; give a positive time"))
         }
         (Selection::Persistence, _) | (_, None) => Ok(()),
-        (_, Some(x)) => refuse(format!(
+        (_, Some(x)) => refuse(
+            "window",
+            format!(
             "window = {x} s has no meaning for selection \"{name}\"; leave it out, or take selection \"persistence\""
-        )),
+        ),
+        ),
     }
 }
 
@@ -214,7 +223,7 @@ impl Chooser {
         if fixed.is_some() {
             if self.selection != Selection::Collective {
                 let message = "independent coordinates were given, so no rule chooses any; give them or a selection";
-                return Err(SystemError::Request(message.into()));
+                return Err(SystemError::argument("selection", message.into()));
             }
             start::choose_partition(r, t, q, None, fixed)?;
             return Ok("fixed by the user".into());

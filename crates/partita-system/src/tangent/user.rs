@@ -181,7 +181,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
                 if sum.abs() > FITS * size {
-                    return Err(SystemError::Request(format!(
+                    return Err(SystemError::argument("tangent", format!(
                         "tangent velocity {j} breaks {}: C D^T is {sum:.3e} there (of {size:.3e}) instead of 0; check column {j} \
                          of the tangent and the position it is meant for",
                         words()
@@ -191,7 +191,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             let (sum, size) = self.along(row, |i| self.base.r.gamma[i]);
             let (left, size) = (sum + self.base.r.a[row], size + self.base.r.a[row].abs());
             if left.abs() > FITS * size {
-                return Err(SystemError::Request(format!(
+                return Err(SystemError::argument("tangent", format!(
                     "the offset of the tangent velocities breaks {}: C gamma + a is {left:.3e} there (of {size:.3e}) instead of \
                      0; hand over offset(t, q) for constraints that move with time",
                     words()
@@ -210,7 +210,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
             // where the terms vanish by chance: what a velocity changing at the rate of the motion would give
             let size = size + self.base.r.b[row].abs() + self.along(row, |i| self.base.r.v[i]).1 * rate;
             if left.abs() > FITS_ROUGHLY * size {
-                return Err(SystemError::Request(format!(
+                return Err(SystemError::argument("tangent", format!(
                     "the bias of the tangent velocities breaks {}: C delta + b is {left:.3e} there (of {size:.3e}) instead of 0; \
                      check bias(t, q, v), or leave it out to have it found by differences",
                     self.base.r.system.row_words(row)
@@ -231,7 +231,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let mut md = d.transpose().matmul(&mass).matmul(&d).into_vec();
         let sigma = quality_of_exact(&md, k).sigma;
         if sigma < DEPENDENT || dense::cholesky(&mut md, k).is_err() {
-            return Err(SystemError::Request(format!(
+            return Err(SystemError::argument("tangent", format!(
                 "the {k} tangent velocities depend on each other at the start (sigma = {sigma:.1e}, at least {DEPENDENT:.0e} is \
                  needed); the columns of the tangent must span all {k} degrees of freedom"
             )));
@@ -243,7 +243,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let length = |x: &[f64]| dense::dot(&mass.matvec(x), x).max(0.0).sqrt();
         let (off, size) = (length(&off), length(v) + length(&self.base.r.gamma));
         if off > FITS_ROUGHLY * size {
-            return Err(SystemError::Request(format!(
+            return Err(SystemError::argument("tangent", format!(
                 "the initial velocities are no combination of the tangent velocities: {off:.3e} of {size:.3e} is left over (in the \
                  mass metric); start with velocities that satisfy the constraints"
             )));

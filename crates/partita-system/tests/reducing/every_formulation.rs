@@ -233,7 +233,7 @@ fn natural_units(mass: &Matrix) -> Vec<f64> {
 fn what_is_missing_is_asked_for() {
     let system = ByHand::new(Angles);
     let refused = |name: &str, o: &FormulationOptions, word: &str| match by_name(name, &system, 2, o) {
-        Err(SystemError::Request(message)) => assert!(message.contains(word), "{message}"),
+        Err(SystemError::Argument { message, .. }) => assert!(message.contains(word), "{message}"),
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("{name} was accepted"),
     };
@@ -251,14 +251,14 @@ fn what_is_missing_is_asked_for() {
     let (q, v) = Angles::start();
     let mut y = vec![0.0; f.dim()];
     match f.start(0.0, &q, &v, &mut y) {
-        Err(SystemError::Request(message)) => assert!(message.contains("takes crank as inputs"), "{message}"),
+        Err(SystemError::Argument { message, .. }) => assert!(message.contains("takes crank as inputs"), "{message}"),
         other => panic!("{other:?}"),
     }
     // no function at all
     let instant = Instant::random(&mut fastrand::Rng::with_seed(3), 3, 1, 10.0).by_hand();
     let mut f = by_name("explicit-closing", &instant, 1, &plain).unwrap();
     let mut y = vec![0.0; f.dim()];
-    assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Request(_))));
+    assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Argument { .. })));
 }
 
 /// Options that make no sense are refused by every formulation, whichever it reads.
@@ -288,7 +288,7 @@ fn senseless_options_are_refused() {
             let mut o = options(needs, true, &tangent).unwrap();
             change(&mut o);
             match by_name(name, &system, 2, &o) {
-                Err(SystemError::Request(message)) => assert!(message.contains(words), "{name}: {message}"),
+                Err(SystemError::Argument { message, .. }) => assert!(message.contains(words), "{name}: {message}"),
                 Err(other) => panic!("{name}: {other}"),
                 Ok(_) => panic!("{name} accepted: {words}"),
             }
@@ -298,7 +298,7 @@ fn senseless_options_are_refused() {
     let mut r = Reduction::new(&system, 2);
     for bad in [vec![3], vec![0, 1]] {
         let refused = start::choose_partition(&mut r, 0.0, &q, None, Some(&bad));
-        assert!(matches!(refused, Err(SystemError::Request(_))), "{bad:?}");
+        assert!(matches!(refused, Err(SystemError::Argument { .. })), "{bad:?}");
     }
 }
 
@@ -351,7 +351,7 @@ fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
         assert!(matches!(f.derivative(0.0, &y, &mut dy), Err(SystemError::Singular { .. })), "{name}");
         // the same at the start
         match f.start(0.0, &[1.0, 0.0], &[0.0, 1.0], &mut y) {
-            Err(SystemError::Request(message)) => assert!(message.contains("y would do"), "{message}"),
+            Err(SystemError::Argument { message, .. }) => assert!(message.contains("y would do"), "{message}"),
             other => panic!("{name}: {other:?}"),
         }
     }

@@ -24,7 +24,7 @@ impl Stabilised {
     /// Numbers that are missing, or that drive the loops apart.
     pub fn new(n: usize, m: usize, r: usize, numbers: Option<(f64, f64)>) -> Result<Self, SystemError> {
         let Some((alpha, beta)) = numbers else {
-            return Err(SystemError::Request(
+            return Err(SystemError::argument("baumgarte", 
                 "\"baumgarte\" needs its two numbers, baumgarte = (alpha, beta) in 1/s: they have no default because the \
                  right ones depend on the mechanism, on its speed and on the step (too small: the loops drift open, too \
                  large: the equations become stiff); the other formulations close the loops without them"
@@ -34,9 +34,12 @@ impl Stabilised {
         if let Some((name, x)) =
             [("alpha", alpha), ("beta", beta)].into_iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0))
         {
-            return Err(SystemError::Request(format!(
-                "baumgarte: {name} = {x} 1/s; it must be finite and not negative, or the loops are driven apart"
-            )));
+            return Err(SystemError::argument(
+                "baumgarte",
+                format!(
+                    "baumgarte: {name} = {x} 1/s; it must be finite and not negative, or the loops are driven apart"
+                ),
+            ));
         }
         Ok(Self { alpha, beta, saddle: Saddle::new(n, r), b: vec![0.0; m] })
     }

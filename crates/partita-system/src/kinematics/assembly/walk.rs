@@ -26,12 +26,16 @@ fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Ve
     let mut read = Vec::with_capacity(targets.len());
     for &(coordinate, value) in targets {
         let Some(velocity) = system.velocity_of_coordinate(coordinate) else {
-            return Err(SystemError::Request(format!(
-                "coordinate {coordinate} of a turn in space cannot be a target by itself"
-            )));
+            return Err(SystemError::argument(
+                "targets",
+                format!("coordinate {coordinate} of a turn in space cannot be a target by itself"),
+            ));
         };
         if !value.is_finite() {
-            return Err(SystemError::Request(format!("the target of {} is {value}", system.velocity_name(velocity))));
+            return Err(SystemError::argument(
+                "targets",
+                format!("the target of {} is {value}", system.velocity_name(velocity)),
+            ));
         }
         read.push(Target { coordinate, velocity, value });
     }

@@ -1,0 +1,116 @@
+//! Names, sizes and layout of a model as one text of plain data.
+
+use partita_analysis::mobility::Mobility;
+use partita_model::joint::Motion;
+use partita_model::spec::JointKind;
+use partita_model::Model;
+use partita_system::ConstrainedSystem;
+use serde::Serialize;
+
+#[derive(Serialize)]
+struct Summary<'m> {
+    name: &'m str,
+    planar: bool,
+    nq: usize,
+    nv: usize,
+    rows: usize,
+    rank: Option<usize>,
+    mobility: Option<usize>,
+    joint_rows: Option<usize>,
+    joint_rank: Option<usize>,
+    bodies: Vec<Body<'m>>,
+    joints: Vec<Joint<'m>>,
+    coordinates: &'m [String],
+    velocities: &'m [String],
+    rows_names: Vec<String>,
+    removed: Vec<Removed<'m>>,
+    notes: Vec<&'m str>,
+}
+
+#[derive(Serialize)]
+struct Body<'m> {
+    name: &'m str,
+}
+
+/// First index and number.
+type Span = [usize; 2];
+
+#[derive(Serialize)]
+struct Joint<'m> {
+    name: &'m str,
+    kind: JointKind,
+    parent: &'m str,
+    child: &'m str,
+    tree: bool,
+    /// Among the coordinates and velocities of all joints.
+    q: Span,
+    v: Span,
+    /// In the state; none for a joint that closes a loop.
+    state_q: Option<Span>,
+    state_v: Option<Span>,
+    axes: Vec<&'m str>,
+}
+
+#[derive(Serialize)]
+struct Removed<'m> {
+    row: &'m str,
+    why: &'m str,
+}
+
+/// Of a model with what its closed drawing tells.
+pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> serde_json::Result<String> {
+    let size = m.size();
+    let redundant = mobility.map_or(&[][..], |x| &x.redundant);
+    let summary = Summary {
+        name: &m.spec.name,
+        planar: m.is_planar(),
+        nq: size.nq,
+        nv: size.nv,
+        rows: size.rows,
+        rank: mobility.map(|x| size.nv - x.mobility),
+        mobility: mobility.map(|x| x.mobility),
+        joint_rows: mobility.map(|x| x.joint_rows),
+        joint_rank: mobility.map(|x| x.joint_rank),
+        bodies: m.spec.bodies.iter().map(|b| Body { name: &b.name }).collect(),
+        joints: joints(m),
+        coordinates: &m.placed.coordinate_names,
+        velocities: &m.placed.velocity_names,
+        rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
+        removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
+        notes: note.into_iter().collect(),
+    };
+    serde_json::to_string(&summary)
+}
+
+fn joints(m: &Model) -> Vec<Joint<'_>> {
+    let (mut first_q, mut first_v) = (0, 0);
+    let mut found = Vec::with_capacity(m.spec.joints.len());
+    for (p, j) in m.placed.joints.iter().zip(&m.spec.joints) {
+        let nq: usize = p.shape.motions.iter().map(|x| x.coordinates()).sum();
+        let nv = p.shape.freedoms();
+        // coordinates of a joint lie side by side in the state unless it was walked backwards
+        let first = p.links.as_ref().filter(|l| !(l.is_empty() || p.reversed && nv > 1)).map(|l| &m.placed.links[l[0]]);
+        let mut axes: Vec<&str> = Vec::with_capacity(nv);
+        for (motion, name) in p.shape.motions.iter().zip(&p.shape.names) {
+            match motion {
+                Motion::Ball => axes.extend(["wx", "wy", "wz"]),
+                _ => axes.push(name),
+            }
+        }
+        found.push(Joint {
+            name: &j.name,
+            kind: j.kind,
+            parent: &j.parent,
+            child: &j.child,
+            tree: p.links.is_some(),
+            q: [first_q, nq],
+            v: [first_v, nv],
+            state_q: first.map(|l| [l.q, nq]),
+            state_v: first.map(|l| [l.v, nv]),
+            axes,
+        });
+        first_q += nq;
+        first_v += nv;
+    }
+    found
+}
