@@ -220,6 +220,10 @@ struct March<'t> {
 /// step apart, so where a stage came close to the position, it lies between two stages then.
 const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 
+/// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those to be
+/// exact, and so near that the polynomial through them is.
+const BESIDE: f64 = 1.0 / 40.0;
+
 type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 impl March<'_> {
@@ -320,6 +324,44 @@ impl March<'_> {
         Ok(())
     }
 
+    /// The output at t inside the step that was concluded; y is room for a state.
+    fn output_at<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        stepper: &mut Stepper,
+        t: f64,
+        y: &mut [f64],
+    ) -> Result<(), StepFailure<SystemError>> {
+        let (from, to) = (stepper.t_old(), stepper.t_new());
+        let mut state = |t: f64, out: &mut Output| {
+            stepper.interpolate(&mut Adapter(formulation), t, y)?;
+            formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
+        };
+        let failed = match state(t, &mut self.output) {
+            Ok(()) if !self.output.singular => return Ok(()),
+            Ok(()) => None,
+            Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
+            Err(other) => return Err(other),
+        };
+        // In a singular position q_D and v_D are quotients of nothing by nothing, while the motion goes through smoothly:
+        // the polynomial through three positions on either side has them, to the sixth power of their distance.
+        let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * BESIDE);
+        let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);
+        for (i, weight) in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0].into_iter().zip([1.0, -6.0, 15.0, 15.0, -6.0, 1.0]) {
+            if let Err(beside) = state(t + i * apart, &mut side) {
+                return Err(failed.unwrap_or(beside));
+            }
+            q.resize(side.q.len(), 0.0);
+            v.resize(side.v.len(), 0.0);
+            q.iter_mut().zip(&side.q).for_each(|(to, x)| *to += weight / 20.0 * x);
+            v.iter_mut().zip(&side.v).for_each(|(to, x)| *to += weight / 20.0 * x);
+            work += weight / 20.0 * side.work;
+        }
+        self.output.set(t, &q, &v, work);
+        (self.output.choice, self.output.singular) = (side.choice, true);
+        Ok(())
+    }
+
     fn outputs<F: Formulation>(
         &mut self,
         formulation: &mut F,
@@ -329,11 +371,11 @@ impl March<'_> {
         while self.next < self.t_eval.len() && self.t_eval[self.next] <= stepper.t_new() {
             let t = self.t_eval[self.next];
             let mut y = std::mem::take(&mut self.buffer);
-            let done = stepper.interpolate(&mut Adapter(formulation), t, &mut y);
-            let done =
-                done.and_then(|()| self.emit(formulation, t, &y, sink).map_err(|error| StepFailure::Rhs { t, error }));
+            let done = self.output_at(formulation, stepper, t, &mut y);
             self.buffer = y;
             done?;
+            sink(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
+            self.next += 1;
         }
         Ok(())
     }

@@ -62,9 +62,9 @@ impl PartitionEvent {
 }
 
 impl Output {
-    /// Take over an instant; `turns` and `choice` stay.
+    /// Take over an instant, not a singular one; `turns` and `choice` stay.
     pub fn set(&mut self, t: f64, q: &[f64], v: &[f64], work: f64) {
-        (self.t, self.work) = (t, work);
+        (self.t, self.work, self.singular) = (t, work, false);
         self.q.clear();
         self.q.extend_from_slice(q);
         self.v.clear();
@@ -87,6 +87,8 @@ pub struct Output {
     pub work: f64,
     /// Number, among the events of the run, of the choice in use.
     pub choice: usize,
+    /// Does the mechanism stand in a singular position here? Then accelerations and multipliers do not follow from it.
+    pub singular: bool,
 }
 
 /// Everything known about the motion at one instant.

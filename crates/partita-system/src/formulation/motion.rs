@@ -18,10 +18,11 @@ use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
-use crate::reduction::{Reduction, Sides};
+use crate::reduction::{Reduction, Sides, SINGULAR_PIVOT};
 use crate::singular::change_point::{Advice, Passage, Probe};
 use crate::singular::consistency::Watch;
 use crate::singular::crossing::{Seam, Trail};
+use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::all::Everything;
 use crate::tangent::basis::{Basis, Rule};
@@ -35,6 +36,13 @@ use crate::tangent::{Occasion, Tangent};
 /// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
 /// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
 const LONGEST: f64 = 1.2;
+
+/// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
+const NOTHING: f64 = 1e-3;
+
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is integrated
+/// that does no harm.
+const MOST_SPOILT: u32 = 6;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -66,6 +74,9 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
     flipped: bool,
     lost: bool,
+    /// Or was it a dead point of the choice alone; how often in a row?
+    spoilt: bool,
+    spoilt_in_a_row: u32,
     /// Largest rate at the end of the step that was judged, in reaches.
     fastest: f64,
     /// What is open at the ends of steps.
@@ -172,14 +183,16 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             passage: Passage::default(),
             passing: false,
             trail: Trail::new(system.size().nq, n),
-            seam: Seam::new(n),
-            seam_ahead: Seam::new(n),
+            seam: Seam::new(system.size().nq, n),
+            seam_ahead: Seam::new(system.size().nq, n),
             margin_before: None,
             paced: false,
             sides: Sides::new(system.size().rows),
             sides_ahead: Sides::new(system.size().rows),
             flipped: false,
             lost: false,
+            spoilt: false,
+            spoilt_in_a_row: 0,
             fastest: 0.0,
             watch: Watch::default(),
             v: vec![0.0; n],
@@ -266,7 +279,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
     fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
-        if P::CLOSED || self.evaluate(t, y).is_err() {
+        if self.evaluate(t, y).is_err() {
             return Probe::Unknown;
         }
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
@@ -293,16 +306,46 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
         self.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
-        self.seam_ahead.start(t, &r.v, &self.vdot);
-        (self.flipped, self.lost) = (false, false);
-        if P::CLOSED || self.margin.is_none() {
+        self.seam_ahead.start(t, self.positions.q(), &r.v, &self.vdot);
+        (self.flipped, self.lost, self.spoilt) = (false, false, false);
+        if self.margin.is_none() {
             return;
         }
         r.sides(&mut self.sides_ahead);
         self.flipped = self.sides.differ(&self.sides_ahead);
+        if self.flipped && self.of_the_choice() {
+            self.flipped = false;
+            self.spoilt = self.spoilt_in_a_row < MOST_SPOILT;
+            return;
+        }
+        if P::CLOSED {
+            return; // positions on another branch are told apart where they are solved for
+        }
         let crosses = self.flipped || self.passage.crossing().is_some();
         let creeps = self.flipped && self.passage.creeps(t - self.seam.t());
         self.lost = crosses && self.paced && (creeps || !self.seam.holds(&self.seam_ahead, r.scales()));
+    }
+
+    /// Did C_D change sides in the step that was judged at a dead point of the choice, the mechanism being sound?
+    fn of_the_choice(&self) -> bool {
+        let (one, two) = (&self.seam, &self.seam_ahead);
+        let (half_t, half) = self.half_way();
+        let ends = [(one.t(), one.q()), (two.t(), two.q())];
+        dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
+    }
+
+    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to one v is
+    /// off by round-off over the distance, v' by that over its square.
+    fn stands_in_a_singular_position(&mut self) -> bool {
+        let at_ends = [self.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
+        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < NOTHING * at_ends)
+    }
+
+    /// Half-way through the step that was judged.
+    fn half_way(&self) -> (f64, Vec<f64>) {
+        let mut q = self.seam.q().to_vec();
+        self.system.step(&mut q, &self.seam.half_way(&self.seam_ahead));
+        (0.5 * (self.seam.t() + self.seam_ahead.t()), q)
     }
 
     /// When C_D was singular within the step to t that was judged.
@@ -449,7 +492,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
         self.look_back(t);
-        if self.lost {
+        if self.lost || self.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
@@ -472,6 +515,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             if self.lost {
                 return self.cross_again(step);
             }
+            if self.spoilt {
+                self.spoilt_in_a_row += 1;
+                let (half_t, half) = self.half_way();
+                let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
+                // one that stays has no other to go on with
+                if let e @ SystemError::DeadPoint { .. } = self.tangent.blame(half_t, &half, singular) {
+                    return Err(e);
+                }
+            }
             self.evaluate(t, step.y)?;
             if let Some(e) = self.positions.broken(&mut self.tangent, t) {
                 return Err(e);
@@ -486,6 +538,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             return Ok(true);
         }
         self.watch.accept();
+        self.spoilt_in_a_row = 0;
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
@@ -506,7 +559,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
-        self.tangent.tangent(t, self.positions.q(), factored)?;
+        let singular = match self.tangent.tangent(t, self.positions.q(), factored) {
+            Err(SystemError::Singular { .. }) => true,
+            found => {
+                found?;
+                self.stands_in_a_singular_position()
+            }
+        };
         let u = &mut self.v[..w - p];
         u.copy_from_slice(&y[p..w]);
         self.tangent.settle(t, self.positions.q(), u)?;
@@ -514,6 +573,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
+        out.singular = singular;
         Ok(())
     }
 

@@ -36,6 +36,8 @@ pub struct Passage {
     tries: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
+    /// The expected one, if a look ahead showed the distance to fall that far.
+    confirmed: Option<f64>,
     /// Times stepped over.
     pub times: Vec<f64>,
 }
@@ -222,6 +224,14 @@ impl Passage {
             }
             self.cross(zero, t, pace);
         } else {
+            if self.confirmed.is_none_or(|seen| (seen - zero).abs() > 0.3 * ahead) {
+                if matches!(probe(ahead), Probe::Distance(there) if there > FALLING * distance) {
+                    // it only falls for a while, as for coordinates that another choice will replace
+                    self.confirmed = None;
+                    return Advice::Free;
+                }
+                self.confirmed = Some(zero);
+            }
             // leave the distance that one comfortable crossing needs
             let approach = ahead - 0.9 * Self::PART * self.usual / pace.stretch;
             pace.next = approach.min(pace.next);
@@ -243,6 +253,9 @@ pub enum Probe {
 /// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
 /// distance is small already, and a guess that is off by more than this is none.
 const CONFIRMED: f64 = 0.3;
+
+/// From far away, where a look ahead is rough, it must have fallen to this part.
+const FALLING: f64 = 0.7;
 
 /// Where a falling distance will be zero: by the parabola through the last three values, by the line through two.
 fn zero_ahead(now: (f64, f64), one: (f64, f64), two: Option<(f64, f64)>) -> Option<f64> {

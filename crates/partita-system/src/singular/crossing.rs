@@ -77,6 +77,7 @@ impl Trail {
 #[derive(Clone, Debug)]
 pub struct Seam {
     t: f64,
+    q: Vec<f64>,
     v: Vec<f64>,
     vdot: Vec<f64>,
 }
@@ -88,15 +89,16 @@ impl Seam {
     /// In one velocity: of its change, and of the fastest.
     const ONE: (f64, f64) = (0.75, 0.1);
 
-    /// Room for n velocities.
-    pub fn new(n: usize) -> Self {
-        Self { t: 0.0, v: Vec::with_capacity(n), vdot: Vec::with_capacity(n) }
+    /// Room for nq coordinates and n velocities.
+    pub fn new(nq: usize, n: usize) -> Self {
+        let room = Vec::with_capacity;
+        Self { t: 0.0, q: room(nq), v: room(n), vdot: room(n) }
     }
 
     /// A step begins here.
-    pub fn start(&mut self, t: f64, v: &[f64], vdot: &[f64]) {
+    pub fn start(&mut self, t: f64, q: &[f64], v: &[f64], vdot: &[f64]) {
         self.t = t;
-        for (to, from) in [(&mut self.v, v), (&mut self.vdot, vdot)] {
+        for (to, from) in [(&mut self.q, q), (&mut self.v, v), (&mut self.vdot, vdot)] {
             to.clear();
             to.extend_from_slice(from);
         }
@@ -107,9 +109,20 @@ impl Seam {
         self.t
     }
 
+    /// Position there.
+    pub fn q(&self) -> &[f64] {
+        &self.q
+    }
+
     /// Velocities there.
     pub fn v(&self) -> &[f64] {
         &self.v
+    }
+
+    /// Displacement, in velocities, from here to half-way to `end`, as far as velocities at both tell.
+    pub fn half_way(&self, end: &Self) -> Vec<f64> {
+        let h = end.t - self.t;
+        self.v.iter().zip(&end.v).map(|(a, b)| 0.5 * h * (0.75 * a + 0.25 * b)).collect()
     }
 
     /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their scales s, so
@@ -138,8 +151,8 @@ mod tests {
     use super::*;
 
     fn seam(t: f64, v: &[f64], vdot: &[f64]) -> Seam {
-        let mut seam = Seam::new(v.len());
-        seam.start(t, v, vdot);
+        let mut seam = Seam::new(0, v.len());
+        seam.start(t, &[], v, vdot);
         seam
     }
 

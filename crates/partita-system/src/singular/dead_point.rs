@@ -1,6 +1,6 @@
 //! Dead points: where independent coordinates that stay do not determine the others, though other coordinates would.
 
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -30,6 +30,34 @@ fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64])
         Ok(()) => (best.partition.independent.clone(), best.smallest()),
         Err(_) => (Vec::new(), 0.0),
     }
+}
+
+/// Were those in use at a dead point of theirs, and the mechanism in no singular position, between two positions on whose way
+/// their C_D changed sides? Then other coordinates, best half-way, have C_D on one side at both ends: where C itself loses
+/// rank the determinants of all choices change their signs.
+///
+/// Chooses a partition there: for steps alone in which C_D changed sides.
+pub(crate) fn of_the_choice<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    ends: [(f64, &[f64]); 2],
+    (t, q): (f64, &[f64]),
+) -> bool {
+    let mut r = Reduction::new(system, rank);
+    if start::choose_partition(&mut r, t, q, None, None).is_err() || r.smallest() < SOUND {
+        return false;
+    }
+    let rows = system.size().rows;
+    let [mut one, mut two] = [Sides::new(rows), Sides::new(rows)];
+    let choice = r.choices();
+    for (sides, (t, q)) in [&mut one, &mut two].into_iter().zip(ends) {
+        if r.position(t, q).and_then(|()| r.factor(t)).is_err() {
+            return false;
+        }
+        r.sides(sides);
+    }
+    // a plan that had to be made anew compares with none
+    r.choices() == choice && !one.differ(&two)
 }
 
 fn said<S: ConstrainedSystem>(

@@ -230,6 +230,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         _within: Option<&PartitionEvent>,
         out: &mut Sample,
     ) -> Result<()> {
+        if out.note.is_some() {
+            return Ok(()); // in a singular position none of them is determined
+        }
         if self.rows.is_empty() && self.base.r.rank() > 0 {
             self.choose(out.t, &out.q)?;
         }
@@ -240,7 +243,6 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
                 out.multipliers.clone_from(&self.lambda);
                 Ok(())
             }
-            Err(SystemError::Singular { .. }) if out.note.is_some() => Ok(()),
             Err(e) => Err(e),
         }
     }

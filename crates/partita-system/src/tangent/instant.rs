@@ -48,17 +48,19 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         out.q.clone_from(&at.q);
         out.v.clone_from(&at.v);
         out.note = None;
-        match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
-            Ok(()) => Ok(Some(r)),
-            Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => {
-                r.position(t, q)?;
-                closures(r, v, out);
-                out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
-                undetermined(r.size().nv, r.size().rows, e, out);
-                Ok(None)
-            }
-            Err(e) => Err(e),
-        }
+        let why = match at.singular {
+            true => "the mechanism stands in a singular position".into(),
+            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
+                Ok(()) => return Ok(Some(r)),
+                Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
+                Err(e) => return Err(e),
+            },
+        };
+        r.position(t, q)?;
+        closures(r, v, out);
+        out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
+        undetermined(r.size().nv, r.size().rows, &why, out);
+        Ok(None)
     }
 }
 
@@ -115,12 +117,12 @@ fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f6
 }
 
 /// At a change point accelerations and multipliers have no value: none is made up.
-fn undetermined(n: usize, rows: usize, e: SystemError, out: &mut Sample) {
+fn undetermined(n: usize, rows: usize, why: &str, out: &mut Sample) {
     out.vdot = vec![f64::NAN; n];
     out.multipliers = vec![f64::NAN; rows];
     out.measure = vec![f64::NAN; n];
     (out.sigma, out.sqrt_mu) = (f64::NAN, f64::NAN);
-    out.note = Some(format!("accelerations and multipliers are not determined here: {e}"));
+    out.note = Some(format!("accelerations and multipliers are not determined here: {why}"));
 }
 
 /// `S M⁻¹ Sᵀ` at the last position of r.
