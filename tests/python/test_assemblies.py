@@ -149,3 +149,34 @@ def test_turned_drawings_convert_there_and_back() -> None:
     for name in ("position", "velocity"):
         one, other = (getattr(run.joint("ball"), name) for run in (moving, same))
         assert one == pytest.approx(other, abs=1e-8), name
+
+
+def test_what_is_not_given_stays_as_near_as_the_loops_allow() -> None:
+    m = pt.catalogue.load("three-rrr")
+    moving = m.assemble(rates={"A1": 1.0, "A2": -0.5, "A3": 0.25})
+    # a closed moving state is its own nearest
+    np.testing.assert_allclose(m.assemble(near=moving).v, moving.v, rtol=0, atol=1e-12)
+    # v + D^T x of least energy: M (v' - v) is orthogonal to all that the loops allow and the rates leave
+    model = m.compile()
+    changed = m.assemble(near=moving, rates={"A1": 2.0})
+    i = model.at(changed.q, changed.v)
+    rest = np.linalg.svd(i.D[:, model.velocity_names.index("A1")][None])[2][1:] @ i.D
+    assert changed.velocity("A1") == pytest.approx(2.0, abs=1e-12)
+    np.testing.assert_allclose(rest @ i.M @ (changed.v - moving.v), 0.0, atol=1e-12)
+    assert np.abs(changed.v - m.assemble(rates={"A1": 2.0}).v).max() > 0.1
+
+
+def test_equations_by_hand_start_as_near_as_they_can_to_the_velocities_given() -> None:
+    ring = pt.System(
+        n=2,
+        mass=[[2.0, 0.0], [0.0, 1.0]],
+        forces=(0.0, 0.0),
+        constraints=lambda t, q: [q @ q - 1],
+        jacobian=lambda t, q: [2 * q],
+        bias=lambda t, q, v: [2 * v @ v],
+    )
+    assert ring.assemble([0.6, 0.8], [-0.8, 0.6]).v.tolist() == pytest.approx([-0.8, 0.6], abs=1e-12)
+    v = ring.assemble([0.6, 0.8], [1.0, 0.0]).v
+    # along the ring, and nearest in the mass metric: M (v - v0) is normal to the ring
+    tangent = np.array([-0.8, 0.6])
+    assert abs(v @ [0.6, 0.8]) < 1e-12 and abs(tangent @ [2.0 * (v[0] - 1.0), v[1]]) < 1e-12

@@ -146,9 +146,14 @@ def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
         atol=1e-2 * RTOL,
         **more,
     )
-    assert run.success, run.message
-    known = reference("four-bar")
-    assert np.abs(run.observed["body_position"] - known.observed["body_position"]).max() <= SAME
+    if formulation == "fixed":
+        # no single coordinate of a body is free of dead points over so much motion
+        assert run.status == "singular" and "coupler.x stand at a dead point" in run.message
+        assert 1.0 < run.t[-1] < times[-1]
+    else:
+        assert run.success, run.message
+    known = reference("four-bar").observed["body_position"][: len(run.t)]
+    assert np.abs(run.observed["body_position"] - known).max() <= SAME
 
 
 @pytest.mark.parametrize("selection", options.SELECTIONS)

@@ -288,12 +288,23 @@ impl Stepper {
     /// Signed step and its end: `t_end` or the next grid point if within reach, so that they are met exactly.
     fn plan(&self) -> (f64, f64) {
         let goal = self.grid.as_ref().map_or(self.t_end, FixedGrid::goal);
+        let step = if self.grid.is_some() { self.step } else { self.step.min(self.sight()) };
         let rest = goal - self.t_old;
-        if rest.abs() <= STRETCH * self.step {
+        if rest.abs() <= STRETCH * step {
             return (rest, goal);
         }
-        let h = self.step * self.direction;
+        let h = step * self.direction;
         (h, self.t_old + h)
+    }
+
+    /// How far it is to the second corner ahead.
+    fn sight(&self) -> f64 {
+        let (corners, t) = (&self.options.corners, self.t_old);
+        let second = match self.direction > 0.0 {
+            true => corners.get(corners.partition_point(|c| *c <= t) + 1),
+            false => corners.partition_point(|c| *c < t).checked_sub(2).and_then(|i| corners.get(i)),
+        };
+        second.map_or(f64::INFINITY, |c| (c - t).abs())
     }
 
     /// All stages of a step and its end. An error comes with its time.

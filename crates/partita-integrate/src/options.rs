@@ -44,6 +44,9 @@ pub struct Options {
     pub fixed_step: Option<f64>,
     /// Length of the first step under error control; chosen by the stepper when absent.
     pub first_step: Option<f64>,
+    /// Ascending times at which what acts turns a corner: under error control a step ends at the second of them ahead, so
+    /// that none is passed unseen.
+    pub corners: Vec<f64>,
 }
 
 impl Default for Options {
@@ -55,6 +58,7 @@ impl Default for Options {
             max_step: f64::INFINITY,
             fixed_step: None,
             first_step: None,
+            corners: Vec::new(),
         }
     }
 }

@@ -9,8 +9,8 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
     }
 }
 
-/// The end of the table that ends first, and what it belongs to, in words.
-pub fn horizon(spec: &Spec) -> Option<(f64, String)> {
+/// All tables of time, with what they belong to, in words.
+fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
     let drives = spec.drives.iter().map(|d| (&d.motion, words(&d.name, "drive")));
     let forces = spec.forces.iter().flat_map(|f| {
         let values = match f {
@@ -20,12 +20,41 @@ pub fn horizon(spec: &Spec) -> Option<(f64, String)> {
         };
         values.into_iter().map(|value| (value, words(f.name(), "force")))
     });
-    let end = |table: &Table| table.breaks.last().copied();
-    let ends = drives.chain(forces).filter_map(|(value, what)| match value {
-        Value::Table(table) => end(table).map(|t| (t, what)),
+    drives.chain(forces).filter_map(|(value, what)| match value {
+        Value::Table(table) => Some((table, what)),
         Value::Constant(_) | Value::Function(_) => None,
-    });
+    })
+}
+
+/// The end of the table that ends first, and what it belongs to, in words.
+pub fn horizon(spec: &Spec) -> Option<(f64, String)> {
+    let ends = all(spec).filter_map(|(table, what)| Some((*table.breaks.last()?, what)));
     ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
+}
+
+/// A point of a table is a corner if it lies off the straight line between its neighbours by more than this part of the
+/// table's range: of a curve with a hundred points a wave none is.
+const CORNER: f64 = 1e-3;
+
+/// Ascending times at which a table turns a corner: a pulse has some, and a step that saw none of them would pass it unseen.
+pub fn corners(spec: &Spec) -> Vec<f64> {
+    let mut found: Vec<f64> = all(spec).flat_map(|(table, _)| corners_of(table)).collect();
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    found
+}
+
+fn corners_of(table: &Table) -> Vec<f64> {
+    let t = &table.breaks;
+    let (Some(last), Some(from)) = (table.coefficients.last(), t.len().checked_sub(2)) else { return Vec::new() };
+    let mut values: Vec<f64> = table.coefficients.iter().map(|c| c[3]).collect();
+    values.push(last.iter().fold(0.0, |sum, c| sum * (t[from + 1] - t[from]) + c));
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+    let is_corner = |i: &usize| {
+        let part = (t[*i] - t[i - 1]) / (t[i + 1] - t[i - 1]);
+        (values[i - 1] + part * (values[i + 1] - values[i - 1]) - values[*i]).abs() > CORNER * (high - low)
+    };
+    (1..=from).filter(is_corner).map(|i| t[i]).collect()
 }
 
 /// Usual names say what they are themselves.

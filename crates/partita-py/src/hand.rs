@@ -208,9 +208,9 @@ impl System {
     ) -> PyResult<(Array<'py>, Array<'py>, String)> {
         guarded(py, || {
             let q = vector(&q, self.f.n, "q")?;
-            vector(&v, self.f.n, "v")?;
+            let v = vector(&v, self.f.n, "v")?;
             let system = self.measured(py, t, &q)?;
-            let (q, v, said) = state::assemble(&system, t, q, &targets, &rates, tolerance, |_| None)
+            let (q, v, said) = state::assemble(&system, t, (q, &v), &targets, &rates, tolerance, |_| None)
                 .map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })

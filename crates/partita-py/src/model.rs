@@ -198,11 +198,11 @@ impl Model {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
-            let (q, _) = model.state(&q, &v)?;
+            let (q, near) = model.state(&q, &v)?;
             let ask = move || {
                 let system = &own.get().inner;
                 let place = |q: &[f64]| system.place(t, q, &targets);
-                state::assemble(&**system, t, q, &targets, &rates, tolerance, place)
+                state::assemble(&**system, t, (q, &near), &targets, &rates, tolerance, place)
             };
             let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))

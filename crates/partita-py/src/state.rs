@@ -27,7 +27,7 @@ fn chosen<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<
 pub fn assemble<S: ConstrainedSystem>(
     system: &S,
     t: f64,
-    mut q: Vec<f64>,
+    (mut q, near): (Vec<f64>, &[f64]),
     targets: &[(usize, f64)],
     rates: &[(usize, f64)],
     tolerance: f64,
@@ -50,10 +50,10 @@ pub fn assemble<S: ConstrainedSystem>(
         residual = moved.residual;
         steps = moved.target_steps;
     }
-    let v = if rates.is_empty() && !system.rheonomic() {
+    let v = if rates.is_empty() && !system.rheonomic() && near.iter().all(|v| *v == 0.0) {
         vec![0.0; system.size().nv]
     } else {
-        velocity::with_rates(&mut chosen(system, t, &q)?, t, &q, rates)?
+        velocity::near_with_rates(&mut chosen(system, t, &q)?, t, &q, near, rates)?
     };
     let said = serde_json::json!({
         "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": explicit

@@ -255,6 +255,10 @@ pub trait ConstrainedSystem: Sync {
     fn horizon(&self) -> Option<(f64, String)> {
         None
     }
+    /// Ascending times at which what acts turns a corner, as far as the system knows: no step should pass two of them.
+    fn corners(&self) -> Vec<f64> {
+        Vec::new()
+    }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {
         self.row_words(i)

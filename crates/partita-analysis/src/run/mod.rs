@@ -85,6 +85,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
     let mut settings = request.settings()?;
+    settings.options.corners = system.corners();
     let ends = system.horizon().filter(|(end, _)| within(*end, request));
     if let Some((end, _)) = &ends {
         settings.t_end = *end;

@@ -91,6 +91,9 @@ impl ConstrainedSystem for Model {
     fn horizon(&self) -> Option<(f64, String)> {
         crate::horizon::horizon(&self.spec)
     }
+    fn corners(&self) -> Vec<f64> {
+        crate::horizon::corners(&self.spec)
+    }
     fn row_is_drive(&self, i: usize) -> bool {
         i >= self.row_names.len()
     }

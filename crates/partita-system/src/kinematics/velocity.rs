@@ -23,8 +23,19 @@ pub fn with_rates<S: ConstrainedSystem>(
     q: &[f64],
     rates: &[(usize, f64)],
 ) -> Result<Vec<f64>, SystemError> {
-    let k = r.k();
+    near_with_rates(r, t, q, &vec![0.0; r.size().nv], rates)
+}
+
+/// The same, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least energy.
+pub fn near_with_rates<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    near: &[f64],
+    rates: &[(usize, f64)],
+) -> Result<Vec<f64>, SystemError> {
     r.position(t, q)?;
+    let k = r.k();
     r.tangent(t)?;
     let zero = vec![0.0; k];
     r.spread(&zero);
@@ -48,8 +59,9 @@ pub fn with_rates<S: ConstrainedSystem>(
         let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > MET * fastest * reach(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
     }
+    let momentum = momentum(r, t, q, near)?;
     if r.by_clusters() {
-        let (v, got) = r.least_energy(rates)?;
+        let (v, got) = r.least_energy(&momentum, rates)?;
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
         return if off { Err(failed(&got)) } else { unlocked(r.system, t, rates, fastest, v) };
     }
@@ -61,8 +73,11 @@ pub fn with_rates<S: ConstrainedSystem>(
     r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut without)?;
     let tangent = Tangent { k, dt: &r.dt, delta: &gamma };
     r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut with)?;
-    // D M [0; η]
+    // D M [0; η] - D M near
     let mut g: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
+    for (i, p) in momentum.iter().enumerate() {
+        g.iter_mut().zip(&r.dt[i * k..(i + 1) * k]).for_each(|(g, d)| *g -= d * p);
+    }
     dense::cholesky(&mut md, k).map_err(|e| SystemError::Mass {
         name: r.system.velocity_name(r.partition.independent[e.index]),
         pivot: e.pivot,
@@ -103,6 +118,20 @@ pub fn with_rates<S: ConstrainedSystem>(
     dense::cholesky_backward(&md, k, &mut y);
     r.spread(&y);
     unlocked(r.system, t, rates, fastest, r.v.clone())
+}
+
+/// M v.
+fn momentum<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
+    let none = vec![0.0; v.len()];
+    let (mut with, mut without) = (none.clone(), none.clone());
+    if v.iter().all(|v| *v == 0.0) {
+        return Ok(none);
+    }
+    r.system.velocity(t, q, &none, &mut r.scratch, &mut r.b)?;
+    r.system.inverse_dynamics(t, q, &none, v, &mut r.scratch, &mut with)?;
+    r.system.inverse_dynamics(t, q, &none, &none, &mut r.scratch, &mut without)?;
+    with.iter_mut().zip(&without).for_each(|(x, y)| *x -= y);
+    Ok(with)
 }
 
 /// `v`, unless a rate asked for is had only by speeds that no position tells from infinite ones.

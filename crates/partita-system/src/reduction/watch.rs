@@ -214,11 +214,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok(chosen)
     }
 
-    /// Velocities with these rates that satisfy S4 with the least kinetic energy, and the rates they reach; by responses
-    /// to efforts along the rated velocities. Needs the tangent of the partition.
-    pub fn least_energy(&mut self, rates: &[(usize, f64)]) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
+    /// Velocities with these rates that satisfy S4 and differ from some with the momentum `M v` by the least kinetic energy, and
+    /// the rates they reach; by responses to efforts along the rated velocities. Needs the tangent of the partition.
+    pub fn least_energy(
+        &mut self,
+        momentum: &[f64],
+        rates: &[(usize, f64)],
+    ) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
         let n = self.size.nv;
-        let mut effort = vec![0.0; n];
+        let mut effort = momentum.to_vec();
         let mut v = vec![0.0; n];
         let tangent =
             ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.gamma, c: &self.c, b: &self.a };
