@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 import partita as pt
 from partita.errors import AssemblyError
 
+from .branches_kept import crossed, crossed_angle
 from .case import Held, done, no_success, refused, right
 from .drawings import EVERY, GENERAL, G, four_bar, parallelogram, pendulum, slider_crank, stroke
 
@@ -165,3 +166,51 @@ def towards_the_limit() -> Iterator[Held]:
     m.add_drive("A", position=lambda t: 1.0 * t)
     done(m.simulate(3.0))
     yield from ()
+
+
+@right(
+    "one crank of a parallelogram driven through its change points, closing and full-velocity formulations",
+    "closed form: the coupler only shifts; the drive carries the weights",
+)
+def through_change_points() -> Iterator[Held]:
+    for formulation in ("projective", "svd", "wehage-haug", "explicit-closing", "multipliers"):
+        m = parallelogram(gravity=G)
+        m.add_drive("A", position=lambda t: 2.0 * t)
+        run = done(m.simulate(3.0, formulation=formulation))
+        angle = 1.0 + 2.0 * run.t
+        place = np.stack([1 + 0.5 * np.cos(angle), 0.5 * np.sin(angle)], 1)
+        yield Held(f"C, {formulation}", run.joint("C").point[:, :2], place, 1e-11)
+        # two cranks by their middles, the coupler by the pins; masses of `four_bar`
+        torque = (0.5 * (0.3 + 0.4) + 0.5) * G * 0.5 * np.cos(angle)
+        yield Held(f"torque, {formulation}", run.joint("A").drive[:, 0], torque, 1e-7)
+
+
+@right("the crank of a crossed parallelogram driven through its change points", "closed form of the rocker")
+def crossed_driven() -> Iterator[Held]:
+    for formulation in ("projective", "wehage-haug"):
+        m = crossed()
+        m.add_drive("A", position=lambda t: 2.0 * t)
+        run = done(m.simulate(6.0, formulation=formulation))
+        r = run.body("rocker").rotation
+        known = crossed_angle(1.0 + 2.0 * run.t)
+        yield Held(formulation, r[:, :2, 0], np.stack([np.cos(known), np.sin(known)], 1), 1e-11)
+
+
+@right("a prescribed shake of a table with a spring on it", "closed form of the forced vibration, beat included")
+def shaken() -> Iterator[Held]:
+    m = pt.Mechanism("shaker", gravity=(0, 0, 0))
+    m.add_body("table", mass=5.0, inertia=(1, 1, 1))
+    m.add_body("mass", mass=2.0, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, "table", axis=(0, 1, 0))
+    m.add_prismatic("T", "table", "mass", axis=(0, 1, 0))
+    m.add_torsion_spring("T", stiffness=50.0)
+    m.add_drive("S", position=lambda t: 0.01 * np.sin(4.0 * t))
+    start = m.assemble(rates={"T": -0.04})  # the mass at rest in the world
+    run = done(m.simulate(10.0, initial=start, rtol=1e-10, atol=1e-12))
+    own, forced = 5.0, 4.0
+    share = 0.01 * forced**2 / (own**2 - forced**2)
+    rate = (-0.04 - share * forced) / own
+    known = share * np.sin(forced * run.t) + rate * np.sin(own * run.t)
+    yield Held("stretch", run.joint("T").position[:, 0], known, 1e-8)
+    effort = -5.0 * 0.16 * np.sin(forced * run.t) - 50.0 * known
+    yield Held("effort", run.joint("S").drive[:, 0], effort, 1e-6)

@@ -13,7 +13,7 @@ import numpy as np
 import partita as pt
 from partita.errors import DescriptionError, SingularityError
 
-from .case import Case, Held, done, doubtful, refused, right
+from .case import Case, Held, done, doubtful, no_success, refused, right
 from .contradictions import rocker
 from .drawings import EVERY, G, four_bar, pendulum, swing
 from .in_the_plane import double_known
@@ -307,3 +307,60 @@ def crooked_least() -> Iterator[Held]:
     run = done(crooked(1e-10).simulate(1.0))
     off = run.joint("D").position[:, 0] - rocker(run.joint("A").position[:, 0])
     yield Held("rocker", off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, 1e-9)
+
+
+@right("fixed steps of 0.01 s, order 4", "elliptic functions")
+def fixed_steps() -> Iterator[Held]:
+    run = done(pendulum(drawn=1.5).simulate(10.0, step=0.01, method="rk4"))
+    yield Held("angle", run.q[:, 0] + 1.5, swing(run.t, 1.5), 1e-6)
+
+
+@doubtful("fixed steps of 0.3 s, far too long", "the energy balance is off by")
+def long_steps() -> Iterator[Held]:
+    done(pendulum(drawn=1.5).simulate(10.0, step=0.3, method="rk4"))
+    yield from ()
+
+
+@no_success("fixed steps of 1 s, longer than half a swing", "broken", "the energy balance is off by")
+def absurd_steps() -> Iterator[Held]:
+    done(pendulum(drawn=1.5).simulate(10.0, step=1.0, method="rk4"))
+    yield from ()
+
+
+@no_success(
+    "a spring and a damper of 1e12 in a run of 1000 steps at the most", "max-steps", "allow more with max_steps"
+)
+def too_stiff() -> Iterator[Held]:
+    m = pt.Mechanism("stiff", gravity=(0, -G, 0))
+    m.add_body("b", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, "b", axis=(0, 1, 0))
+    m.add_torsion_spring("S", stiffness=1e12, damping=1e3)
+    run = m.simulate(1.0, max_steps=1000, t_eval=np.linspace(0, 1, 100001))
+    rate, decay = np.sqrt(1e12 - 250e3), 500.0
+    known = -G / 1e12 * (1 - np.exp(-decay * run.t) * (np.cos(rate * run.t) + decay / rate * np.sin(rate * run.t)))
+    # it moves by 1e-11 m, which `atol` does not look at; its rate by 1e-5 m/s, of which it leaves five digits
+    yield Held("until then", run.q[:, 0] * 1e12, known * 1e12, 1e-2)
+    done(run)
+
+
+@right(
+    "a spring of half a metre drawn through its own anchor",
+    "closed form in pieces: two springs pushed one way and the other",
+)
+def through_the_anchor() -> Iterator[Held]:
+    m = pt.Mechanism("through", gravity=(0, 0, 0))
+    m.add_body("b", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    m.add_prismatic("S", m.ground, "b", axis=(1, 0, 0))
+    m.add_spring("k", m.ground, (0, 0, 0), "b", (0, 0, 0), stiffness=4.0, length=0.5)
+    run = done(m.simulate(1.5, initial=m.assemble(rates={"S": -3.0}), rtol=1e-10, atol=1e-12))
+    # x = 0.5 + r cos(2 t + p) until it is at the anchor, then about -0.5 with the speed that it has there
+    size, phase = np.hypot(0.5, 1.5), np.arctan2(1.5, 0.5)
+    there = (np.arccos(-0.5 / size) - phase) / 2
+    speed = -2 * size * np.sin(2 * there + phase)
+    after = run.t - there
+    known = np.where(
+        after < 0,
+        0.5 + size * np.cos(2 * run.t + phase),
+        -0.5 + 0.5 * np.cos(2 * after) + speed / 2 * np.sin(2 * after),
+    )
+    yield Held("place", run.q[:, 0] + 1.0, known, 1e-7)

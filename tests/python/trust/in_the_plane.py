@@ -276,3 +276,70 @@ def trammel() -> Iterator[Held]:
     ).y[0]
     middle = run.body("rod").point((0.5 * length, 0, 0))[:, :2]
     yield Held("middle", middle, 0.5 * length * np.stack([np.sin(known), np.cos(known)], 1), 1e-7)
+
+
+@right("a four-bar by every rule of choice, method and correction", "closed form of the rocker; all agree on the crank")
+def choices() -> Iterator[Held]:
+    m = four_bar(GENERAL)
+    start = m.assemble(rates={"A": 5.0})
+    t = np.linspace(0, 2, 21)
+    first = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-11, atol=1e-13)).joint("A").position[:, 0]
+    ways = [{"selection": x} for x in ("greedy", "individual", "determinant", "normalised-determinant")]
+    ways += [{"selection": "complete-pivoting"}, {"selection": "persistence", "window": 0.3}, {"exchange": 1.0}]
+    ways += [{"method": x} for x in ("dopri5", "tsit5")] + [{"correction": "mass-orthogonal"}, {"max_step": 1e-2}]
+    ways += [{"weights": {"D": 10.0}}, {"independent": ["A"]}]
+    for way in ways:
+        run = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-10, atol=1e-12, **way))
+        crank = run.joint("A").position[:, 0]
+        off = run.joint("D").position[:, 0] - rocker(crank)
+        yield Held(f"rocker, {way}", off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, 1e-11)
+        yield Held(f"crank, {way}", crank, first, 1e-6)
+
+
+@right("two springs and a torque that swings, on a cart", "closed form: resonance grows linearly")
+def resonance() -> Iterator[Held]:
+    m = pt.Mechanism("cart", gravity=(0, -G, 0))
+    m.add_body("cart", mass=2.0, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, "cart", axis=(1, 0, 0))
+    m.add_spring("left", "ground", (-3, 0, 0), "cart", (0, 0, 0), stiffness=5.0)
+    m.add_spring("right", "ground", (3, 0, 0), "cart", (0, 0, 0), stiffness=3.0)
+    m.add_torque("S", lambda t, state: 0.3 * np.cos(2.0 * t))
+    run = done(m.simulate(12.0, rtol=1e-10, atol=1e-12))
+    known = 0.3 / (2 * 2.0 * 2.0) * run.t * np.sin(2.0 * run.t)
+    yield Held("way", run.q[:, 0], known, 1e-8)
+    yield Held("work", run.energy.work, run.energy.total - run.energy.total[0], 1e-8)
+
+
+@right(
+    "a disc rolling on a line, by hand, as an integrable row for velocities",
+    "closed form: two thirds of the slope's pull",
+)
+def rolling() -> Iterator[Held]:
+    disc = pt.System(
+        2,
+        mass=np.diag([3.0, 0.5 * 3.0 * 0.2**2]),
+        forces=(3.0 * G * 0.5, 0.0),
+        jacobian=lambda t, q: [[1.0, -0.2]],
+        bias=lambda t, q, v: [0.0],
+        names=["way", "turn"],
+    )
+    for formulation in ("projective", "multipliers", "svd", "range-space"):
+        run = pt.simulate(disc, 2.0, [0.0, 0.0], [0.0, 0.0], formulation=formulation)
+        way = 0.5 * run.t**2 * G * 0.5 * 2 / 3
+        yield Held(formulation, done(run).q, np.stack([way, way / 0.2], 1), 1e-8)
+        yield Held("friction", run.multipliers[:, 0], -3.0 * G * 0.5 / 3, 1e-9)
+
+
+@right("a drum turned by a torque against a damper", "closed form: an exponential; torque and damper do the work")
+def drum() -> Iterator[Held]:
+    m = pt.Mechanism("winch", gravity=(0, -G, 0))
+    m.add_body("drum", mass=1.0, inertia=(0.1, 0.1, 0.1))
+    m.add_revolute("A", m.ground, "drum", point=(0, 0, 0))
+    m.add_torsion_spring("A", stiffness=0.0, damping=0.7)
+    m.add_torque("A", 2.1)
+    run = done(m.simulate(5.0, rtol=1e-10, atol=1e-12))
+    pace = 3.0 * (1 - np.exp(-7.0 * run.t))
+    yield Held("rate", run.v[:, 0], pace, 1e-8)
+    # a torque that stays has a potential, so that what is left is the damper's: integral of 0.7 pace^2
+    fade = np.exp(-7.0 * run.t)
+    yield Held("work", run.energy.work, -6.3 * (run.t - 2 * (1 - fade) / 7 + (1 - fade**2) / 14), 1e-8)
