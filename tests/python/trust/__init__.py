@@ -10,6 +10,7 @@ from __future__ import annotations
 from . import (
     across_the_plane,
     again,
+    beside,
     branches_kept,
     contradictions,
     dead_points,
@@ -40,6 +41,7 @@ ROOMS = (
     in_space,
     in_the_plane,
     extremes,
+    beside,
     again,
 )
 

@@ -1,7 +1,7 @@
-"""Outputs in a change point
+"""Outputs around change points
 
-An output may lie exactly where the mechanism is singular. Its time, coordinates and velocities are right;
-accelerations, multipliers and reactions that are not unique there are marked, and none is garbage.
+A parallelogram turns through its change points while outputs lie close around them. Time, coordinates and velocities
+are right, and what of the reactions is called unique is.
 """
 
 from __future__ import annotations
