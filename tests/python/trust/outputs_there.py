@@ -1,7 +1,7 @@
-"""Outputs around change points
+"""Outputs in change points
 
-A parallelogram turns through its change points while outputs lie close around them. Time, coordinates and velocities
-are right, and what of the reactions is called unique is.
+A parallelogram turns through its change points while outputs lie around them and in them. Time, coordinates and
+velocities are right; accelerations and reactions that have no value there are NaN, and none is garbage.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def turning_on(drawn: float, outputs: int, coordinates: str, formulation: str) -
         ("D", 0.5 * (MASSES[2] + MASSES[1])),
     ):
         joint = run.joint(name)
-        unique = joint.determined_at[:, :2]
+        # what has no value is NaN
+        unique = joint.determined_at[:, :2] & np.isfinite(joint.force[:, :2])
         yield Held(f"force in {name}", np.where(unique, joint.force[:, :2], mass * inwards), mass * inwards, 1e-4)
         yield Held(f"marked in {name} away from the line", unique[np.abs(s) > 1e-2], True, 0.0)
         # not unique where the links lie in line, if an output is there
@@ -66,5 +67,9 @@ def case(drawn: float, outputs: int, coordinates: str = "relative", formulation:
     return replace(ask, name=name.replace(".", "_").replace("-", "_"))
 
 
-CASES = [case(60.0, 362), case(60.0, 11), case(30.0, 11), case(57.29577951308232, 361), case(50.0, 362, "absolute")]
+CASES = [case(60.0, 362), case(60.0, 11), case(57.29577951308232, 361), case(50.0, 362, "absolute")]
 CASES += [case(60.0, 362, formulation=name) for name in ("svd", "qr", "wehage-haug")]
+# an output on every whole degree, those of the change points among them
+CASES += [case(drawn, 361) for drawn in (1.0, 30.0, 37.0, 45.0, 60.0, 90.0)]
+CASES += [case(30.0, 361, formulation=name) for name in ("svd", "qr", "wehage-haug")]
+CASES += [case(30.0, 361, "absolute")]

@@ -63,6 +63,10 @@ pub trait Formulation {
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// Does the state last asked for stand so close to a singular position that rounding has taken its velocities?
+    fn blurred(&self) -> bool {
+        false
+    }
     /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
     /// same options (`None`: with the choice in use); turns and work are left to the caller. May be asked before
     /// `start` and after the run.
@@ -111,6 +115,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
+    }
+    fn blurred(&self) -> bool {
+        (**self).blurred()
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)

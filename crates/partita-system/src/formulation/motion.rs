@@ -36,6 +36,10 @@ use crate::tangent::{Occasion, Tangent};
 /// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
 const LONGEST: f64 = 1.2;
 
+/// Closer than this to a singular position (radians or parts of lengths) velocities at an output come from around it: they are
+/// quotients by the distance, and what the interpolation errs by, 1e-9 or so, grows ten thousand times.
+const BLURRED: f64 = 1e-4;
+
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     name: &'static str,
@@ -66,6 +70,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
     flipped: bool,
     lost: bool,
+    /// Was the state last asked for too close to a singular position?
+    blurred: bool,
     /// Largest rate at the end of the step that was judged, in reaches.
     fastest: f64,
     /// What is open at the ends of steps.
@@ -180,6 +186,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             sides_ahead: Sides::new(system.size().rows),
             flipped: false,
             lost: false,
+            blurred: false,
             fastest: 0.0,
             watch: Watch::default(),
             v: vec![0.0; n],
@@ -507,6 +514,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.moved = true;
         let factored = self.positions.output(&mut self.tangent, t, y)?;
         self.tangent.tangent(t, self.positions.q(), factored)?;
+        self.blurred = self.tangent.margin().is_some_and(|(distance, _)| distance < BLURRED);
         let u = &mut self.v[..w - p];
         u.copy_from_slice(&y[p..w]);
         self.tangent.settle(t, self.positions.q(), u)?;
@@ -515,6 +523,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
         Ok(())
+    }
+
+    fn blurred(&self) -> bool {
+        self.blurred
     }
 
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {

@@ -12,6 +12,10 @@ use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
 
+/// Closer than this to a singular position (radians or parts of lengths) accelerations and multipliers, quotients by the square
+/// of the distance, have lost all but four digits to rounding.
+const BLURRED: f64 = 1e-6;
+
 /// Describes instants of a system: a reduction of its own, so that whoever marches is not disturbed. For outputs: it
 /// allocates.
 pub struct Describer<'s, S: ConstrainedSystem> {
@@ -48,7 +52,12 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         out.q.clone_from(&at.q);
         out.v.clone_from(&at.v);
         out.note = None;
-        match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
+        let described = choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out));
+        let described = described.and_then(|()| match r.distance().0 {
+            pivot if r.rank() > 0 && pivot < BLURRED => Err(SystemError::Singular { t, pivot, limit: BLURRED }),
+            _ => Ok(()),
+        });
+        match described {
             Ok(()) => Ok(Some(r)),
             Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => {
                 r.position(t, q)?;
