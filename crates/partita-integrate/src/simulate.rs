@@ -253,14 +253,14 @@ impl March<'_> {
             Ok(()) => formulation.blurred(),
             Err(error) => matches!(error, SystemError::Singular { .. }),
         };
-        if blurred && self.from_around(formulation, stepper, t, y)? {
+        if blurred && self.around(formulation, stepper, t, y)? {
             return Ok(());
         }
         found.map_err(|error| StepFailure::Rhs { t, error })
     }
 
     /// The quintic through six states around t; false, with nothing changed, where one of them is no better.
-    fn from_around<F: Formulation>(
+    fn around<F: Formulation>(
         &mut self,
         formulation: &mut F,
         stepper: &mut Stepper,

@@ -217,7 +217,8 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and
-    /// the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each other.
+    /// the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each other. No
+    /// reaction is known yet.
     fn needed(
         &self,
         part: &Part,
@@ -226,7 +227,7 @@ impl<S: Scalar> Evaluator<S> {
         v: &[S],
         vdot: &[S],
         s: &mut Scratch<S>,
-    ) -> Result<(Vec<Wrench<S>>, Vec<S>, S), SystemError> {
+    ) -> Result<Known<S>, SystemError> {
         let Applied { on: mut needed, efforts } = self.applied(part, t, q, v, s)?;
         let added = self.link_accelerations(part, vdot, s);
         let per_length = S::one().scale(1.0 / self.placed.size);
@@ -246,7 +247,7 @@ impl<S: Scalar> Evaluator<S> {
             largest = largest.max(force).max(w.force.norm()).max(couple * per_length);
             *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
         }
-        Ok((needed, efforts, largest))
+        Ok(Known { joints: Vec::new(), needed, efforts, largest })
     }
 
     /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
@@ -276,9 +277,9 @@ impl<S: Scalar> Evaluator<S> {
         s: &mut Scratch<S>,
     ) -> Result<Known<S>, SystemError> {
         self.look_at(part, q, v, s);
-        let (mut needed, efforts, largest) = self.needed(part, t, q, v, vdot, s)?;
-        let joints = self.close_with(part, lambda, s, &mut needed);
-        Ok(Known { joints, needed, efforts, largest })
+        let mut known = self.needed(part, t, q, v, vdot, s)?;
+        known.joints = self.close_with(part, lambda, s, &mut known.needed);
+        Ok(known)
     }
 
     /// Efforts of the drives along the velocities of joint `j`.
