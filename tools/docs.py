@@ -23,6 +23,7 @@ from partita.io import schema
 TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
 PAPER = TOOLS.parent / "examples" / "paper"
+TESTS = TOOLS.parent / "tests" / "python"
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
 # "code-friendly": q_I and v_I are names, not the ends of something in italics
 EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists", "code-friendly"]
@@ -119,6 +120,12 @@ def schema_page() -> str:
     return "\n".join(lines)
 
 
+def trust_page() -> str:
+    """The cases that the tests ask, class by class, with what comes out of them."""
+    trust = scripts(TESTS, "trust")
+    return str(trust.page.tables(trust.CLASSES))
+
+
 def keys(table: Mapping[str, Any], without: tuple[str, ...] = ()) -> list[str]:
     """Rows of a table of keys; needed ones first come as the schema lists them."""
     needed = table.get("required", ())
@@ -160,7 +167,11 @@ def anchor(heading: str) -> str:
     return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
 
 
-GENERATED: dict[str, Callable[[], str]] = {"catalogue": catalogue_page, "model-files": schema_page}
+GENERATED: dict[str, Callable[[], str]] = {
+    "catalogue": catalogue_page,
+    "model-files": schema_page,
+    "trust": trust_page,
+}
 
 
 def render(folder: Path, short: bool = False) -> None:

@@ -117,6 +117,10 @@ def test_newton_euler_from_both_sides(residual: float, word: str) -> None:
         (1.1e-2, 1e-8, 100, "broken"),
         (1.9e-1, 1e-4, 100, "doubtful"),
         (2.1e-1, 1e-4, 100, "broken"),
+        (4.9e-2, 1e-2, 100, "holds"),
+        (5.1e-2, 1e-2, 100, "doubtful"),
+        (5.1e-1, 1e-2, 100, "broken"),
+        (5.1e-2, 1.0, 100, "doubtful"),
     ],
 )
 def test_energy_from_both_sides(off: float, rtol: float, steps: int, word: str) -> None:

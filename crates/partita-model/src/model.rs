@@ -338,13 +338,17 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     Ok(drives)
 }
 
+/// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as the
+/// mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each other.
+const LEAST_REACH: f64 = 1e-3;
+
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
 /// closing point and the joints of its loop, or the characteristic length where something slides.
 fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
     let mut reaches = Vec::with_capacity(tree.rows);
     for k in &tree.closings {
         let p = &placed.joints[k.joint];
-        let mut length = 1e-6 * placed.size;
+        let mut length = LEAST_REACH * placed.size;
         for path in &k.path {
             let point = if path.on_b { p.child_point } else { p.parent_point };
             length = match tree.links[path.link].motion {

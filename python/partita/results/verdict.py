@@ -23,6 +23,8 @@ ENERGY_FLOOR = 1e-8
 """Part of the energy exchanged that round-off explains, over the steps of a run and past singular positions."""
 ROUND_OFF = 1e-12
 """The same of the potential itself, which may be far larger than what is exchanged: a few thousand roundings of it."""
+ENERGY_TAKEN = 5e-2
+"""Part of the energy exchanged that no tolerance, however loose, and no fixed step explains in silence."""
 ENERGY_BROKEN = 1e-2
 """Part of the energy exchanged that breaks a run; with loose tolerances, ten times what they explain."""
 
@@ -74,7 +76,7 @@ def of_energy(t: NDArray[np.float64], energy: EnergyResult, rtol: float, steps: 
         return []
     off = np.abs(energy.balance) / scale
     i = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
-    explained = max((ENERGY + steps) * rtol, ENERGY_FLOOR)
+    explained = min(max((ENERGY + steps) * rtol, ENERGY_FLOOR), ENERGY_TAKEN)
     if off[i] <= explained:
         return []
     words = f"the energy balance is off by {off[i]:.1e} of the energy exchanged at t = {t[i]:.6g} s"
@@ -83,7 +85,7 @@ def of_energy(t: NDArray[np.float64], energy: EnergyResult, rtol: float, steps: 
 
 
 def tolerance(options: Mapping[str, Any]) -> float:
-    """Relative tolerance that a run was asked for; of fixed steps nobody knows what they explain."""
+    """Relative tolerance that a run was asked for; of fixed steps nobody knows it."""
     return 1.0 if options.get("step") is not None else float(options.get("rtol") or 0.0)
 
 

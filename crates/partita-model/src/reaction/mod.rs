@@ -69,7 +69,8 @@ pub struct Reactions<S = f64> {
     pub joints: Vec<Wrench<S>>,
     /// Effort of drives along each joint's velocities.
     pub drives: Vec<Vec<S>>,
-    /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size).
+    /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size), inertia's
+    /// terms among them: a body that moves freely has no other.
     pub residual: S,
 }
 
@@ -81,6 +82,8 @@ struct Known<S> {
     needed: Vec<Wrench<S>>,
     /// Applied along each velocity of the tree.
     efforts: Vec<S>,
+    /// The largest force that enters a body's balance, moments over the mechanism's size.
+    largest: S,
 }
 
 /// Pivots below this part of a diagonal entry: axes in line.
@@ -214,7 +217,8 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and
-    /// the applied efforts along the tree's velocities.
+    /// the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each other. No
+    /// reaction is known yet.
     fn needed(
         &self,
         part: &Part,
@@ -223,21 +227,27 @@ impl<S: Scalar> Evaluator<S> {
         v: &[S],
         vdot: &[S],
         s: &mut Scratch<S>,
-    ) -> Result<(Vec<Wrench<S>>, Vec<S>), SystemError> {
+    ) -> Result<Known<S>, SystemError> {
         let Applied { on: mut needed, efforts } = self.applied(part, t, q, v, s)?;
         let added = self.link_accelerations(part, vdot, s);
+        let per_length = S::one().scale(1.0 / self.placed.size);
+        let mut largest = S::zero();
         for body in part.nodes.iter().map(|node| node - 1) {
             let (w, b, link) = (&mut needed[body], &self.numbers.bodies[body], self.placed.bodies[body].link);
             let x = &s.full.links[link];
             let (alpha, acc) = (x.alpha + added[link].0, x.acc + added[link].1);
             let arm = x.rot.apply(b.com - self.numbers.reference[link]);
-            let a = acc + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
+            let (turned, drawn) = (alpha.cross(arm), x.w.cross(x.w.cross(arm)));
+            let a = acc + turned + drawn;
             let j = x.rot.mul(&b.inertia).mul(&x.rot.transpose());
-            let spin = j.apply(x.w);
-            let moment = j.apply(alpha) + x.w.cross(spin);
+            let (spun, spin) = (j.apply(alpha), j.apply(x.w));
+            let moment = spun + x.w.cross(spin);
+            let force = acc.norm().max(turned.norm()).max(drawn.norm()) * b.mass;
+            let couple = spun.norm().max(x.w.norm() * spin.norm()).max(w.moment.norm());
+            largest = largest.max(force).max(w.force.norm()).max(couple * per_length);
             *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
         }
-        Ok((needed, efforts))
+        Ok(Known { joints: Vec::new(), needed, efforts, largest })
     }
 
     /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
@@ -267,9 +277,9 @@ impl<S: Scalar> Evaluator<S> {
         s: &mut Scratch<S>,
     ) -> Result<Known<S>, SystemError> {
         self.look_at(part, q, v, s);
-        let (mut needed, efforts) = self.needed(part, t, q, v, vdot, s)?;
-        let joints = self.close_with(part, lambda, s, &mut needed);
-        Ok(Known { joints, needed, efforts })
+        let mut known = self.needed(part, t, q, v, vdot, s)?;
+        known.joints = self.close_with(part, lambda, s, &mut known.needed);
+        Ok(known)
     }
 
     /// Efforts of the drives along the velocities of joint `j`.
@@ -340,7 +350,7 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Reactions<S>, SystemError> {
-        let Known { joints, needed, efforts } = self.known(whole, t, q, v, vdot, lambda, s)?;
+        let Known { joints, needed, efforts, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
         let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect();
         for d in &self.drives {
             drives[d.joint][d.coordinate] = lambda[d.row];
@@ -349,7 +359,7 @@ impl<S: Scalar> Evaluator<S> {
         let transmitted = self.inward(whole, s, needed.clone());
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
-        let mut largest = self.full.gravity.norm() * heaviest;
+        let mut largest = largest.max(self.full.gravity.norm() * heaviest);
         for e in &self.placed.carrying {
             let Some(j) = e.joint else { continue };
             let point = self.joint_point_now(s, j);
