@@ -285,26 +285,25 @@ impl Stepper {
         error > 1.0
     }
 
-    /// Signed step and its end: `t_end` or the next grid point if within reach, so that they are met exactly.
+    /// Signed step and its end: `t_end`, the next grid point or the next corner if within reach, so that they are met exactly.
     fn plan(&self) -> (f64, f64) {
-        let goal = self.grid.as_ref().map_or(self.t_end, FixedGrid::goal);
-        let step = if self.grid.is_some() { self.step } else { self.step.min(self.sight()) };
+        let goal = self.grid.as_ref().map_or_else(|| self.next_corner().unwrap_or(self.t_end), FixedGrid::goal);
         let rest = goal - self.t_old;
-        if rest.abs() <= STRETCH * step {
+        if rest.abs() <= STRETCH * self.step {
             return (rest, goal);
         }
-        let h = step * self.direction;
+        let h = self.step * self.direction;
         (h, self.t_old + h)
     }
 
-    /// How far it is to the second corner ahead.
-    fn sight(&self) -> f64 {
+    /// The first corner ahead, if one comes before the end.
+    fn next_corner(&self) -> Option<f64> {
         let (corners, t) = (&self.options.corners, self.t_old);
-        let second = match self.direction > 0.0 {
-            true => corners.get(corners.partition_point(|c| *c <= t) + 1),
-            false => corners.partition_point(|c| *c < t).checked_sub(2).and_then(|i| corners.get(i)),
+        let next = match self.direction > 0.0 {
+            true => corners.get(corners.partition_point(|c| *c <= t)),
+            false => corners.partition_point(|c| *c < t).checked_sub(1).and_then(|i| corners.get(i)),
         };
-        second.map_or(f64::INFINITY, |c| (c - t).abs())
+        next.copied().filter(|c| (c - self.t_end) * self.direction < 0.0)
     }
 
     /// All stages of a step and its end. An error comes with its time.

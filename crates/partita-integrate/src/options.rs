@@ -44,8 +44,8 @@ pub struct Options {
     pub fixed_step: Option<f64>,
     /// Length of the first step under error control; chosen by the stepper when absent.
     pub first_step: Option<f64>,
-    /// Ascending times at which what acts turns a corner: under error control a step ends at the second of them ahead, so
-    /// that none is passed unseen.
+    /// Ascending times at which what acts turns a corner: under error control steps end there, so that none is passed unseen
+    /// and none spoils the order of a step.
     pub corners: Vec<f64>,
 }
 

@@ -255,7 +255,7 @@ pub trait ConstrainedSystem: Sync {
     fn horizon(&self) -> Option<(f64, String)> {
         None
     }
-    /// Ascending times at which what acts turns a corner, as far as the system knows: no step should pass two of them.
+    /// Ascending times at which what acts turns a corner, as far as the system knows: steps are to end there.
     fn corners(&self) -> Vec<f64> {
         Vec::new()
     }

@@ -164,3 +164,15 @@ def turned_and_scaled() -> Iterator[Held]:
         known = whole.body(body.name).position
         yield Held(f"turned {body.name}", turned.body(body.name).position @ turn, known, 1e-7 * drawing.size)
         yield Held(f"scaled {body.name}", scaled.body(body.name).position / 1e3, known, 1e-7 * drawing.size)
+
+
+@right("a run goes on from its own end, made closed again by assemble(near=)", "the same run in one")
+def goes_on() -> Iterator[Held]:
+    m = four_bar(GENERAL)
+    whole = done(m.simulate(2.0, initial=m.assemble(rates={"A": 3.0}), rtol=1e-11, atol=1e-13))
+    first = done(m.simulate(1.0, initial=m.assemble(rates={"A": 3.0}), rtol=1e-11, atol=1e-13))
+    middle = m.assemble(near=pt.State(1.0, first.q[-1], first.v[-1], names=first.names.coordinates,
+                                      velocity_names=first.names.velocities))  # fmt: skip
+    second = done(m.simulate(1.0, initial=middle, rtol=1e-11, atol=1e-13))
+    yield Held("velocities taken over", middle.v, first.v[-1], 1e-12)
+    yield Held("the end", second.joint("A").position[-1], whole.joint("A").position[-1], 1e-8)

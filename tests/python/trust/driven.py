@@ -214,3 +214,16 @@ def shaken() -> Iterator[Held]:
     yield Held("stretch", run.joint("T").position[:, 0], known, 1e-8)
     effort = -5.0 * 0.16 * np.sin(forced * run.t) - 50.0 * known
     yield Held("effort", run.joint("S").drive[:, 0], effort, 1e-6)
+
+
+@right("a pulse of a table after a long rest, a second of ten and a millisecond of ten", "its impulse over the mass")
+def pulse() -> Iterator[Held]:
+    for width in (1.0, 1e-3):
+        m = pt.Mechanism("cart", gravity=(0, 0, 0))
+        cart = m.add_body("cart", mass=2.0, inertia=(1, 1, 1))
+        m.add_prismatic("S", m.ground, cart, point=(0, 0, 0), axis=(1, 0, 0))
+        corners = 5.0 + width * np.array([0.0, 0.1, 0.9, 1.0])
+        m.add_torque("S", ([0.0, *corners, 10.0], [0.0, 0.0, 3.0, 3.0, 0.0, 0.0]))
+        run = done(m.simulate(10.0, t_eval=[0.0, 4.5, 7.0, 10.0], rtol=1e-9, atol=1e-11))
+        # the table's cubics are as large on either side of the middle of a ramp
+        yield Held("speed after it", run.joint("S").velocity[-1, 0], 3.0 * 0.9 * width / 2.0, 1e-8)

@@ -71,5 +71,9 @@ CASES = [case(60.0, 362), case(60.0, 11), case(57.29577951308232, 361), case(50.
 CASES += [case(60.0, 362, formulation=name) for name in ("svd", "qr", "wehage-haug")]
 # an output on every whole degree, those of the change points among them
 CASES += [case(drawn, 361) for drawn in (1.0, 30.0, 37.0, 45.0, 60.0, 90.0)]
-CASES += [case(30.0, 361, formulation=name) for name in ("svd", "qr", "wehage-haug")]
+CASES += [
+    case(drawn, 361, formulation=name)
+    for drawn in (30.0, 60.0)
+    for name in ("svd", "qr", "wehage-haug", "explicit-closing", "multipliers", "range-space", "proximal")
+]
 CASES += [case(30.0, 361, "absolute")]
