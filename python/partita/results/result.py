@@ -22,7 +22,7 @@ from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .source import BODIES, Arrays, ModelSource, Source
-from .verdict import DOUBTFUL, Finding, of_reactions, word_of
+from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, word_of
 
 if TYPE_CHECKING:
     import pandas
@@ -92,7 +92,8 @@ class Result:
     @property
     def success(self) -> bool:
         """Whether the run reached its end and what it returned holds: all conditions closed at every step, the
-        reactions in balance with the motion. Looks at the first and the last output; with the certificate, at all."""
+        energy balanced, reactions in balance with the motion. Of reactions it looks at the first and the last output;
+        with the certificate, at all."""
         return self._record.success and self._broken is None
 
     @property
@@ -115,11 +116,15 @@ class Result:
 
     @cached_property
     def _at_ends(self) -> list[Finding]:
-        """What is known without looking at every output: of the steps, and of the first and last output."""
+        """What is known without the reactions of every output: of the steps, the energy, the first and last output."""
         known = list(self._record.findings)
         if self._source is not None and len(self.t):
             ends = [0, -1] if len(self.t) > 1 else [0]
             own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options)
+            if self.has_energy:
+                own += of_energy(
+                    self.t, self.energy, tolerance(self._record.options), int(self.counters.get("steps", 0))
+                )
             self._warn(own)
             known += own
         return known

@@ -187,7 +187,7 @@ def nearly_alike() -> Iterator[Held]:
     done(run)
 
 
-@doubtful("the same, the second drive off by 1e-8 t^2", "the closing of drive drive of D is off by")
+@doubtful("the same, the second drive off by 1e-8 t^2", "the closing of the drive of D is off by")
 def hardly_off() -> Iterator[Held]:
     run = two_hinges(lambda t: 2.0 * t + 1e-8 * t**2).simulate(0.8)
     yield Held("A", run.joint("A").position[:, 0], 2.0 * run.t, 1e-7)

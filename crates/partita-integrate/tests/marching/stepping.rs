@@ -485,9 +485,9 @@ fn corners_are_met_exactly_in_both_directions_and_keep_the_order() {
                 met.push(stepper.t_old());
             }
             assert!(corners.iter().all(|c| met.contains(c)), "{}: {met:?}", method.name);
-            // between corners it is a parabola: round-off of t is left, a thousandfold in the narrow one
+            // between corners it is a parabola: what is left is round-off of corners near 8, ten thousandfold in the narrow hat
             let area = (to - from).signum() * (1.0 + 1e-3);
-            assert!((stepper.y_old()[0] - area).abs() < 1e-12, "{}: {}", method.name, stepper.y_old()[0]);
+            assert!((stepper.y_old()[0] - area).abs() < 1e-11, "{}: {}", method.name, stepper.y_old()[0]);
         }
     }
 }

@@ -192,10 +192,15 @@ pub fn tree_coordinate(
 ) -> Result<(Option<usize>, usize), DescriptionError> {
     let p = &placed.joints[joint_index(placed, joint)];
     let Some(links) = &p.links else {
-        let m = format!(
-            "joint \"{joint}\" closes a loop in which every joint is driven, sprung or loaded, so it has no coordinate; \
-             replace one of them by a spring between points"
-        );
+        let m = match placed.joints.iter().any(|p| p.links.is_some()) {
+            true => format!(
+                "joint \"{joint}\" closes a loop in which every joint is driven, sprung or loaded, so it has no \
+                 coordinate; replace one of them by a spring between points"
+            ),
+            false => format!(
+                "joint \"{joint}\" has no coordinate in absolute coordinates, where only bodies have; use relative ones"
+            ),
+        };
         return Err(DescriptionError::new(element, name, m));
     };
     let mut left = coordinate;

@@ -68,10 +68,10 @@ impl ConstrainedSystem for Model {
         }
     }
     fn row_words(&self, i: usize) -> String {
-        let name = self.row_name(i);
-        match (self.row_names.get(i), name.rsplit_once('.')) {
-            (Some(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
-            _ => name,
+        let Some(row) = self.row_names.get(i) else { return self.row_owner(i) };
+        match row.name.rsplit_once('.') {
+            Some((joint, what)) => format!("joint \"{joint}\" in {what}"),
+            None => row.name.clone(),
         }
     }
     fn row_owner(&self, i: usize) -> String {
