@@ -75,7 +75,7 @@ fn turns_are_taken_off_to_the_last_digit() {
     let crank = (0..model.size().nv).find(|&i| model.velocity_name(i) == "A").unwrap();
     for i in 0..600 {
         // four turns and less than half a one more
-        let before = (25.0 + 0.005 * f64::from(i)) * if i % 2 == 0 { 1.0 } else { -1.0 };
+        let before = (25.0 + 0.005 * f64::from(i + 1)) * if i % 2 == 0 { 1.0 } else { -1.0 };
         let (mut angle, mut turned) = (before, 0);
         assert!(turns::reduce_one(&model, crank, &mut angle, &mut turned));
         assert!(angle.abs() <= 0.5 * TAU && turned == if before > 0.0 { 4 } else { -4 });
