@@ -318,7 +318,7 @@ ERRORS = (
         f"{MODEL}/value.rs",
         "(a.scale(3.0) * x + b.scale(2.0)) * x + c, a",
         "(a.scale(3.0) * x + b) * x + c, a",
-        ("motion scalars", "python test_builder_forces.py"),
+        ("motion scalars",),
     ),
     Error(
         "reaction-point",
@@ -463,7 +463,7 @@ ERRORS = (
         f"{SYSTEM}/equations/full/baumgarte.rs",
         "x.b[i] + 2.0 * self.alpha * x.opening(i)",
         "x.b[i] + self.alpha * x.opening(i)",
-        ("reducing every_formulation", "python test_formulations.py"),
+        ("reducing every_formulation",),
     ),
     Error(
         "proximal-once",
