@@ -16,7 +16,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python trust bench docs compare-docs demo paper clean
+.PHONY: all install format lint test test-rust test-python trust errors bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -66,6 +66,11 @@ RUNS ?= 2000
 trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
+
+## errors: deliberate errors, one at a time; each must be caught by the tests. ONLY="name name" makes some of them
+ONLY ?=
+errors: $(BUILT)
+	$(BIN)/python tools/deliberate_errors.py $(ONLY)
 
 ## bench: measured costs against their limits
 bench: $(BUILT)

@@ -300,3 +300,19 @@ def test_what_is_not_finite_becomes_null() -> None:
         "b": 3,
         "c": [None, "x"],
     }
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.9, -0.9])
+def test_turns_of_a_cut_joint_are_counted_over_most_of_a_turn(turn: float) -> None:
+    """A rotor that nothing slows turns uniformly: its angle between far outputs is foretold by its speed."""
+    m = pt.Mechanism("rotors", gravity=(0, 0, 0))
+    for name, axis in (("a", (0, 0, 1)), ("b", (1, 0, 0))):  # two axes: no plane, in which angles are never wrapped
+        m.add_body(name, mass=1.0, inertia=(0.1, 0.1, 0.1))
+        m.add_revolute(f"hinge {name}", m.ground, name, point=(0, 0, 0), axis=axis)
+    times = np.arange(9.0)
+    start = m.convert(m.assemble(rates={"hinge a": turn * 2.0 * np.pi}), "absolute")
+    run = m.simulate(8.0, t_eval=times, initial=start, coordinates="absolute")
+    hinge = run.joint("hinge a")
+    # eight turns at the tolerance of the run, 1e-8
+    assert hinge.position[:, 0] == pytest.approx(turn * 2.0 * np.pi * times, abs=1e-6)
+    assert hinge.velocity[:, 0] == pytest.approx(np.full(9, turn * 2.0 * np.pi), rel=1e-7)

@@ -70,6 +70,8 @@ def answers(make: Any, unit: float) -> dict[str, Any]:
         "v": run.joint("A").velocity,
         "force": run.joint("A").force / unit,
         "counters": run.counters,
+        # how far conditions stood open, in parts of their own size
+        "gaps": run.record.gaps,
         "assembly": (state.assembly["iterations"], state.assembly["target_steps"]),
         # the scales of the coordinates, the last column, are told in SI
         "report": re.sub(r"(?m)^(  \S+ +[\d.]+ +(?:independent|follows)) .*$", r"\1", m.report(state)),

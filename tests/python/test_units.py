@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import partita as pt
+from partita import units
 from partita.results import Result
 from partita.units import deg, inch, metre, mm
 
@@ -160,3 +161,26 @@ def test_system_and_mechanism_move_alike() -> None:
     equations, bodies = system_run(metre), mechanism_run(metre)
     slide = bodies.joint("slide").position[:, 0] + position(CRANK_ANGLE, metre)[SLIDE]
     np.testing.assert_allclose(equations.q[:, SLIDE], slide, rtol=0.0, atol=1e-6)
+
+
+def test_units_are_what_they_are_agreed_to_be() -> None:
+    """Inch, foot and pound by the agreement of 1959, the pound-force by the standard gravity of 1901; all exact."""
+    agreed = {
+        "inch": 25.4 * units.mm,
+        "foot": 12.0 * units.inch,
+        "lb": 0.45359237 * units.kg,
+        "lbf": units.lb * 9.80665,
+        "rpm": units.rev / units.minute,
+        "deg": units.rev / 360.0,
+        "cm": 10.0 * units.mm,
+        "km": 1000.0 * units.metre,
+        "gram": units.kg / 1000.0,
+        "ms": units.minute / 60_000.0,
+        "kN": 1000.0 * units.newton,
+    }
+    for name, value in agreed.items():
+        # products of decimals: a few units in the last place
+        assert getattr(units, name) == pytest.approx(value, rel=1e-15, abs=0.0), name
+    torque = units.convert(1.0, "lbf inch", "N mm")
+    assert torque == pytest.approx(0.45359237 * 9.80665 * 25.4, rel=1e-15, abs=0.0)
+    assert units.convert(1.0, "rpm", "deg/s") == pytest.approx(6.0, rel=1e-15, abs=0.0)

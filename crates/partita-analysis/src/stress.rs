@@ -184,7 +184,7 @@ pub(crate) fn stresses(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::examples::{bricard, four_bar, joint, model, spherical_four_bar, tilted, Z};
+    use crate::examples::{bricard, chain, four_bar, joint, model, spherical_four_bar, tilted, Z};
     use partita_model::spec::{Cut, JointKind};
 
     /// Walked edge by edge around the loops, or by the sweep of the model over all bodies: the same wrenches.
@@ -196,7 +196,8 @@ mod tests {
         welded.joints[2].child = "plate".into();
         welded.joints[3].cut = Cut::Never;
         let mut rng = fastrand::Rng::with_seed(3);
-        for spec in [tilted(welded), bricard(), spherical_four_bar()] {
+        // the chain has three cut joints, whose moments are collected about the point of one
+        for spec in [tilted(welded), bricard(), spherical_four_bar(), tilted(chain(3, 0.4))] {
             let m = model(spec).in_space().unwrap();
             let q = m.initial();
             let lambda: Vec<(usize, f64)> = (0..m.row_names.len()).map(|i| (i, rng.f64() - 0.5)).collect();

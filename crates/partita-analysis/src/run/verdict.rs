@@ -95,6 +95,8 @@ pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
 mod tests {
     use super::*;
     use crate::examples::{four_bar, model};
+    use partita_integrate::counters::Counters;
+    use partita_integrate::simulate::Status;
     use partita_model::spec::JointKind::Revolute;
 
     fn asked(correction: &str, rtol: f64) -> Request {
@@ -130,6 +132,24 @@ mod tests {
         assert_eq!(word(&r, 0.0, 1.1e-3), "broken");
         assert_eq!(word(&r, f64::INFINITY, 0.0), "broken");
         assert_eq!(word(&r, f64::NAN, 0.0), "broken");
+    }
+
+    /// Twenty steps beyond the tolerance are one crossing, sixty-one are more than three.
+    #[test]
+    fn steps_beyond_the_tolerance_from_both_sides() {
+        let found = |lenient: u64, passages: usize| {
+            let counters = Counters { steps: 100, lenient, ..Counters::default() };
+            let (message, passages) = (String::new(), vec![0.5; passages]);
+            let outcome = Outcome { status: Status::Finished, message, t: 1.0, counters, passages, error: None };
+            let mut found = Vec::new();
+            of_steps(&outcome, &mut found);
+            found
+        };
+        for (lenient, passages, doubtful) in [(0, 0, 0), (20, 0, 0), (21, 0, 1), (21, 1, 1), (60, 3, 0), (61, 3, 1)] {
+            let found = found(lenient, passages);
+            assert_eq!(found.len(), doubtful, "{lenient} {passages}");
+            assert!(found.iter().all(|f| !f.broken && f.t == 1.0 && f.sentence.starts_with(&lenient.to_string())));
+        }
     }
 
     #[test]

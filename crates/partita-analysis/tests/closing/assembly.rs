@@ -124,3 +124,20 @@ fn far_drawings_close_from_starts_around_them() {
     assert!(100 * closed >= 99 * all, "{closed} of {all}, {again} after a restart");
     assert!(again > 0, "none of {all} came to rest open");
 }
+
+/// However coarse the tolerance by which a way is judged, its end is closed to round-off.
+#[test]
+fn closed_drawings_are_closed_to_round_off() {
+    let mut rng = fastrand::Rng::with_seed(21);
+    let linkages =
+        [four_bar([1.0, 0.3, 0.9, 0.7], 1.0, 1.0), watt(), slider_crank(), jansen(1.0), rssr("S"), rssr("U")];
+    for d in linkages.into_iter().chain([spatial_cranks(4), uprights(40, |i| 1.0 + 0.2 * (i as f64).sin())]) {
+        let model = d.model();
+        for _ in 0..5 {
+            let mut q = rough(&model, &mut rng, 0.01);
+            assembly::close(&model, 0.0, &mut q, 1e-3, &[]).unwrap();
+            // in parts of the rows' lengths, which their sums exceed by no more than ten times
+            assert!(open(&model, &q) < 1e-14, "{}: {:e}", model.spec.name, open(&model, &q));
+        }
+    }
+}

@@ -9,8 +9,10 @@ use partita_model::spec::{Drive, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
+use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Output, Sample};
+use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem};
 use std::ops::ControlFlow;
 
@@ -126,4 +128,43 @@ fn a_driven_crank() {
         // 1e-12 a step, a hundred steps
         assert!(work > 1.0 && off < 1e-10 * work, "off by {off:e} J with {work} J done");
     }
+}
+
+/// Of all velocities with the rate asked for, those of least energy: their momentum M v does no work on any motion that
+/// leaves the rate alone. Drives move on meanwhile.
+#[test]
+fn speeds_that_nobody_asked_for_take_the_least_energy() {
+    let (mut asked, mut driven) = (0, 0);
+    for planar in [false, true] {
+        on_random_mechanisms(53, 40, Wishes { planar, bound: true, drives: true }, |_, model, m| {
+            let mut r = Reduction::dense(model, m.rank);
+            start::choose_partition(&mut r, m.t, &m.q, None, None).unwrap();
+            let (n, k) = (m.v.len(), r.k());
+            if k < 2 {
+                return;
+            }
+            let first = r.partition.independent[0];
+            let v = velocity::with_rates(&mut r, m.t, &m.q, &[(first, 1.3)]).unwrap();
+            assert!((v[first] - 1.3).abs() < 1e-9);
+            let (mut x, mut mass, mut h) = (model.scratch(), vec![0.0; n * n], vec![0.0; n]);
+            let (mut phi, mut c) = (vec![0.0; model.size().holonomic], vec![0.0; model.pattern().nnz()]);
+            let (mut a, mut b) = (vec![0.0; model.size().rows], vec![0.0; model.size().rows]);
+            model.position(m.t, &m.q, &mut x, &mut phi, &mut c, &mut a).unwrap();
+            model.velocity(m.t, &m.q, &v, &mut x, &mut b).unwrap();
+            model.dynamics(m.t, &m.q, &v, &mut x, &mut mass, &mut h).unwrap();
+            let along = |x: &[f64], y: &[f64]| -> f64 {
+                (0..n).map(|i| x[i] * (0..n).map(|j| mass[i * n + j] * y[j]).sum::<f64>()).sum()
+            };
+            // the other columns of D^T are such motions
+            for j in 1..k {
+                let motion: Vec<f64> = (0..n).map(|i| r.dt[i * k + j]).collect();
+                let size = (along(&motion, &motion) * along(&v, &v)).sqrt();
+                // round-off times the conditions of M and of the choice
+                assert!(along(&motion, &v).abs() < 1e-10 * size, "{:e}", along(&motion, &v) / size);
+            }
+            asked += 1;
+            driven += usize::from(model.rheonomic());
+        });
+    }
+    assert!(asked >= 20 && driven >= 5, "{asked} {driven}");
 }

@@ -8,7 +8,7 @@ use partita_model::force::Element;
 use partita_model::place::Coordinates;
 use partita_model::reduced::Reduced;
 use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
-use partita_model::value::Functions;
+use partita_model::value::{table_at, Functions};
 use partita_model::{Evaluator, Model};
 use partita_system::reduction::Reduction;
 use partita_system::start;
@@ -364,4 +364,19 @@ fn a_function_cannot_be_recorded() {
     assert_eq!((refused.element, refused.name.as_str()), ("force", "push"));
     with_tables(&mut rng, &mut spec, true);
     assert!(Model::new(spec, Arc::new(OfState), Coordinates::Relative).unwrap().over::<Recorder>().is_ok());
+}
+
+/// Velocity and acceleration of a drive are what dual numbers make of its position and velocity.
+#[test]
+fn rates_of_a_table_are_its_derivatives() {
+    let mut rng = fastrand::Rng::with_seed(77);
+    for _ in 0..50 {
+        let Value::Table(table) = table(&mut rng) else { unreachable!() };
+        for t in [0.0, 0.1, 0.29, 0.31, 1.0, 1.9] {
+            let [x, u, a] = table_at(&table, Dual::variable(t), "a table").unwrap();
+            // three products each
+            assert!((x.eps - u.re).abs() < 1e-14 * (1.0 + u.re.abs()), "{t}: {} {}", x.eps, u.re);
+            assert!((u.eps - a.re).abs() < 1e-14 * (1.0 + a.re.abs()), "{t}: {} {}", u.eps, a.re);
+        }
+    }
 }

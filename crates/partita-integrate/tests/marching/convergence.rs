@@ -1,6 +1,6 @@
 //! Measured orders on the Kepler problem, whose solution is known in closed form.
 
-use crate::problems::{distance, Kepler};
+use crate::problems::{distance, finish, Closure, Kepler};
 use partita_integrate::explicit_rk::{Conclusion, Stepper};
 use partita_integrate::options::Options;
 use partita_integrate::tableau::{Tableau, METHODS};
@@ -81,5 +81,25 @@ fn global_error_follows_the_tolerance() {
             let error = distance(stepper.y_old(), &Kepler::at(6.0));
             assert!(error < 100.0 * rtol, "{} at {rtol:e}: {error:e}", method.name);
         }
+    }
+}
+
+/// An integral of time alone is a quadrature: a method of order p is exact for t^(p-1), if its stages are where they should be.
+#[test]
+fn integrals_of_polynomials_are_exact() {
+    for method in METHODS {
+        let p = method.order as i32;
+        let f = move |t: f64, _: &[f64], dy: &mut [f64]| {
+            dy[0] = f64::from(p) * t.powi(p - 1);
+            Ok(())
+        };
+        let mut ode = Closure { dim: 1, f };
+        let options = Options { fixed_step: Some(0.25), ..Options::default() };
+        let mut stepper = Stepper::new(method, 1, options).unwrap();
+        stepper.start(&mut ode, 0.5, &[0.5_f64.powi(p)], 1.5).unwrap();
+        finish(&mut stepper, &mut ode).unwrap();
+        // coefficients of up to 12 with sixteen digits, twelve stages, four steps
+        let (y, exact) = (stepper.y_old()[0], 1.5_f64.powi(p));
+        assert!((y - exact).abs() < 1e-13 * exact, "{}: {y} instead of {exact}", method.name);
     }
 }

@@ -315,6 +315,32 @@ fn each_component_has_its_own_absolute_tolerance() {
     assert_ne!(metres, run(1048576.0, 1e-6.into()));
 }
 
+/// Of twenty components one decays, held to a tolerance of its own, and the others rest and may err as they like: the steps
+/// are the same wherever it stands. (Errors are measured in tiles of eight.)
+#[test]
+fn where_a_component_stands_is_no_matter() {
+    for method in adaptive() {
+        let run = |place: usize| {
+            let f = move |_: f64, y: &[f64], dy: &mut [f64]| {
+                dy.fill(0.0);
+                dy[place] = -y[place];
+                Ok(())
+            };
+            let (mut atol, mut y) = (vec![1.0; 20], vec![0.0; 20]);
+            (atol[place], y[place]) = (1e-9, 1.0);
+            let mut ode = Closure { dim: 20, f };
+            let options = Options { rtol: 1e-9, atol: atol.into(), ..Options::default() };
+            let mut stepper = Stepper::new(method, 20, options).unwrap();
+            stepper.start(&mut ode, 0.0, &y, 5.0).unwrap();
+            finish(&mut stepper, &mut ode).unwrap();
+            (*stepper.counters(), stepper.y_old()[place])
+        };
+        let first = run(0);
+        assert!((first.1 - (-5.0_f64).exp()).abs() < 1e-8 && first.0.steps > 5, "{}: {first:?}", method.name);
+        (1..20).for_each(|place| assert_eq!(run(place), first, "{}: component {place}", method.name));
+    }
+}
+
 #[test]
 fn a_corrected_end_is_met_by_dense_output_and_by_the_next_step() {
     for method in adaptive() {

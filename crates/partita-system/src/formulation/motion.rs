@@ -348,13 +348,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.seam.t() + self.seam_ahead.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged.
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, or, where these are
+    /// of different plans and do not compare, as foreseen.
     fn flip(&self, t: f64) -> Option<f64> {
-        let part = match (self.margin_before, self.margin) {
-            (Some((one, _)), Some((two, _))) if one + two > 0.0 => one / (one + two),
-            _ => 0.5,
+        let (from, h) = (self.seam.t(), t - self.seam.t());
+        let zero = match (self.margin_before, self.margin) {
+            (Some((one, before)), Some((two, after))) if before == after && one + two > 0.0 => {
+                from + h * one / (one + two)
+            }
+            _ => self.passage.crossing().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
-        self.flipped.then(|| self.seam.t() + part * (t - self.seam.t()))
+        self.flipped.then_some(zero)
     }
 
     /// The step that was judged lost the branch: cross with another length, or from farther away.

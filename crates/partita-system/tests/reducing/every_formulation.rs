@@ -1,9 +1,11 @@
 //! Every formulation of the registry on the same systems: one set of accelerations, one set of constraint forces.
 
 use crate::by_hand::{Angles, FourBar, Pendulum, Plate, Redundant};
-use crate::instants::{sample, Given, Instant};
+use crate::instants::{sample, vector, Given, Instant};
 use partita_math::dense::{self, Matrix};
+use partita_math::elimination::Pattern;
 use partita_math::factor;
+use partita_system::equations::full::{self, baumgarte, AccelerationRule};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::registry::{by_name, unread, NAMES};
 use partita_system::options::{FormulationOptions, TangentMap};
@@ -411,4 +413,44 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
     let (off, iterations, notes) = ask(1e-5);
     assert!(off > 1e-3 && iterations == 80, "{off:e} {iterations}");
     assert!(notes.len() == 1 && notes[0].contains("1 evaluations"), "{notes:?}");
+}
+
+/// `Φ̈ + 2α Φ̇ + β² Φ = 0` on rows that stand open in position and in rate; on one without a position the last
+/// term is missing.
+#[test]
+fn baumgarte_pulls_open_rows_as_it_says() {
+    let mut rng = fastrand::Rng::with_seed(31);
+    let (n, rows, holonomic, alpha, beta) = (5, [0, 1, 2], 2, 3.0, 7.0);
+    let pattern = Pattern::from_rows(n, &vec![(0..n).collect(); rows.len()]);
+    for _ in 0..30 {
+        let system = Instant::random(&mut rng, n, rows.len(), 10.0);
+        let mut random = |count: usize| vector(&mut rng, count);
+        let (phi, a, b, v, h) = (random(holonomic), random(3), random(3), random(n), random(n));
+        let (mass, c) = (system.mass.data(), system.c.data());
+        let x =
+            full::Instant { pattern: &pattern, rows: &rows, holonomic, mass, h: &h, phi: &phi, c, a: &a, b: &b, v: &v };
+        let (mut vdot, mut lambda) = (vec![0.0; n], vec![0.0; 3]);
+        let mut rule = baumgarte::Stabilised::new(n, 3, 3, Some((alpha, beta))).unwrap();
+        rule.solve(&x, &mut vdot, &mut lambda).unwrap();
+        // all in units up to a thousand apart: sums against their terms
+        let sums_to_zero = |terms: &[f64]| {
+            let (sum, size) = terms.iter().fold((0.0, 0.0), |(s, z), x| (s + x, z + x.abs()));
+            assert!(sum.abs() < 1e-10 * size, "{sum:e} of {size:e}");
+        };
+        let products = |x: &[f64], y: &[f64]| -> Vec<f64> { x.iter().zip(y).map(|(x, y)| x * y).collect() };
+        for i in rows {
+            let row = &c[i * n..(i + 1) * n];
+            let rate = dense::dot(row, &v) + a[i];
+            let open = if i < holonomic { phi[i] } else { 0.0 };
+            let mut terms = products(row, &vdot);
+            terms.extend([b[i], 2.0 * alpha * rate, beta * beta * open]);
+            sums_to_zero(&terms);
+        }
+        for i in 0..n {
+            let mut terms = products(&mass[i * n..(i + 1) * n], &vdot);
+            terms.push(-h[i]);
+            terms.extend((0..3).map(|j| -c[j * n + i] * lambda[j]));
+            sums_to_zero(&terms);
+        }
+    }
 }

@@ -295,3 +295,23 @@ fn preferences_weigh_where_measures_are_compared() {
     assert!(chooser::check(Selection::Persistence, None, Some(1.0)).is_ok());
     assert!(chooser::check(Selection::Greedy, None, Some(1.0)).is_err());
 }
+
+/// The volume of a choice passes zero where its sign changes, whatever rows were swapped to compute it.
+#[test]
+fn volumes_have_the_sign_of_the_determinant() {
+    let mut rng = fastrand::Rng::with_seed(29);
+    for i in 0..200 {
+        let k = 2 + i % 6;
+        let mut random = || Matrix::from_vec(k, k, (0..k * k).map(|_| rng.f64() - 0.5).collect());
+        let (a, b) = (random(), random());
+        let of = |m: &Matrix| volume::signed_log(&mut m.data().to_vec(), k);
+        let ((sign_a, log_a), (sign_b, log_b), (sign, log)) = (of(&a), of(&b), of(&a.matmul(&b)));
+        // det AB = det A det B; the logarithm loses what elimination loses, 1e-16 times the condition
+        assert_eq!(sign, sign_a * sign_b);
+        assert!((log - log_a - log_b).abs() < 1e-9, "{log} {log_a} {log_b}");
+        let mut swapped = a.clone();
+        swapped.row_mut(0).copy_from_slice(a.row(k - 1));
+        swapped.row_mut(k - 1).copy_from_slice(a.row(0));
+        assert_eq!(of(&swapped).0, -sign_a);
+    }
+}

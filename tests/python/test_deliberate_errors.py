@@ -1,0 +1,59 @@
+"""The list of deliberate errors stays true to the sources: a text that has moved on would spoil nothing."""
+
+import importlib.util
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def tool() -> ModuleType:
+    found = importlib.util.spec_from_file_location("deliberate_errors", ROOT / "tools" / "deliberate_errors.py")
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    sys.modules[found.name] = module  # dataclasses look their module up
+    found.loader.exec_module(module)
+    return module
+
+
+ERRORS = tool().ERRORS
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: error.name)
+def test_an_error_changes_one_place(error) -> None:
+    text = (ROOT / error.file).read_text("utf-8")
+    assert text.count(error.old) == 1
+    assert error.new != error.old
+    # what takes its place is no comment: something is computed otherwise
+    line = next(line for line in text.splitlines() if error.old.splitlines()[0] in line)
+    assert not line.lstrip().startswith(("//", "#"))
+
+
+def test_errors_are_told_apart() -> None:
+    assert [name for name, count in Counter(error.name for error in ERRORS).items() if count > 1] == []
+    assert all(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", error.name) for error in ERRORS)
+    assert len(ERRORS) >= 24
+
+
+@pytest.mark.parametrize("tests", sorted({tests for error in ERRORS for tests in error.seen_by}))
+def test_the_tests_that_should_see_it_are_there(tests: str) -> None:
+    kind, *rest = tests.split()
+    if kind in ("python", "docstrings"):
+        folder = ROOT / ("tests/python" if kind == "python" else "python/partita")
+        assert rest and all((folder / name).is_file() for name in rest)
+        return
+    assert kind == "lib" or len(list(ROOT.glob(f"crates/*/tests/{kind}/main.rs"))) == 1
+
+
+def test_a_text_that_is_not_there_once_is_refused() -> None:
+    module = tool()
+    error = module.Error("name", "", "file.rs", "a + b", "a - b", ())
+    assert module.spoil(error, "x = a + b;") == "x = a - b;"
+    for text in ("x = a;", "x = a + b; y = a + b;"):
+        with pytest.raises(SystemExit, match="must be once"):
+            module.spoil(error, text)
