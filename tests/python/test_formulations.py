@@ -131,7 +131,7 @@ def test_absolute_coordinates_give_the_same(name: str) -> None:
     assert run.certificate.newton_euler <= 1e-9
 
 
-# the user's directions of this test lose digits where they go bad, and the run says so: 4e-7 of the path, 1e-6 of the energy
+# the user's directions of this test lose digits where they go bad, and the run says so: 4e-7 of the path
 @pytest.mark.filterwarnings("ignore:.*the energy balance is off by 1:partita.errors.DoubtfulResultWarning")
 @pytest.mark.parametrize("formulation", [f for f in FORMULATIONS if f != "explicit-closing"])
 def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
