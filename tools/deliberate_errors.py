@@ -532,7 +532,7 @@ ERRORS = (
     Error(
         "time-of-a-passage",
         "a singular position that was crossed is dated from the wrong end of its step",
-        f"{SYSTEM}/formulation/motion.rs",
+        f"{SYSTEM}/formulation/motion/passing.rs",
         "from + h * one / (one + two)",
         "from + h * two / (one + two)",
         ("motion passages",),

@@ -7,6 +7,8 @@
 //! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of them: a
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
+mod passing;
+
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
@@ -18,11 +20,8 @@ use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
 use crate::record::{Journal, Output, PartitionEvent, Sample};
-use crate::reduction::{Reduction, Sides, SINGULAR_PIVOT};
-use crate::singular::change_point::{Advice, Passage, Probe};
+use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
-use crate::singular::crossing::{Seam, Trail};
-use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::all::Everything;
 use crate::tangent::basis::{Basis, Rule};
@@ -32,17 +31,7 @@ use crate::tangent::instant::Describer;
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
-
-/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
-/// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
-const LONGEST: f64 = 1.2;
-
-/// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
-const NOTHING: f64 = 1e-3;
-
-/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is integrated
-/// that does no harm.
-const MOST_SPOILT: u32 = 6;
+use passing::Way;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -57,28 +46,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     margin: Option<(f64, u64)>,
     /// Was anything evaluated since?
     moved: bool,
-    passage: Passage,
-    passing: bool,
-    /// The way since the last singular position.
-    trail: Trail,
-    /// Start of the step under way, and the end of the one that was judged.
-    seam: Seam,
-    seam_ahead: Seam,
-    /// Margin at the start of the step under way.
-    margin_before: Option<(f64, u64)>,
-    /// Is the length of steps free?
-    paced: bool,
-    /// Sides of C_D there and at the end of the step that was judged.
-    sides: Sides,
-    sides_ahead: Sides,
-    /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
-    flipped: bool,
-    lost: bool,
-    /// Or was it a dead point of the choice alone; how often in a row?
-    spoilt: bool,
-    spoilt_in_a_row: u32,
-    /// Largest rate at the end of the step that was judged, in reaches.
-    fastest: f64,
+    /// Singular positions behind and ahead.
+    way: Way,
     /// What is open at the ends of steps.
     watch: Watch,
     v: Vec<f64>,
@@ -180,20 +149,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
-            passage: Passage::default(),
-            passing: false,
-            trail: Trail::new(system.size().nq, n),
-            seam: Seam::new(system.size().nq, n),
-            seam_ahead: Seam::new(system.size().nq, n),
-            margin_before: None,
-            paced: false,
-            sides: Sides::new(system.size().rows),
-            sides_ahead: Sides::new(system.size().rows),
-            flipped: false,
-            lost: false,
-            spoilt: false,
-            spoilt_in_a_row: 0,
-            fastest: 0.0,
+            way: Way::new(system.size()),
             watch: Watch::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
@@ -231,7 +187,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         let (p, w) = self.places();
-        let factored = self.positions.locate(&mut self.tangent, t, y, self.passing)?;
+        let factored = self.positions.locate(&mut self.tangent, t, y, self.way.passing)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
         let levels = |tangent: &mut T| {
             tangent.tangent(t, q, factored)?;
@@ -275,173 +231,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         Ok(true)
-    }
-
-    /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
-    fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
-        if self.evaluate(t, y).is_err() {
-            return Probe::Unknown;
-        }
-        let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
-        self.tangent.full_acceleration(&mut self.vdot);
-        let v = &self.tangent.seen().v;
-        let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
-        let mut q = self.positions.q().to_vec();
-        self.system.step(&mut q, &moved);
-        let there = t + ahead;
-        let found = self.tangent.reduction().position(there, &q);
-        match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
-            // a plan made there was made for a place that the step keeps away from; one for here follows with the next
-            // evaluation
-            Ok(()) => match self.tangent.margin() {
-                Some((distance, same)) if same == plan => Probe::Distance(distance),
-                _ => Probe::Unknown,
-            },
-            Err(_) => Probe::Unknown,
-        }
-    }
-
-    /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
-    fn look_back(&mut self, t: f64) {
-        self.tangent.full_acceleration(&mut self.vdot);
-        let r = self.tangent.seen();
-        self.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
-        self.seam_ahead.start(t, self.positions.q(), &r.v, &self.vdot);
-        (self.flipped, self.lost, self.spoilt) = (false, false, false);
-        if self.margin.is_none() {
-            return;
-        }
-        r.sides(&mut self.sides_ahead);
-        self.flipped = self.sides.differ(&self.sides_ahead);
-        if self.flipped && self.of_the_choice() {
-            self.flipped = false;
-            self.spoilt = self.spoilt_in_a_row < MOST_SPOILT;
-            return;
-        }
-        if P::CLOSED {
-            return; // positions on another branch are told apart where they are solved for
-        }
-        let crosses = self.flipped || self.passage.crossing().is_some();
-        let creeps = self.flipped && self.passage.creeps(t - self.seam.t());
-        self.lost = crosses && self.paced && (creeps || !self.seam.holds(&self.seam_ahead, r.scales()));
-    }
-
-    /// Did C_D change sides in the step that was judged at a dead point of the choice, the mechanism being sound?
-    fn of_the_choice(&self) -> bool {
-        let (one, two) = (&self.seam, &self.seam_ahead);
-        let (half_t, half) = self.half_way();
-        let ends = [(one.t(), one.q()), (two.t(), two.q())];
-        dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
-    }
-
-    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to one v is
-    /// off by round-off over the distance, v' by that over its square.
-    fn stands_in_a_singular_position(&mut self) -> bool {
-        let at_ends = [self.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
-        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < NOTHING * at_ends)
-    }
-
-    /// Half-way through the step that was judged.
-    fn half_way(&self) -> (f64, Vec<f64>) {
-        let mut q = self.seam.q().to_vec();
-        self.system.step(&mut q, &self.seam.half_way(&self.seam_ahead));
-        (0.5 * (self.seam.t() + self.seam_ahead.t()), q)
-    }
-
-    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, or, where these are
-    /// of different plans and do not compare, as foreseen.
-    fn flip(&self, t: f64) -> Option<f64> {
-        let (from, h) = (self.seam.t(), t - self.seam.t());
-        let zero = match (self.margin_before, self.margin) {
-            (Some((one, before)), Some((two, after))) if before == after && one + two > 0.0 => {
-                from + h * one / (one + two)
-            }
-            _ => self.passage.crossing().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
-        };
-        self.flipped.then_some(zero)
-    }
-
-    /// The step that was judged lost the branch: cross with another length, or from farther away.
-    fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let zero = self.passage.crossing().or_else(|| self.flip(self.seam_ahead.t())).unwrap_or(step.t);
-        if let Some(pace) = step.pace.as_deref_mut() {
-            if self.passage.again(zero, step.t, pace) {
-                self.passing = true;
-                self.derivative(step.t, step.y, step.dy)?;
-                return Ok(true);
-            }
-        }
-        match self.passage.back(zero) {
-            Some(to) if self.go_back(zero, to, step)? => Ok(true),
-            _ => Err(SystemError::Passage { t: zero, tries: self.passage.tries() }),
-        }
-    }
-
-    /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
-    fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
-        let (p, w) = self.places();
-        let (Some(past), Some(pace)) = (self.trail.back_to(to).cloned(), step.pace.as_deref_mut()) else {
-            return Ok(false);
-        };
-        let (t, mut q) = (past.t, past.q);
-        self.tangent.resume(t, &mut q, &past.v)?;
-        self.positions.start(&mut self.tangent, t, &q, step.y);
-        self.tangent.select(&past.v, &mut step.y[p..w]);
-        if self.observes_work {
-            step.y[w] = past.work;
-        }
-        step.turns.copy_from_slice(&past.turns);
-        step.t = t;
-        self.passage.put_back(zero, t, pace);
-        self.passing = true;
-        self.derivative(t, step.y, step.dy)?;
-        self.margin = self.tangent.margin();
-        self.look_back(t);
-        self.begin();
-        Ok(true)
-    }
-
-    /// The next step begins where the one that was judged ended.
-    fn begin(&mut self) {
-        std::mem::swap(&mut self.seam, &mut self.seam_ahead);
-        std::mem::swap(&mut self.sides, &mut self.sides_ahead);
-        self.margin_before = self.margin;
-        (self.flipped, self.lost) = (false, false);
-        let r = self.tangent.seen();
-        if r.choices() != self.sides.choice() {
-            r.sides(&mut self.sides); // of a choice made at the end
-        }
-    }
-
-    /// How the march goes on from (t, y).
-    fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let Some(pace) = step.pace.take() else { return Ok(false) };
-        self.paced = true;
-        if self.tangent.seen().rank() > 0 && self.fastest > 0.0 {
-            pace.next = pace.next.min(LONGEST / self.fastest);
-        }
-        let mut passage = std::mem::take(&mut self.passage);
-        let (t, y) = (step.t, &*step.y);
-        let advice = passage.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
-        self.passage = passage;
-        self.passing = advice != Advice::Free;
-        if let Advice::GiveUp { zero } = advice {
-            return Err(SystemError::Passage { t: zero, tries: self.passage.tries() });
-        }
-        if let Advice::Back { zero, to } = advice {
-            step.pace = Some(pace);
-            if self.go_back(zero, to, step)? {
-                return Ok(true);
-            }
-            if let Some(pace) = step.pace.as_deref_mut() {
-                self.passage.cross(zero, t, pace);
-            }
-        } else if !P::CLOSED {
-            let (w, apart) = (self.work(y), 0.25 * self.passage.usual());
-            let (q, v) = (&y[..self.system.size().nq], self.seam.v());
-            self.trail.push(t, apart, |past| past.set(q, v, w, step.turns));
-        }
-        Ok(false)
     }
 }
 
@@ -496,7 +285,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
         self.look_back(t);
-        if self.lost || self.spoilt {
+        if self.way.lost || self.way.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
@@ -516,11 +305,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         let t = step.t;
         if verdict == Verdict::Repeat {
-            if self.lost {
+            if self.way.lost {
                 return self.cross_again(step);
             }
-            if self.spoilt {
-                self.spoilt_in_a_row += 1;
+            if self.way.spoilt {
+                self.way.spoilt_in_a_row += 1;
                 let (half_t, half) = self.half_way();
                 let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
                 // one that stays has no other to go on with
@@ -534,15 +323,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             }
             self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?;
             self.derivative(t, step.y, step.dy)?;
-            self.tangent.seen().sides(&mut self.sides);
-            if let (Some(zero), Some(pace)) = (self.passage.crossing(), step.pace.as_deref_mut()) {
+            self.tangent.seen().sides(&mut self.way.sides);
+            if let (Some(zero), Some(pace)) = (self.way.passage.crossing(), step.pace.as_deref_mut()) {
                 // half a crossing step would end next to the position
-                self.passage.cross(zero, t, pace);
+                self.way.passage.cross(zero, t, pace);
             }
             return Ok(true);
         }
         self.watch.accept();
-        self.spoilt_in_a_row = 0;
+        self.way.spoilt_in_a_row = 0;
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
@@ -550,8 +339,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
         let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
-        if self.passage.crossed(t, self.flip(t)) {
-            self.trail.clear();
+        if self.way.passage.crossed(t, self.flip(t)) {
+            self.way.trail.clear();
         }
         self.begin();
         rewritten |= self.positions.wrap(&self.tangent, step.y, step.turns);
@@ -587,7 +376,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn journal(&self) -> Journal {
-        let mut journal = Journal { name: self.name, passages: self.passage.times.clone(), ..Journal::default() };
+        let mut journal = Journal { name: self.name, passages: self.way.passage.times.clone(), ..Journal::default() };
         (journal.open, journal.gaps) = (self.watch.open, self.watch.gaps);
         self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);

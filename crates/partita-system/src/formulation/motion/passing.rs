@@ -1,0 +1,238 @@
+//! Singular positions on the way of a motion: foreseen, crossed and verified, told from dead points of the choice.
+
+use super::Motion;
+use crate::error::Result;
+use crate::formulation::{Formulation, Step};
+use crate::positions::Positions;
+use crate::reduction::Sides;
+use crate::singular::change_point::{Advice, Passage, Probe};
+use crate::singular::crossing::{Seam, Trail};
+use crate::singular::dead_point;
+use crate::system::{ConstrainedSystem, Size, SystemError};
+use crate::tangent::Tangent;
+
+/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
+/// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
+const LONGEST: f64 = 1.2;
+
+/// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
+const NOTHING: f64 = 1e-3;
+
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is integrated
+/// that does no harm.
+const MOST_SPOILT: u32 = 6;
+
+/// The way since the last singular position, and what the step under way and the one that was judged tell of the next.
+pub(super) struct Way {
+    pub(super) passage: Passage,
+    pub(super) passing: bool,
+    pub(super) trail: Trail,
+    /// Start of the step under way, and the end of the one that was judged.
+    seam: Seam,
+    seam_ahead: Seam,
+    /// Margin at the start of the step under way.
+    margin_before: Option<(f64, u64)>,
+    /// Is the length of steps free?
+    paced: bool,
+    /// Sides of C_D there and at the end of the step that was judged.
+    pub(super) sides: Sides,
+    sides_ahead: Sides,
+    /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
+    flipped: bool,
+    pub(super) lost: bool,
+    /// Or was it a dead point of the choice alone; how often in a row?
+    pub(super) spoilt: bool,
+    pub(super) spoilt_in_a_row: u32,
+    /// Largest rate at the end of the step that was judged, in reaches.
+    fastest: f64,
+}
+
+impl Way {
+    pub(super) fn new(size: Size) -> Self {
+        Self {
+            passage: Passage::default(),
+            passing: false,
+            trail: Trail::new(size.nq, size.nv),
+            seam: Seam::new(size.nq, size.nv),
+            seam_ahead: Seam::new(size.nq, size.nv),
+            margin_before: None,
+            paced: false,
+            sides: Sides::new(size.rows),
+            sides_ahead: Sides::new(size.rows),
+            flipped: false,
+            lost: false,
+            spoilt: false,
+            spoilt_in_a_row: 0,
+            fastest: 0.0,
+        }
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
+    /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
+    pub(super) fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
+        if self.evaluate(t, y).is_err() {
+            return Probe::Unknown;
+        }
+        let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
+        self.tangent.full_acceleration(&mut self.vdot);
+        let v = &self.tangent.seen().v;
+        let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
+        let mut q = self.positions.q().to_vec();
+        self.system.step(&mut q, &moved);
+        let there = t + ahead;
+        let found = self.tangent.reduction().position(there, &q);
+        match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
+            // a plan made there was made for a place that the step keeps away from; one for here follows with the next
+            // evaluation
+            Ok(()) => match self.tangent.margin() {
+                Some((distance, same)) if same == plan => Probe::Distance(distance),
+                _ => Probe::Unknown,
+            },
+            Err(_) => Probe::Unknown,
+        }
+    }
+
+    /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
+    pub(super) fn look_back(&mut self, t: f64) {
+        self.tangent.full_acceleration(&mut self.vdot);
+        let r = self.tangent.seen();
+        self.way.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
+        self.way.seam_ahead.start(t, self.positions.q(), &r.v, &self.vdot);
+        (self.way.flipped, self.way.lost, self.way.spoilt) = (false, false, false);
+        if self.margin.is_none() {
+            return;
+        }
+        r.sides(&mut self.way.sides_ahead);
+        self.way.flipped = self.way.sides.differ(&self.way.sides_ahead);
+        if self.way.flipped && self.of_the_choice() {
+            self.way.flipped = false;
+            self.way.spoilt = self.way.spoilt_in_a_row < MOST_SPOILT;
+            return;
+        }
+        if P::CLOSED {
+            return; // positions on another branch are told apart where they are solved for
+        }
+        let crosses = self.way.flipped || self.way.passage.crossing().is_some();
+        let creeps = self.way.flipped && self.way.passage.creeps(t - self.way.seam.t());
+        self.way.lost = crosses && self.way.paced && (creeps || !self.way.seam.holds(&self.way.seam_ahead, r.scales()));
+    }
+
+    /// Did C_D change sides in the step that was judged at a dead point of the choice, the mechanism being sound?
+    pub(super) fn of_the_choice(&self) -> bool {
+        let (one, two) = (&self.way.seam, &self.way.seam_ahead);
+        let (half_t, half) = self.half_way();
+        let ends = [(one.t(), one.q()), (two.t(), two.q())];
+        dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
+    }
+
+    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to one v is
+    /// off by round-off over the distance, v' by that over its square.
+    pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
+        let at_ends = [self.way.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
+        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < NOTHING * at_ends)
+    }
+
+    /// Half-way through the step that was judged.
+    pub(super) fn half_way(&self) -> (f64, Vec<f64>) {
+        let mut q = self.way.seam.q().to_vec();
+        self.system.step(&mut q, &self.way.seam.half_way(&self.way.seam_ahead));
+        (0.5 * (self.way.seam.t() + self.way.seam_ahead.t()), q)
+    }
+
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, or, where these are
+    /// of different plans and do not compare, as foreseen.
+    pub(super) fn flip(&self, t: f64) -> Option<f64> {
+        let (from, h) = (self.way.seam.t(), t - self.way.seam.t());
+        let zero = match (self.way.margin_before, self.margin) {
+            (Some((one, before)), Some((two, after))) if before == after && one + two > 0.0 => {
+                from + h * one / (one + two)
+            }
+            _ => self.way.passage.crossing().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
+        };
+        self.way.flipped.then_some(zero)
+    }
+
+    /// The step that was judged lost the branch: cross with another length, or from farther away.
+    pub(super) fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let zero = self.way.passage.crossing().or_else(|| self.flip(self.way.seam_ahead.t())).unwrap_or(step.t);
+        if let Some(pace) = step.pace.as_deref_mut() {
+            if self.way.passage.again(zero, step.t, pace) {
+                self.way.passing = true;
+                self.derivative(step.t, step.y, step.dy)?;
+                return Ok(true);
+            }
+        }
+        match self.way.passage.back(zero) {
+            Some(to) if self.go_back(zero, to, step)? => Ok(true),
+            _ => Err(SystemError::Passage { t: zero, tries: self.way.passage.tries() }),
+        }
+    }
+
+    /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
+    pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
+        let (p, w) = self.places();
+        let (Some(past), Some(pace)) = (self.way.trail.back_to(to).cloned(), step.pace.as_deref_mut()) else {
+            return Ok(false);
+        };
+        let (t, mut q) = (past.t, past.q);
+        self.tangent.resume(t, &mut q, &past.v)?;
+        self.positions.start(&mut self.tangent, t, &q, step.y);
+        self.tangent.select(&past.v, &mut step.y[p..w]);
+        if self.observes_work {
+            step.y[w] = past.work;
+        }
+        step.turns.copy_from_slice(&past.turns);
+        step.t = t;
+        self.way.passage.put_back(zero, t, pace);
+        self.way.passing = true;
+        self.derivative(t, step.y, step.dy)?;
+        self.margin = self.tangent.margin();
+        self.look_back(t);
+        self.begin();
+        Ok(true)
+    }
+
+    /// The next step begins where the one that was judged ended.
+    pub(super) fn begin(&mut self) {
+        std::mem::swap(&mut self.way.seam, &mut self.way.seam_ahead);
+        std::mem::swap(&mut self.way.sides, &mut self.way.sides_ahead);
+        self.way.margin_before = self.margin;
+        (self.way.flipped, self.way.lost) = (false, false);
+        let r = self.tangent.seen();
+        if r.choices() != self.way.sides.choice() {
+            r.sides(&mut self.way.sides); // of a choice made at the end
+        }
+    }
+
+    /// How the march goes on from (t, y).
+    pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let Some(pace) = step.pace.take() else { return Ok(false) };
+        self.way.paced = true;
+        if self.tangent.seen().rank() > 0 && self.way.fastest > 0.0 {
+            pace.next = pace.next.min(LONGEST / self.way.fastest);
+        }
+        let mut passage = std::mem::take(&mut self.way.passage);
+        let (t, y) = (step.t, &*step.y);
+        let advice = passage.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
+        self.way.passage = passage;
+        self.way.passing = advice != Advice::Free;
+        if let Advice::GiveUp { zero } = advice {
+            return Err(SystemError::Passage { t: zero, tries: self.way.passage.tries() });
+        }
+        if let Advice::Back { zero, to } = advice {
+            step.pace = Some(pace);
+            if self.go_back(zero, to, step)? {
+                return Ok(true);
+            }
+            if let Some(pace) = step.pace.as_deref_mut() {
+                self.way.passage.cross(zero, t, pace);
+            }
+        } else if !P::CLOSED {
+            let (w, apart) = (self.work(y), 0.25 * self.way.passage.usual());
+            let (q, v) = (&y[..self.system.size().nq], self.way.seam.v());
+            self.way.trail.push(t, apart, |past| past.set(q, v, w, step.turns));
+        }
+        Ok(false)
+    }
+}
