@@ -775,13 +775,19 @@ class Workshop:
                 said, _ = process.communicate(timeout=LONGEST)
                 code: int | None = process.returncode
             except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
+                self.cut_short(process)
                 said, code = process.communicate()[0], None
             except BaseException:
-                os.killpg(process.pid, signal.SIGKILL)
+                self.cut_short(process)
                 raise
         self.log.write_text(f"{' '.join(command)}\n{said}", "utf-8")
         return code, said
+
+    def cut_short(self, process: subprocess.Popen[str]) -> None:
+        """End a command with all that it started. A compiler cut short may leave pieces of spoilt code in its cache."""
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        shutil.rmtree(self.builds / "debug" / "incremental", ignore_errors=True)
 
     def tests(self, tests: str) -> Outcome:
         """Run some of the tests, see `Error.seen_by`."""
