@@ -346,10 +346,10 @@ ERRORS = (
     ),
     Error(
         "dyad-branch",
-        "explicit closing: a triangle of links is closed on its other side",
+        "explicit closing: a triangle of links is closed on one side whatever the assembly",
         f"{MODEL}/loop_closure/planar.rs",
         "let h = twice_area.scale(sign) / r;",
-        "let h = twice_area.scale(-sign) / r;",
+        "let h = twice_area.scale(sign.abs()) / r;",
         ("closing loop_closure_plane",),
     ),
     Error(
