@@ -158,10 +158,10 @@ class JointResult:
     def determined_at(self) -> NDArray[np.bool_]:
         """(nt, 6): which of fx, fy, fz, mx, my, mz are unique at each output, in the axes named by `axes`.
 
-        In a singular position more is open than next to it, for that instant; what is unique there has a value as little as
-        the rest, since accelerations do not follow: it is NaN. The answer is exact, but for axes
-        of your own in a result read from a file: there `True` is certain, and `False` may also mean that the component
-        mixes a unique and a non-unique one of the world's and the joint's axes.
+        In a singular position more is open than next to it, for that instant; what is unique there has no value
+        either, since accelerations do not follow: it is NaN. The answer is exact, but for axes of your own in a
+        result read from a file: there `True` is certain, and `False` may also mean that the component mixes a unique
+        and a non-unique one of the world's and the joint's axes.
         """
         world, joint = self._data.determined
         if self.axes == "world" or self._turn is None:
