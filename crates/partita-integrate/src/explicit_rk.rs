@@ -228,6 +228,8 @@ impl Stepper {
     /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
     pub fn attempt<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
         debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        // what stands in the way from here, also where shorter steps end before it with too large an error
+        let mut obstacle = None;
         loop {
             let (h, t_new) = self.plan();
             match self.stages(ode, h, t_new) {
@@ -239,7 +241,8 @@ impl Stepper {
                         continue;
                     }
                     self.shorten_for_retry(h);
-                    self.check_length(h, Some(error))?;
+                    obstacle = Some(error);
+                    self.check_length(h, &mut obstacle)?;
                     continue;
                 }
                 Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
@@ -269,7 +272,7 @@ impl Stepper {
                 continue;
             }
             self.step = h.abs() * self.controller.rejected(error);
-            self.check_length(h, None)?;
+            self.check_length(h, &mut obstacle)?;
         }
     }
 
@@ -364,7 +367,7 @@ impl Stepper {
                 self.counters.evaluations += 1;
                 self.phase = Phase::Ready;
                 self.shorten_for_retry(h);
-                self.check_length(h, Some(error))?;
+                self.check_length(h, &mut Some(error))?;
                 return Ok(Conclusion::Rejected);
             }
             Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),

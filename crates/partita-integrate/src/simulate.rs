@@ -222,7 +222,7 @@ const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 
 /// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those to be
 /// exact, and so near that the polynomial through them is.
-const BESIDE: f64 = 1.0 / 40.0;
+const BESIDE: f64 = 1.0 / 80.0;
 
 type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 

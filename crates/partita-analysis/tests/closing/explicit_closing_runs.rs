@@ -278,7 +278,7 @@ fn a_driven_crank_tells_its_shortfall() {
             assert!(stands || misses, "{shortfall} {missing}");
             assert!((0.6 + rate * t - swing()).abs() < 1e-6, "{t}");
         }
-        other => panic!("{other:?}"),
+        other => panic!("{other:?}: {}", outcome.message),
     }
     assert!((0.6 + rate * reached - swing()).abs() < rate * 0.05, "{reached}");
 }

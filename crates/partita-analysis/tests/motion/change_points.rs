@@ -85,8 +85,9 @@ fn chains_pass_their_change_points_in_2k_states() {
                     // near the upright position errors grow by 1e3 to 1e4 in 10 s: those of the tolerance and the
                     // round-off of a passage, up to 1e-10
                     assert!(seen.error <= 1e5 * rtol + 1e-6, "{case}: error {:.2e}", seen.error);
-                    // lengths of 1 m, closed to round-off, whatever lies between a stage and a change point
-                    assert!(seen.closure <= 1e-13, "{case}: closure {:.2e}", seen.closure);
+                    // lengths of 1 m, whatever lies between a stage and a change point: next to one Newton's method leaves up
+                    // to a hundred round-offs of three of them, which it would amplify, not remove
+                    assert!(seen.closure <= 2e-13, "{case}: closure {:.2e}", seen.closure);
                     assert!(seen.outcome.counters.steps < 400, "{case}: {} steps", seen.outcome.counters.steps);
                     if rule == "explicit-closing" {
                         let told = seen.notes.iter().filter(|n| n.contains("change point")).count();

@@ -164,7 +164,7 @@ impl Passage {
         mut probe: impl FnMut(f64) -> Probe,
     ) -> Advice {
         let Some((distance, plan)) = now else { return Advice::Free };
-        let [one, two] = self.before;
+        let ([one, two], last) = (self.before, self.expected);
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
         let reach = 10.0 * if self.usual > 0.0 { self.usual } else { pace.next };
@@ -224,7 +224,9 @@ impl Passage {
             }
             self.cross(zero, t, pace);
         } else {
-            if self.confirmed.is_none_or(|seen| (seen - zero).abs() > 0.3 * ahead) {
+            // one that was expected at the same time a step ago is there; a look ahead costs digits, for it may need new plans
+            let differs = |x: f64| (x - zero).abs() > 0.3 * ahead;
+            if last.is_none_or(differs) && self.confirmed.is_none_or(differs) {
                 if matches!(probe(ahead), Probe::Distance(there) if there > FALLING * distance) {
                     // it only falls for a while, as for coordinates that another choice will replace
                     self.confirmed = None;
