@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from builder_parts import pendulum
+from trust.input_believed import swinging
 
 import partita as pt
 from partita.errors import (
@@ -215,29 +216,6 @@ def test_rows_with_positions_are_kept_before_those_without() -> None:
 
 
 # ------------------------------------------------- derivatives held against differences
-
-
-def swinging(**change: Any) -> pt.System:
-    """A point at distance 2 from a pivot that moves as 0.3 sin 2t along x."""
-
-    def gap(t: float, q: np.ndarray) -> np.ndarray:
-        return q - np.array([0.3 * np.sin(2 * t), 0.0])
-
-    def pace(t: float) -> np.ndarray:
-        return np.array([0.6 * np.cos(2 * t), 0.0])
-
-    functions: dict[str, Any] = {
-        "n": 2,
-        "mass": np.eye(2),
-        "forces": (0.0, -9.81),
-        "constraints": lambda t, q: [0.5 * (gap(t, q) @ gap(t, q) - 4.0)],
-        "jacobian": lambda t, q: [gap(t, q)],
-        "constraint_rate": lambda t, q: [-gap(t, q) @ pace(t)],
-        "bias": lambda t, q, v: [(v - pace(t)) @ (v - pace(t)) + gap(t, q) @ np.array([1.2 * np.sin(2 * t), 0.0])],
-        "names": ["x", "y"],
-        **change,
-    }
-    return pt.System(**functions)
 
 
 START = ([1.2, -1.6], [0.6, 0.0])

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from trust.contradictions import by_hand
 
 import partita as pt
 from partita.errors import ContradictionError, DoubtfulResultWarning, PartitaError
@@ -145,19 +146,6 @@ def test_a_drive_that_follows_badly_is_doubtful_then_refused() -> None:
     run = followed(1e-5).simulate(1.0)
     # 1e-5 t^2 is 1e-6 after 0.32 s; the step that saw it ends later
     assert not run.success and run.status == "contradiction" and run.t[-1] <= 0.33
-
-
-def by_hand(off: Callable[[float], float], rate: Callable[[float], float], bias: Callable[[float], float]) -> pt.System:
-    """x + y = 0, and its double with `off` on top."""
-    return pt.System(
-        n=2,
-        mass=np.eye(2),
-        forces=lambda t, q, v: np.array([0.0, -1.0]),
-        constraints=lambda t, q: np.array([q[0] + q[1], 2 * q[0] + 2 * q[1] + off(t)]),
-        jacobian=lambda t, q: np.array([[1.0, 1.0], [2.0, 2.0]]),
-        constraint_rate=lambda t, q: np.array([0.0, rate(t)]),
-        bias=lambda t, q, v: np.array([0.0, bias(t)]),
-    )
 
 
 def nothing(t: float) -> float:

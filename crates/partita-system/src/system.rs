@@ -236,7 +236,7 @@ pub trait ConstrainedSystem: Sync {
         _q: &[f64],
         _inputs: Option<&[usize]>,
     ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Err(SystemError::argument("formulation", 
+        Err(SystemError::argument("formulation",
             "explicit closing needs loops that can be recognised, or, for equations by hand, a function that closes them \
              (closing=); use another formulation"
                 .into(),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from trust.drawings import four_bar
 
 import partita as pt
 
@@ -135,17 +136,7 @@ def follow(bars: FourBar, x: Array, sign: float, length: float) -> Array:
 
 def mechanism(bars: FourBar, x: Array, rng: np.random.Generator) -> pt.Mechanism:
     """The linkage at x, with rods of masses drawn by chance; no forces act."""
-    a, b, c, d = [(float(p[0]), float(p[1]), 0.0) for p in bars.points(x)]
-    m = pt.Mechanism("linkage", gravity=(0, 0, 0))
-    masses = rng.uniform(0.5, 2.0, 3)
-    crank = m.add_rod("crank", start=a, end=b, mass=masses[0])
-    coupler = m.add_rod("coupler", start=b, end=c, mass=masses[1])
-    rocker = m.add_rod("rocker", start=d, end=c, mass=masses[2])
-    m.add_revolute("A", m.ground, crank, point=a)
-    m.add_revolute("B", crank, coupler, point=b)
-    m.add_revolute("C", coupler, rocker, point=c)
-    m.add_revolute("D", m.ground, rocker, point=d)
-    return m
+    return four_bar([(float(p[0]), float(p[1])) for p in bars.points(x)], 0.0, rng.uniform(0.5, 2.0, 3))
 
 
 @dataclass(frozen=True)

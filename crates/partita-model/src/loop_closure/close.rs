@@ -211,7 +211,7 @@ impl LoopClosing<'_> {
                 return Ok(());
             }
         }
-        Err(SystemError::argument("q", 
+        Err(SystemError::argument("q",
             "the whole turns of the joints between slides contradict each other; give inputs within a turn of a closed \
              position"
                 .into(),

@@ -24,7 +24,7 @@ impl Stabilised {
     /// Numbers that are missing, or that drive the loops apart.
     pub fn new(n: usize, m: usize, r: usize, numbers: Option<(f64, f64)>) -> Result<Self, SystemError> {
         let Some((alpha, beta)) = numbers else {
-            return Err(SystemError::argument("baumgarte", 
+            return Err(SystemError::argument("baumgarte",
                 "\"baumgarte\" needs its two numbers, baumgarte = (alpha, beta) in 1/s: they have no default because the \
                  right ones depend on the mechanism, on its speed and on the step (too small: the loops drift open, too \
                  large: the equations become stiff); the other formulations close the loops without them"
