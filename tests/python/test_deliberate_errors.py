@@ -1,6 +1,6 @@
 """The list of deliberate errors stays true to the sources: a text that has moved on would spoil nothing."""
 
-import importlib.util
+import importlib
 import re
 import sys
 from collections import Counter
@@ -13,12 +13,11 @@ ROOT = Path(__file__).parents[2]
 
 
 def tool() -> ModuleType:
-    found = importlib.util.spec_from_file_location("deliberate_errors", ROOT / "tools" / "deliberate_errors.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[found.name] = module  # dataclasses look their module up
-    found.loader.exec_module(module)
-    return module
+    """The tool, from its folder, where the list lies beside it."""
+    folder = str(ROOT / "tools")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    return importlib.import_module("deliberate_errors")
 
 
 ERRORS = tool().ERRORS
