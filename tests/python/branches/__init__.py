@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from drawings import four_bar
 from numpy.typing import NDArray
-from trust.drawings import four_bar
 
 import partita as pt
 

@@ -2,7 +2,7 @@
 
 Each room is a class of cases: its docstring has a heading and says what the class is about, its `Case` objects, or
 lists of them, stand in the order in which they are asked. `case` says what a case is and makes an outcome of it,
-`drawings` has what several draw, `program` asks the program in maximal coordinates, `page` writes the tables.
+`program` asks the program in maximal coordinates, `page` writes the tables.
 """
 
 from __future__ import annotations

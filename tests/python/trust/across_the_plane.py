@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from drawings import ABSOLUTE, GENERAL, four_bar
 from scipy.integrate import solve_ivp
 
 import partita as pt
 
 from .case import Held, done, right
-from .drawings import ABSOLUTE, GENERAL, four_bar
 
 WEIGHT = 20.0 * 9.81
 

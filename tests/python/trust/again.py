@@ -14,13 +14,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from drawings import GENERAL, G, four_bar, parallelogram, pendulum, swing
 from oracle import chance
 
 import partita as pt
 from partita import results
 
 from .case import Held, done, right
-from .drawings import GENERAL, G, four_bar, parallelogram, pendulum, swing
 from .in_the_plane import double_known
 
 

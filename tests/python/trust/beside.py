@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import GENERAL, G, four_bar, pendulum, swing
 from scipy.integrate import solve_ivp
 
 import partita as pt
 from partita.errors import ArgumentError, DescriptionError
 
 from .case import Case, Held, done, no_success, refused, right
-from .drawings import GENERAL, G, four_bar, pendulum, swing
 
 
 def slide(gravity: float = 0.0) -> pt.Mechanism:

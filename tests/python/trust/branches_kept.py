@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from branches import trial
+from drawings import Array, four_bar, parallelogram
 from oracle.drawing import Body, Drawing, Joint
 from scipy.integrate import solve_ivp
 
@@ -18,7 +19,6 @@ import partita as pt
 from partita.errors import SingularityError
 
 from .case import Case, Held, done, no_success, refused, right
-from .drawings import Array, four_bar, parallelogram
 from .program import as_the_program_says
 
 LONG = 1.25

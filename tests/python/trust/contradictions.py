@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import EVERY, GENERAL, Array, four_bar, parallelogram, pendulum, slider_crank, stroke
 from scipy.integrate import solve_ivp
 
 import partita as pt
 from partita.errors import AssemblyError, ContradictionError, DescriptionError
 
 from .case import Case, Held, done, doubtful, no_success, refused, right
-from .drawings import EVERY, GENERAL, Array, four_bar, parallelogram, pendulum, slider_crank, stroke
 
 
 def driven(**rates: float) -> pt.Mechanism:

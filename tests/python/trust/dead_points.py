@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import G, pendulum, slider_crank, stroke, swing, turning
 from scipy.integrate import solve_ivp
 
 import partita as pt
 from partita.errors import ArgumentError
 
 from .case import Case, Held, done, no_success, refused, right
-from .drawings import G, pendulum, slider_crank, stroke, swing, turning
 
 
 def turned(run: pt.results.Result) -> np.ndarray:

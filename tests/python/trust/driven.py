@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from drawings import EVERY, GENERAL, G, four_bar, parallelogram, pendulum, slider_crank, stroke
 from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -17,7 +18,6 @@ from partita.errors import AssemblyError
 
 from .branches_kept import crossed, crossed_angle
 from .case import Held, done, no_success, refused, right
-from .drawings import EVERY, GENERAL, G, four_bar, parallelogram, pendulum, slider_crank, stroke
 
 
 @no_success("a drive that jumps by 0.4 rad at 0.5 s", "evaluation-failed", "the drive of A jumps by 4.0")

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import EVERY, G, four_bar, pendulum, swing
 
 import partita as pt
 from partita.errors import DescriptionError, SingularityError
 
 from .case import Case, Held, done, doubtful, no_success, refused, right
 from .contradictions import rocker
-from .drawings import EVERY, G, four_bar, pendulum, swing
 from .in_the_plane import double_known
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from drawings import ABSOLUTE, G, swing
 from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipj
 
 import partita as pt
 
 from .case import Held, done, right
-from .drawings import ABSOLUTE, G, swing
 
 
 def free_body(inertia: tuple[float, float, float]) -> pt.Mechanism:

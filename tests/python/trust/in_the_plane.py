@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from drawings import EVERY, GENERAL, Array, G, four_bar, pendulum, slider_crank, stroke, swing, turning
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -15,7 +16,6 @@ import partita as pt
 
 from .case import Case, Held, done, right
 from .contradictions import rocker
-from .drawings import EVERY, GENERAL, Array, G, four_bar, pendulum, slider_crank, stroke, swing, turning
 
 
 def by_energy(height: object, inertia: object, first: float, rate: float, t: Array) -> Array:

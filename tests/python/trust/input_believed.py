@@ -12,13 +12,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from drawings import pendulum
 from scipy.integrate import solve_ivp
 
 import partita as pt
 from partita.errors import ArgumentError, DerivativeError, DescriptionError, EvaluationError
 
 from .case import Case, Held, done, no_success, refused, right
-from .drawings import pendulum
 
 
 def swinging(**change: Any) -> pt.System:

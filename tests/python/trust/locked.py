@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import GENERAL, four_bar
 
 import partita as pt
 from partita.errors import ArgumentError, AssemblyError, DescriptionError
 
 from .case import Case, Held, refused, right
-from .drawings import GENERAL, four_bar
 
 
 def kite(off: float) -> pt.Mechanism:

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from drawings import parallelogram
 
 from .case import Case, Held, done, right
-from .drawings import parallelogram
 
 RATE = np.pi
 MASSES = (0.3, 0.5, 0.4)

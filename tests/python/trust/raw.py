@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from drawings import GENERAL, four_bar, pendulum, swing
 
 import partita as pt
 from partita import results
@@ -28,7 +29,6 @@ from partita.errors import (
 )
 
 from .case import Case, Held, done, refused, right
-from .drawings import GENERAL, four_bar, pendulum, swing
 
 
 def asked(name: str, title: str, error: type[PartitaError], words: str, call: Callable[[], Any]) -> Case:
