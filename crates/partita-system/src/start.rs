@@ -180,7 +180,7 @@ pub(crate) fn first_partition<S: ConstrainedSystem>(
         dependent[c] = true;
     }
     let independent: Vec<usize> = (0..size.nv).filter(|&i| !dependent[i]).collect();
-    r.set_partition(t, &independent)?;
+    r.take(t, plan, &independent)?;
     r.tangent(t)
 }
 
@@ -272,8 +272,9 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
     };
     // P5 is a factorisation of a good basis: what it picks is admissible unless rounding says otherwise
-    if chosen != r.partition.independent && r.set_partition(t, &chosen).is_err() {
-        first_partition(r, t, q)?;
+    if r.set_partition(t, &chosen).is_err() {
+        let first = r.partition.independent.clone();
+        r.set_partition(t, &first)?;
     }
     r.tangent(t)?;
     let scales: Vec<f64> = match weights {

@@ -214,27 +214,43 @@ impl Program {
     }
 
     /// `L U x = b`, N right-hand sides side by side.
+    ///
+    /// In a chain each unknown waits for the one found just before it: that one is subtracted last, and handed on without
+    /// a way through memory.
     #[inline]
     pub(super) fn solve_fixed<T: Scalar, const N: usize>(&self, work: &[T], b: &mut [T]) {
         let b = &mut b[..self.lines.len() * N];
+        let mut found = [T::zero(); N];
         for (i, line) in self.lines.iter().enumerate() {
             let mut row = take::<T, N>(b, i);
             let (start, diagonal) = (line.start as usize, line.diagonal as usize);
-            for (l, &j) in work[start..diagonal].iter().zip(&self.columns[start..diagonal]) {
+            let (lower, columns) = (&work[start..diagonal], &self.columns[start..diagonal]);
+            let waits = columns.last().is_some_and(|&j| j as usize + 1 == i);
+            for (l, &j) in lower.iter().zip(columns).take(columns.len() - usize::from(waits)) {
                 subtract(&mut row, *l, &take::<T, N>(b, j as usize));
+            }
+            if waits {
+                subtract(&mut row, lower[lower.len() - 1], &found);
             }
             for x in &mut row {
                 *x *= work[diagonal];
             }
             b[i * N..(i + 1) * N].copy_from_slice(&row);
+            found = row;
         }
         for (i, line) in self.lines.iter().enumerate().rev() {
             let mut row = take::<T, N>(b, i);
             let (right, end) = (line.diagonal as usize + 1, line.end as usize);
-            for (u, &j) in work[right..end].iter().zip(&self.columns[right..end]) {
+            let (upper, columns) = (&work[right..end], &self.columns[right..end]);
+            let waits = columns.first().is_some_and(|&j| j as usize == i + 1);
+            for (u, &j) in upper.iter().zip(columns).skip(usize::from(waits)) {
                 subtract(&mut row, *u, &take::<T, N>(b, j as usize));
             }
+            if waits {
+                subtract(&mut row, upper[0], &found);
+            }
             b[i * N..(i + 1) * N].copy_from_slice(&row);
+            found = row;
         }
     }
 

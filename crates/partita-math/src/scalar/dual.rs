@@ -138,7 +138,7 @@ impl Scalar for Dual {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        let (s, c) = self.re.sin_cos();
+        let (s, c) = Scalar::sin_cos(self.re);
         (Self::new(s, c * self.eps), Self::new(c, -s * self.eps))
     }
     #[inline(always)]

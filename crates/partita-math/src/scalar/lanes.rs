@@ -117,7 +117,7 @@ impl Scalar for Lanes {
     fn sin_cos(self) -> (Self, Self) {
         let (mut s, mut c) = (self, self);
         for i in 0..Self::COUNT {
-            (s.0[i], c.0[i]) = self.0[i].sin_cos();
+            (s.0[i], c.0[i]) = Scalar::sin_cos(self.0[i]);
         }
         (s, c)
     }

@@ -23,7 +23,7 @@ impl Scalar for f64 {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        f64::sin_cos(self)
+        libm::sincos(self)
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {

@@ -298,6 +298,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         let plan =
             Plan::new(pattern, &self.c, &rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
                 .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        self.take(t, plan, independent)
+    }
+
+    /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
+    pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
         self.plans += 1;
         self.fresh_distance = None;
         if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {

@@ -169,9 +169,7 @@ pub fn choose_by<S: ConstrainedSystem>(
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
     let choice = ask(r, t, selection, weights)?;
-    if choice.independent != r.partition.independent {
-        adopt(r, t, selection, &choice.independent)?;
-    }
+    adopt(r, t, selection, &choice.independent)?;
     Ok(choice)
 }
 

@@ -141,14 +141,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.way.seam.t() + self.way.seam_ahead.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, or, where these are
-    /// of different plans and do not compare, as foreseen.
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are of one
+    /// choice, or, where the first is not known, as foreseen.
     pub(super) fn flip(&self, t: f64) -> Option<f64> {
         let (from, h) = (self.way.seam.t(), t - self.way.seam.t());
         let zero = match (self.way.margin_before, self.margin) {
-            (Some((one, before)), Some((two, after))) if before == after && one + two > 0.0 => {
-                from + h * one / (one + two)
-            }
+            (Some((one, _)), Some((two, _))) if one + two > 0.0 => from + h * one / (one + two),
             _ => self.way.passage.crossing().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
         self.way.flipped.then_some(zero)
@@ -203,6 +201,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.seen();
         if r.choices() != self.way.sides.choice() {
             r.sides(&mut self.way.sides); // of a choice made at the end
+            self.way.margin_before = None;
         }
     }
 
