@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from building import AIM, PARTS, building_cost
+from evaluations import AGREES, PROBLEMS, costs
 from limit import Figure, measured
 from many_freedoms import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
@@ -94,6 +95,21 @@ def _verdict(question: Question, costs: dict[int, Cost | str]) -> dict[str, Any]
     return {"value": value, "aim": question.aim, "words": words}
 
 
+def evaluations(_: Path) -> dict[str, Any]:
+    """One evaluation, taken in two ways."""
+    print("\nOne evaluation: the column of `compare`, and from whole runs by methods of 4 and of 12 stages")
+    found: dict[str, Any] = {}
+    for problem in PROBLEMS:
+        print(f"  {problem.title}")
+        taken = costs(problem)
+        for cost in taken:
+            mark = "" if abs(cost.off) <= AGREES else " !"
+            print(f"    {cost.formulation:<20}{told(cost.column):>10}{told(cost.runs):>10}  {cost.off:+6.1%}{mark}")
+        found[problem.title] = {cost.formulation: {**asdict(cost), "off": cost.off} for cost in taken}
+    print(f"  aim: the two differ by at most {AGREES:.0%}")
+    return found
+
+
 def face(folder: Path) -> dict[str, Any]:
     """Runs through the public face against the limit."""
     print("\nThe public face: m.simulate with one output, rtol 1e-10, against hand-written C for the one mechanism")
@@ -135,4 +151,10 @@ def _ratio(seconds: float, limit: Figure | None) -> float | None:
     return None if limit is None else seconds / limit.seconds
 
 
-SECTIONS = {"outputs": outputs, "building": building, "freedoms": freedoms, "face": face}
+SECTIONS = {
+    "outputs": outputs,
+    "building": building,
+    "freedoms": freedoms,
+    "evaluations": evaluations,
+    "face": face,
+}

@@ -106,6 +106,11 @@ class Model:
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
+    def evaluation_costs(
+        self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None
+    ) -> list[float]:
+        """Seconds of one evaluation for each of the options, at the states (t, q, v), a row each."""
+
     def bodies(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
         """Poses and twists of the bodies `which` at nt samples."""
 
@@ -192,6 +197,9 @@ class System:
         progress: Callable[[float], None] | None,
         tangent: Any = None,
     ) -> dict[str, Any]: ...
+    def evaluation_costs(
+        self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None
+    ) -> list[float]: ...
 
 def measure(mass: Array, jacobian: Array) -> Array:
     """rho (nv,)."""

@@ -162,7 +162,7 @@ def run(
     tangent: TangentVelocities | None = None,
 ) -> dict[str, Any]:
     """March in the core; what it returns."""
-    own = None if tangent is None else _tangent(tangent, v.size)
+    own = None if tangent is None else tangent_of(tangent, v.size)
     return core.simulate(
         json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), _progress(progress), own
     )
@@ -235,7 +235,8 @@ def _baumgarte(value: Any) -> tuple[float, float]:
     return alpha, beta
 
 
-def _tangent(value: Any, n: int) -> TangentVelocities:
+def tangent_of(value: Any, n: int) -> TangentVelocities:
+    """The user's tangent velocities for n velocities, checked at each call."""
     if not isinstance(value, TangentVelocities):
         raise ArgumentError(
             f"tangent must be a TangentVelocities(directions, offset, bias), not {type(value).__name__}",

@@ -42,10 +42,36 @@ def four_bar() -> Comparison:
 
 def test_every_formulation_and_every_rule_has_a_row() -> None:
     names = [row.name for row in four_bar().rows]
-    assert len(set(names)) == len(names) == len(FORMULATIONS) - 1 + len(SELECTIONS)
-    assert {row.formulation for row in four_bar().rows} == set(FORMULATIONS)
+    assert len(set(names)) == len(names)
+    assert {name for name in names if ": " not in name} == set(FORMULATIONS)
     assert {row.selection for row in four_bar().rows} - {None} == set(SELECTIONS)
+    assert {"projective: mass-orthogonal", "projective: uncorrected", "wehage-haug: complete-pivoting"} < set(names)
     assert names[0] == "projective"
+
+
+def test_any_row_can_be_asked_for_by_its_name() -> None:
+    """Rows that are not the plain ones are runs with options of their own, and their names say which."""
+    for row in four_bar().rows:
+        (case,) = cases.cases([row.name], ["collective"], {"baumgarte": (10.0, 10.0), "window": 0.5})
+        assert case.name == row.name
+    options = {
+        name: cases.cases([name], None, {})[0].options for name in ("projective: uncorrected", "projective: greedy")
+    }
+    assert options["projective: uncorrected"]["correction"] == "none"
+    assert options["projective: greedy"]["selection"] == "greedy"
+    m = pt.catalogue.load("four-bar")
+    found = m.compare(
+        1.0,
+        initial=pt.catalogue.entry("four-bar").initial(m),
+        formulations=["projective"],
+        selections=["collective"],
+        corrections=["none", "partition"],
+    )
+    assert [row.name for row in found.rows] == ["projective", "projective: uncorrected"]
+    closures = [row.closure for row in found.rows]
+    assert (
+        closures[0] is not None and closures[1] is not None and closures[0] < 1e-15 < 10.0 * closures[0] < closures[1]
+    )
 
 
 def test_all_that_finish_compute_the_same_motion() -> None:
@@ -55,7 +81,9 @@ def test_all_that_finish_compute_the_same_motion() -> None:
     for row in finished:
         assert row.error is not None and row.error < (1e-2 if row.name == "baumgarte" else 1e-4), row
         assert row.energy_drift is not None and row.energy_drift < (1e-2 if row.name == "baumgarte" else 1e-6), row
-        if row.name != "baumgarte":
+        if row.name == "projective: uncorrected":  # (S3) is a first integral: open by the error of integration
+            assert row.closure is not None and 1e-14 < row.closure < 1e-7, row
+        elif row.name != "baumgarte":
             assert row.closure is not None and row.closure < 1e-11, row
             assert row.velocity_closure is not None and row.velocity_closure < 1e-10, row
 
@@ -64,11 +92,59 @@ def test_nothing_is_missing_without_a_reason() -> None:
     for row in four_bar().rows:
         assert row.finished or row.message, row
         if row.finished:
-            assert row.evaluations and row.steps and row.time and row.time_per_evaluation
-            assert row.time_per_evaluation * row.evaluations <= row.time
+            assert row.evaluations and row.steps and row.time and row.time_without_outputs and row.time_per_evaluation
+            assert row.dense_evaluations is not None and row.corrections is not None
         assert row.name in four_bar().to_text()
-    reasons = {row.name: row for row in four_bar().rows if row.status == "not run"}
-    assert list(reasons) == ["user-tangent"] and "TangentVelocities" in reasons["user-tangent"].message
+    reasons = {row.name: row for row in four_bar().rows if row.status.startswith("needs ")}
+    assert list(reasons) == ["user-tangent"] and reasons["user-tangent"].status == "needs tangent"
+    assert "TangentVelocities" in reasons["user-tangent"].message and "needs tangent" in four_bar().to_text()
+
+
+def test_cost_of_an_evaluation_knows_nothing_of_steps_and_outputs() -> None:
+    """A force that counts its calls: what is timed are evaluations, as many for the same formulation however it is run.
+
+    The same kernel with few steps and with many, with few outputs and with many has one cost, so the calls that a
+    comparison makes for its column depend on clocks alone; here only that they are made, apart from the runs.
+    """
+    calls = [0]
+
+    def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        calls[0] += 1
+        return np.array([0.0, -9.81])
+
+    ring = pt.System(
+        n=2,
+        mass=np.eye(2),
+        forces=force,
+        constraints=lambda t, q: [0.5 * (q @ q - 1.0)],
+        jacobian=lambda t, q: [q],
+        bias=lambda t, q, v: [v @ v],
+    )
+    found = pt.compare(ring, 1.0, [0.6, -0.8], [0.0, 0.0], formulations=SURE, selections=["collective"])
+    total, run = calls[0], pt.simulate(ring, 1.0, [0.6, -0.8], [0.0, 0.0])
+    rows = [row.time_per_evaluation for row in found.rows]
+    assert all(cost is not None and 1e-8 < cost < 1e-2 for cost in rows)
+    calls[0] = 0
+    states = [np.array([0.3]), run.q[60:61], run.v[60:61]]
+    cost = ring.evaluation_costs([run.options, {**run.options, "formulation": "multipliers"}], [0.01, 0.01], *states)
+    assert len(cost) == 2 and all(1e-8 < x < 1e-2 for x in cost)
+    assert 100 < calls[0] < total  # two formulations, 25 batches of at least two, at one place instead of five
+    with pytest.raises(pt.errors.ContradictionError):
+        ring.evaluation_costs([run.options], [0.01], [0.0], [[0.0, 0.0]], [[0.0, 0.0]])
+
+
+def test_only_exchanges_of_integrated_coordinates_are_switches() -> None:
+    """What moves when positions are corrected is no coordinate of `multipliers`."""
+    entry = pt.catalogue.entry("three-rrr")
+    m = entry.mechanism()
+    found = m.compare(
+        entry.duration,
+        initial=entry.initial(m),
+        formulations=["projective", "svd", "multipliers"],
+        selections=["collective"],
+    )
+    assert found.row("projective").switches and found.row("multipliers").switches is None
+    assert found.row("svd").switches is None and found.row("multipliers").renewals is None
 
 
 @pytest.mark.parametrize(
@@ -77,10 +153,10 @@ def test_nothing_is_missing_without_a_reason() -> None:
 )
 def test_what_only_the_user_knows_is_asked_for(formulation: str, rule: str | None, option: str) -> None:
     (case,) = cases.cases([formulation], None if rule is None else [rule], {})
-    assert case.missing is not None and option in case.missing
+    assert case.needs == option[:-1] and option in case.missing
     given = {"baumgarte": (1.0, 1.0), "window": 0.1, "tangent": object()}
     (case,) = cases.cases([formulation], None if rule is None else [rule], given)
-    assert case.missing is None and given[option[:-1]] in case.options.values()
+    assert case.needs is None and given[option[:-1]] in case.options.values()
 
 
 def test_condition_of_the_dependent_block_is_that_of_the_worst_output() -> None:
@@ -241,15 +317,39 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
     code = main(
         [
             "compare", "four-bar", "--time", "0.5", "--formulations", "projective,multipliers",
-            "--selections", "collective,greedy",
+            "--rules", "collective,greedy", "--correction", "partition,none", "--tolerances", "1e-4,1e-6",
             "--csv", str(files[0]), "--plot", str(files[1]), "--work-precision", str(files[2]),
         ]
     )  # fmt: skip
     said = capsys.readouterr().out
     assert code == 0
-    for word in ("projective: greedy", "multipliers", "cond C_D", "reference: projective, dop853", *map(str, files)):
+    for word in (
+        "projective: greedy",
+        "projective: uncorrected",
+        "multipliers",
+        "0.0001",
+        "cond C_D",
+        "reference: projective, dop853",
+        *map(str, files),
+    ):
         assert word in said
     assert all(file.stat().st_size for file in files)
+
+
+def test_command_compares_in_absolute_coordinates(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "compare",
+        "four-bar",
+        "--time",
+        "0.2",
+        "--formulations",
+        "projective,multipliers",
+        "--rules",
+        "collective",
+    ]
+    assert main([*words, "--coordinates", "absolute"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("finished") == 2
 
 
 @pytest.mark.parametrize(
@@ -262,6 +362,9 @@ def test_command_prints_the_table_and_writes_what_is_asked(tmp_path: Path, capsy
         ["compare", "four-bar", "--formulations", "projective,,svd"],
         ["compare", "four-bar", "--selections", "by-dice"],
         ["compare", "four-bar", "--baumgarte", "3"],
+        ["compare", "four-bar", "--coordinates", "polar"],
+        ["compare", "four-bar", "--correction", "magic"],
+        ["compare", "four-bar", "--tolerances", "1e-4,-1"],
         ["compare", "four-bar", "--time", "0"],
         ["compare", "four-bar", "--plot", "nowhere/a.png"],
         ["compare", "four-bar", "--work-precision", "a.doc"],

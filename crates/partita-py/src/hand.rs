@@ -1,12 +1,12 @@
 //! Equations S1-S5 given as Python functions.
 
-use crate::arrays::{any_vector, array, vector};
+use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::calls;
 use crate::failure::{self, guarded, raise};
-use crate::run::{self, read_options};
+use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::tangent::TangentFunctions;
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_system::equations::{derivatives, ByHand, Equations};
 use partita_system::SystemError;
 use pyo3::prelude::*;
@@ -323,6 +323,28 @@ impl System {
             // what is wrong may not show at the start: once more where the run has been
             run::doubt(py, &d, &compare)?;
             Ok(d)
+        })
+    }
+
+    /// Seconds of one evaluation for each of the `options`, at the states (t, q, v), a row each.
+    #[pyo3(signature = (options, steps, t, q, v, tangent=None))]
+    fn evaluation_costs<'py>(
+        &self,
+        py: Python<'py>,
+        options: Vec<String>,
+        steps: Vec<f64>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        tangent: Option<TangentFunctions>,
+    ) -> PyResult<Vec<f64>> {
+        guarded(py, || {
+            let places = Places { t: &t, q: &q, v: &v };
+            let (n, times) = (self.f.n, entries_of(&t));
+            let Some(first) = times.first() else { return Ok(vec![f64::NAN; options.len()]) };
+            let all = rows_of(&q, times.len(), n, "q")?;
+            let system = self.measured(py, *first, &all[..n])?;
+            run::costs(py, &system, &options, &steps, &places, run::tangent(n, tangent))
         })
     }
 }

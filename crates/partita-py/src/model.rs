@@ -4,7 +4,7 @@ use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
-use crate::run::{self, read_options};
+use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;
@@ -349,6 +349,24 @@ impl Model {
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
             run::run(py, system, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, calls)
+        })
+    }
+
+    /// Seconds of one evaluation for each of the `options`, at the states (t, q, v), a row each.
+    #[pyo3(signature = (options, steps, t, q, v, tangent=None))]
+    fn evaluation_costs<'py>(
+        &self,
+        py: Python<'py>,
+        options: Vec<String>,
+        steps: Vec<f64>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        tangent: Option<TangentFunctions>,
+    ) -> PyResult<Vec<f64>> {
+        guarded(py, || {
+            let places = Places { t: &t, q: &q, v: &v };
+            run::costs(py, &*self.inner, &options, &steps, &places, run::tangent(self.nv(), tangent))
         })
     }
 

@@ -1,10 +1,11 @@
 //! Handing a run over: options in, what it left as a dictionary of arrays.
 
-use crate::arrays::array;
+use crate::arrays::{array, entries_of, rows_of};
 use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
 use partita_analysis::run::{self, Finding, Journal, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
@@ -89,7 +90,7 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     progress: Option<Py<PyAny>>,
     calls_functions: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let t_eval = crate::arrays::entries_of(t_eval);
+    let t_eval = entries_of(t_eval);
     let shared = !calls_functions && tangent.is_none();
     // an exception out of `progress`, or Ctrl-C
     let mut stopped: Option<PyErr> = None;
@@ -145,6 +146,59 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     d.set_item("error", cause.map(|e| e.into_value(py)))?;
     d.set_item("journal", Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
+}
+
+/// States to evaluate at, a row each: t (nt), q (nt, nq), v (nt, nv).
+pub struct Places<'x, 'py> {
+    pub t: &'x PyReadonlyArray1<'py, f64>,
+    pub q: &'x PyReadonlyArray2<'py, f64>,
+    pub v: &'x PyReadonlyArray2<'py, f64>,
+}
+
+/// Seconds of one evaluation, for each of the `options` with steps of the lengths `steps`; NaN where none works.
+pub fn costs<S: ConstrainedSystem<Scratch: Send> + Send + Sync>(
+    py: Python<'_>,
+    system: &S,
+    options: &[String],
+    steps: &[f64],
+    places: &Places<'_, '_>,
+    tangent: Option<Arc<dyn TangentMap>>,
+) -> PyResult<Vec<f64>> {
+    if options.len() != steps.len() {
+        let message = format!("{} options, but {} lengths of steps; give one each", options.len(), steps.len());
+        return Err(raise(py, "ArgumentError", &message, &[("argument", "steps".into())]));
+    }
+    let contenders = options.iter().zip(steps).map(|(text, &step)| {
+        let request = read_options(py, text)?;
+        let tangent = tangent.clone().filter(|_| request.formulation == "user-tangent");
+        Ok(Contender { request, tangent, step })
+    });
+    let contenders: Vec<Contender> = contenders.collect::<PyResult<_>>()?;
+    let (size, t) = (system.size(), entries_of(places.t));
+    let (q, v) = (rows_of(places.q, t.len(), size.nq, "q")?, rows_of(places.v, t.len(), size.nv, "v")?);
+    let row = |x: &[f64], n: usize, i: usize| x[i * n..(i + 1) * n].to_vec();
+    let place = |i: usize| Place { t: t[i], q: row(&q, size.nq, i), v: row(&v, size.nv, i) };
+    let places: Vec<Place> = (0..t.len()).map(place).collect();
+    let (mut stopped, mut last) = (None, Instant::now());
+    let mut watch = || {
+        if last.elapsed() < Duration::from_millis(50) {
+            return ControlFlow::Continue(());
+        }
+        last = Instant::now();
+        match Python::attach(|py| py.check_signals()) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(e) => {
+                stopped = Some(e);
+                ControlFlow::Break(())
+            }
+        }
+    };
+    let found = py.detach(|| evaluation_costs(system, &contenders, &places, &mut watch));
+    match (found.map_err(|e| failure::analysis(py, e))?, stopped) {
+        (Some(costs), None) => Ok(costs),
+        (_, Some(e)) => Err(e),
+        (None, None) => Ok(vec![f64::NAN; contenders.len()]),
+    }
 }
 
 /// Ask `right` about the middle and the last output of a run; what is wrong takes its success away, in words.

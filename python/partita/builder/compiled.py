@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,6 +19,9 @@ from ..state import Layout, finite_time
 from .checks import Element
 from .records import Description
 from .spec import Writer
+
+_OF_THE_MODEL = ("coordinates", "parameters")
+"""What a run is told that is no option of its equations."""
 
 Array = NDArray[np.float64]
 
@@ -106,6 +109,33 @@ class Equations:
         place, time = self._q(q), finite_time(t)
         speeds = None if v is None else self._v(v)
         return Instant.from_core(time, place, self._core.at(time, place, speeds))
+
+    def evaluation_costs(
+        self,
+        options: Sequence[Mapping[str, Any]],
+        steps: Sequence[float],
+        t: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike,
+        tangent: Any = None,
+    ) -> list[float]:
+        """Seconds of one evaluation of the accelerations and nothing else, for formulations side by side.
+
+        For `compare`, whose column it is. Evaluations are those of the stages of a step from each of the states
+        (t, q, v), a row each; at each place the formulations take turns in batches of some 40 us, and the fastest of 25
+        counts, so that what else a machine does falls on nobody. A millisecond for each formulation and place.
+
+        Args:
+            options: of runs, as `Result.options` has them.
+            steps: length of a usual step of each [s].
+            t, q, v: closed states (nt,), (nt, nq), (nt, nv).
+            tangent: what "user-tangent" needs.
+
+        NaN for one that cannot be evaluated at any of the places.
+        """
+        times, positions, rates = (np.ascontiguousarray(x, dtype=float) for x in (t, q, v))
+        asked = [json.dumps({key: x[key] for key in x if key not in _OF_THE_MODEL}) for x in options]
+        return self._core.evaluation_costs(asked, list(steps), times, positions, rates, tangent)
 
     def _q(self, q: ArrayLike) -> Array:
         return checked("q", q, self._core.nq, self._names)

@@ -100,13 +100,27 @@ def _compare(command: argparse.ArgumentParser) -> None:
     add("--atol", metavar="X", type=positive, default=1e-10, help="absolute tolerance (default 1e-10)")
     add("--method", choices=METHODS, default="dop853", help="integrator (default dop853)")
     known = ", ".join(FORMULATIONS)
-    add("--formulations", metavar="A,B", type=listed, help=f"which ones, with commas (default all: {known})")
+    add(
+        "--formulations",
+        metavar="A,B",
+        type=listed,
+        help=f'which ones, with commas, or rows such as "svd: each step" (default all: {known})',
+    )
     rules = ", ".join(SELECTIONS)
-    add("--selections", metavar="A,B", type=listed, help=f"rules of projective (default all: {rules})")
+    add("--rules", "--selections", metavar="A,B", type=listed, help=f"rules of projective (default all: {rules})")
+    removals = ", ".join(CORRECTIONS)
+    add("--correction", metavar="A,B", type=listed, help=f"corrections of projective, a row for each ({removals})")
+    add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
+    add(
+        "--tolerances",
+        metavar="X,Y",
+        type=ladder,
+        help="run the rows that finish again with each of these rtol, and print errors and costs",
+    )
     add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
     add("--window", metavar="S", type=positive, help=WINDOW)
     add("--plot", metavar="FILE", help="write a figure of errors and costs (.png, .pdf, .svg)")
-    add("--work-precision", metavar="FILE", help="run over several tolerances, and write the figure of error over work")
+    add("--work-precision", metavar="FILE", help="run over the tolerances, and write the figure of error over work")
     add("--csv", metavar="FILE", help="write the rows")
 
 
@@ -134,6 +148,11 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not finite")
     return math.radians(value) if degrees else value
+
+
+def ladder(text: str) -> list[float]:
+    """Several numbers above zero, with commas."""
+    return [positive(part) for part in text.split(",")]
 
 
 def positive(text: str) -> float:

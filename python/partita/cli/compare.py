@@ -21,9 +21,11 @@ def compare(arguments: argparse.Namespace) -> int:
     watched = sys.stderr.isatty()
     found = opened.mechanism.compare(
         arguments.time or (opened.entry.duration if opened.entry else None),
-        initial=opened.initial(),
+        initial=opened.initial(arguments.coordinates),
         formulations=arguments.formulations,
-        selections=arguments.selections,
+        selections=arguments.rules,
+        corrections=arguments.correction,
+        coordinates=arguments.coordinates,
         rtol=arguments.rtol,
         atol=arguments.atol,
         method=arguments.method,
@@ -37,10 +39,13 @@ def compare(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         found.plot(arguments.plot)
         print(f"wrote {arguments.plot}")
-    if arguments.work_precision and not found.interrupted:
-        ladder = found.work_precision(progress=watched)
-        ladder.plot(arguments.work_precision)
-        print(f"\n{ladder}\nwrote {arguments.work_precision}")
+    if (arguments.work_precision or arguments.tolerances) and not found.interrupted:
+        given = {} if arguments.tolerances is None else {"tolerances": arguments.tolerances}
+        ladder = found.work_precision(progress=watched, **given)
+        print(f"\n{ladder}")
+        if arguments.work_precision:
+            ladder.plot(arguments.work_precision)
+            print(f"wrote {arguments.work_precision}")
         return INTERRUPTED if ladder.interrupted else 0
     return INTERRUPTED if found.interrupted else 0
 

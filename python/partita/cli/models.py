@@ -19,9 +19,12 @@ class Opened:
     mechanism: Mechanism
     entry: Entry | None = None
 
-    def initial(self) -> State | None:
+    def initial(self, coordinates: str = "relative") -> State | None:
         """The published start of a catalogue entry; None for a file: as drawn, at rest."""
-        return None if self.entry is None else self.entry.initial(self.mechanism)
+        if self.entry is None:
+            return None
+        start = self.entry.initial(self.mechanism)
+        return start if coordinates == "relative" else self.mechanism.convert(start, coordinates)
 
 
 def open_model(word: str) -> Opened:

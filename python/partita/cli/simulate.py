@@ -80,15 +80,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _start(opened: Opened, arguments: argparse.Namespace) -> State | None:
     """The state to start from: that of the catalogue, with the targets and rates asked for."""
     targets, rates = _settings(arguments.target), _settings(arguments.rate)
-    near = opened.initial()
-    if arguments.coordinates != "relative" and near is not None:
-        if opened.entry is not None and np.any(near.v):
-            raise ArgumentError(
-                f"{opened.entry.name} starts with velocities that are given in relative coordinates; run it with "
-                "--coordinates relative, or give a model file with --rate",
-                argument="coordinates",
-            )
-        near = None
+    near = opened.initial(arguments.coordinates)
     if not targets and not rates:
         return near
     return opened.mechanism.assemble(targets, rates, near, coordinates=arguments.coordinates)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -52,16 +52,19 @@ class Bench:
     atol: float
     method: str
     max_steps: int | None = None
+    tangent: Any = None
+    """The user's tangent velocities, checked, for the core."""
     reference: Reference | None = None
 
-    def run(self, case: Case, progress: Any, rtol: float | None = None) -> tuple[Result, float]:
-        """The result of one case and the time it took [s]: set-up, steps and outputs. `rtol` takes atol along.
+    def run(self, case: Case, progress: Any, rtol: float | None = None, *, bare: bool = False) -> tuple[Result, float]:
+        """The result of one case and the time it took [s]: set-up, steps and outputs. `rtol` takes atol along; `bare`
+        leaves one output, at the end.
 
         The same run takes longer now and then, when the machine does other things: short ones are repeated, and the
         shortest time counts.
         """
         options = {
-            "t_eval": self.t_eval,
+            "t_eval": self.t_eval[-1:] if bare else self.t_eval,
             "rtol": self.rtol if rtol is None else rtol,
             "atol": self.atol if rtol is None else self.atol * rtol / self.rtol,
             "method": self.method,
@@ -77,6 +80,17 @@ class Bench:
             times.append(perf_counter() - began)
             if len(times) == _REPEATS or sum(times) > _PATIENCE or not result.success:
                 return result, min(times)
+
+    def costs(self, results: Sequence[Result]) -> list[float | None]:
+        """Seconds of one evaluation for each of the runs, at places of the first; None where none could be taken."""
+        first = results[0]
+        sound = np.flatnonzero(np.all(np.isfinite(first.vdot), axis=1))
+        rows = sound[np.unique((len(sound) * _PLACES).astype(int))] if len(sound) else sound
+        steps = [float(x.t[-1] - x.t[0]) / max(1, x.counters.get("steps", 1)) for x in results]
+        taken = self.equations.evaluation_costs(
+            [x.options for x in results], steps, first.t[rows], first.q[rows], first.v[rows], self.tangent
+        )
+        return [None if np.isnan(x) else x for x in taken]
 
     def _most_steps(self) -> int:
         """Steps after which a run is stopped: as given, else by those of the reference."""
@@ -148,6 +162,8 @@ class Bench:
         return far if far > 0.0 else 1.0
 
 
+_PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+"""Where along a run evaluations are timed, in parts of it."""
 _TOLD = ("formulation", "method", "rtol", "atol")
 
 

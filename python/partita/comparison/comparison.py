@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from ..naming import index_of
 from .bench import Bench
 from .cases import Case
 from .progress import Progress
-from .row import FAILED, INTERRUPTED, NOT_RUN, Row, measured, not_run
+from .row import FAILED, INTERRUPTED, NOT_RUN, Row, lacking, measured, not_run
 from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
 from .work_precision import WorkPrecision, work_precision
 
@@ -31,6 +32,11 @@ class Comparison:
 
     `print(comparison)` shows the table. `interrupted` tells whether Ctrl-C ended it before the last run; the rows up to
     there are kept, the others are "not run".
+
+    Rows have two kinds of time. `time` is that of the whole run, with set-up, steps and outputs, and
+    `time_without_outputs` that of the same run with one output. `time_per_evaluation` is that of one evaluation of the
+    accelerations alone: after the runs all formulations are asked at the same five places of the motion, in turns, for
+    the stages of a step of their own usual length, and the fastest of 25 short batches counts.
     """
 
     def __init__(self, bench: Bench, cases: Sequence[Case], rows: Sequence[Row], interrupted: bool) -> None:
@@ -67,7 +73,7 @@ class Comparison:
 
     def to_text(self) -> str:
         """The caption, the table, and below it why runs are missing or stopped."""
-        shown = [row for row in self.rows if row.status not in (NOT_RUN, FAILED)]
+        shown = [row for row in self.rows if row.status not in (NOT_RUN, FAILED)]  # those that lack something too
         table = [aligned(shown), CONDITION_NOTE] if shown else []
         return "\n".join([self.caption, *table, *notes(self.rows)])
 
@@ -107,7 +113,7 @@ class Comparison:
             ArgumentError: no tolerance, or one that is not above zero. UnknownNameError: a name that no row has.
         """
         names = [self.row(name).name for name in names] if names is not None else self._formulations()
-        chosen = [case for case in self._cases if case.name in names and case.missing is None]
+        chosen = [case for case in self._cases if case.name in names and case.needs is None]
         return work_precision(self._bench, chosen, tolerances, progress)
 
     def _formulations(self) -> list[str]:
@@ -122,14 +128,19 @@ class Comparison:
 def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, progress: Any) -> Comparison:
     """Every case, one after the other. A typed error of one does not stop the others; Ctrl-C keeps what is there."""
     rows: list[Row] = []
+    runs: dict[int, Result] = {}
     tell = Progress(progress, len(cases) + 1)
     try:
         bench = bench.with_reference(reference, tell.part("reference"))
         for case in cases:
-            part = tell.part(case.name)
-            rows.append(_row(bench, case, part))
-            if rows[-1].status == INTERRUPTED:
+            row, result = _row(bench, case, tell.part(case.name))
+            rows.append(row)
+            if row.status == INTERRUPTED:
                 break
+            if result is not None and len(result.t) > 1 and row.steps:
+                runs[len(rows) - 1] = result
+        for place, cost in zip(runs, bench.costs(list(runs.values())) if runs else [], strict=True):
+            rows[place] = replace(rows[place], time_per_evaluation=cost)
     except KeyboardInterrupt:
         pass
     interrupted = len(rows) < len(cases) or (bool(rows) and rows[-1].status == INTERRUPTED)
@@ -138,11 +149,12 @@ def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, pro
     return Comparison(bench, cases, [*rows, *left], interrupted)
 
 
-def _row(bench: Bench, case: Case, progress: Any) -> Row:
-    if case.missing is not None:
-        return not_run(case, case.missing)
+def _row(bench: Bench, case: Case, progress: Any) -> tuple[Row, Result | None]:
+    if case.needs is not None:
+        return lacking(case), None
     try:
         result, time = bench.run(case, progress)
+        bare = bench.run(case, None, bare=True)[1] if result.success else None
     except PartitaError as error:
-        return not_run(case, str(error), FAILED)
-    return measured(case, bench, result, time)
+        return not_run(case, str(error), FAILED), None
+    return measured(case, bench, result, time, bare), result

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..builder.compiled import Equations
 from ..errors import ArgumentError
 from ..numeric import shown
-from ..options import METHODS, count, one_of, output_times, positive
+from ..options import METHODS, count, one_of, output_times, positive, tangent_of
 from ..results import Result
 from ..state import State
 from ..system import System, simulate
@@ -42,6 +42,7 @@ def compare_mechanism(
     initial: State | None = None,
     formulations: Iterable[str] | None = None,
     selections: Iterable[str] | None = None,
+    corrections: Iterable[str] | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
@@ -61,8 +62,12 @@ def compare_mechanism(
     Args:
         duration: length of the runs [s]; None: that of `reference`.
         initial: state to start from, as for `simulate`; None: the drawing, assembled, at rest.
-        formulations: names as for `simulate`; None: all. Those that need something not given are listed as not run.
+        formulations: names as for `simulate`, or of rows ("svd: each step"); None: all, and all variants of each:
+            frozen tangent velocities also made anew at each step, "wehage-haug" also with complete pivoting. Rows that
+            need something not given say what.
         selections: rules for "projective"; None: all.
+        corrections: what closes the loops of "projective" after a step, a row for each; None: all three where neither
+            formulations nor selections are given, else the usual one.
         rtol, atol, method, coordinates: as for `simulate`, for all runs.
         baumgarte, window, tangent: what "baumgarte", the rule "persistence" and "user-tangent" need.
         max_steps: a run stops with status "max-steps" after so many; None: ten times those of the reference (fifty for
@@ -85,9 +90,9 @@ def compare_mechanism(
     start = initial if initial is not None else self.assemble(coordinates=coordinates)
     simulate = partial(self.simulate, initial=start, coordinates=coordinates)
     given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
-    chosen = cases(formulations, selections, given)
+    chosen = cases(formulations, selections, given, corrections)
     model = self.compile(coordinates)
-    bench = _bench(self.name, simulate, model, start, duration, reference, rtol, atol, method, max_steps)
+    bench = _bench(self.name, simulate, model, start, duration, reference, rtol, atol, method, max_steps, tangent)
     return carry_out(bench, chosen, reference, progress)
 
 
@@ -101,6 +106,7 @@ def compare(
     t0: float = 0.0,
     formulations: Iterable[str] | None = None,
     selections: Iterable[str] | None = None,
+    corrections: Iterable[str] | None = None,
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
@@ -144,8 +150,8 @@ def compare(
         start = State(t0, q0, v0, names=system.names)
         run = partial(simulate, system, q0=q0, v0=v0, t0=t0)
     given = {"baumgarte": baumgarte, "window": window, "tangent": tangent}
-    chosen = cases(formulations, selections, given)
-    bench = _bench("system", run, system, start, duration, reference, rtol, atol, method, max_steps)
+    chosen = cases(formulations, selections, given, corrections)
+    bench = _bench("system", run, system, start, duration, reference, rtol, atol, method, max_steps, tangent)
     return carry_out(bench, chosen, reference, progress)
 
 
@@ -160,6 +166,7 @@ def _bench(
     atol: float,
     method: str,
     max_steps: int | None,
+    tangent: TangentVelocities | None,
 ) -> Bench:
     """Checked once for all runs, so that a wrong argument is an error and not a table of failures."""
     if not isinstance(start, State):
@@ -191,4 +198,5 @@ def _bench(
         atol=positive("atol", atol),
         method=one_of("method", method, METHODS),
         max_steps=max_steps,
+        tangent=None if tangent is None else tangent_of(tangent, start.v.size),
     )

@@ -14,9 +14,13 @@ if TYPE_CHECKING:
     from ..results import Result
 
 FINISHED, FAILED, NOT_RUN, INTERRUPTED = "finished", "failed", "not run", "interrupted"
+NEEDS = "needs "
+"""Status of a run that lacks an option: this and the option's name."""
 # Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
-_WHOLE = ("multipliers", "range-space", "proximal", "baumgarte")
+_WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
+_RENEWING = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space")
+_NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
 # Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
 _WORK = 3e8
 
@@ -41,7 +45,17 @@ class Row:
     steps: int | None = None
     rejected: int | None = None
     switches: int | None = None
-    """Exchanges of independent coordinates, or renewals of frozen tangent velocities."""
+    """Exchanges of integrated coordinates; None where no coordinates are chosen to be integrated."""
+    renewals: int | None = None
+    """Tangent velocities made, the first included; None where there are none."""
+    dense_evaluations: int | None = None
+    """Of accelerations, for outputs inside steps."""
+    newton_iterations: int | None = None
+    """In all evaluations of a form that closes the loops by Newton's method; None elsewhere."""
+    proximal_iterations: int | None = None
+    """In all evaluations of "proximal"; None elsewhere."""
+    corrections: int | None = None
+    """Steps after which positions were corrected."""
     closure: float | None = None
     """Largest |Phi| over the outputs."""
     velocity_closure: float | None = None
@@ -58,7 +72,10 @@ class Row:
     sqrt_mu: float | None = None
     """Smallest sqrt(mu) of the choice, or of the tangent velocities; None where nothing is chosen."""
     time_per_evaluation: float | None = None
-    """Time of the run over all evaluations, those for dense output included [s]."""
+    """Of one evaluation and nothing else [s]: taken at places along the motion, all formulations in turns; see
+    `Comparison`."""
+    time_without_outputs: float | None = None
+    """Of the whole run with one output, at its end [s]."""
     time: float | None = None
     """Of the whole run: set-up, steps, outputs [s]; the shortest of several where it is short."""
 
@@ -73,21 +90,29 @@ def not_run(case: Case, why: str, status: str = NOT_RUN) -> Row:
     return Row(case.name, case.formulation, case.selection, status, why)
 
 
-def measured(case: Case, bench: Bench, result: Result, time: float) -> Row:
-    """The line of a run that happened, to its end or not."""
+def lacking(case: Case) -> Row:
+    """The line of a run that lacks an option."""
+    return not_run(case, case.missing, f"{NEEDS}{case.needs}")
+
+
+def measured(case: Case, bench: Bench, result: Result, time: float, bare: float | None) -> Row:
+    """The line of a run that happened, to its end or not; what one evaluation costs is not known yet."""
     counters = result.counters
-    evaluations = counters.get("evaluations", 0)
-    every = evaluations + counters.get("dense_evaluations", 0)
     return Row(
         name=case.name,
         formulation=case.formulation,
         selection=case.selection,
         status=FINISHED if result.success else result.status,
         message="" if result.success else result.message,
-        evaluations=evaluations,
+        evaluations=counters.get("evaluations"),
         steps=counters.get("steps"),
         rejected=counters.get("rejected"),
-        switches=max(0, len(result.partitions) - 1),
+        switches=counters.get("exchanges") if case.formulation in _CHOOSING else None,
+        renewals=counters.get("renewals") if case.formulation in _RENEWING else None,
+        dense_evaluations=counters.get("dense_evaluations"),
+        newton_iterations=counters.get("newton_iterations") if case.formulation in _NEWTON else None,
+        proximal_iterations=counters.get("proximal_iterations") if case.formulation == "proximal" else None,
+        corrections=counters.get("corrections"),
         closure=_largest(result.closure),
         velocity_closure=_largest(result.velocity_closure),
         energy_drift=result.energy.relative_balance if result.has_energy and len(result.t) else None,
@@ -95,7 +120,7 @@ def measured(case: Case, bench: Bench, result: Result, time: float) -> Row:
         condition=_condition(bench, result) if case.formulation in _CHOOSING else None,
         sigma=None if case.formulation in _WHOLE else _smallest(result.sigma),
         sqrt_mu=None if case.formulation in _WHOLE else _smallest(result.sqrt_mu),
-        time_per_evaluation=time / every if every else None,
+        time_without_outputs=bare,
         time=time,
     )
 

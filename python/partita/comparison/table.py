@@ -46,6 +46,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "steps": ("steps", _count),
     "rejected": ("rejected", _count),
     "switches": ("switches", _count),
+    "renewals": ("renewals", _count),
     "|Phi|": ("closure", _small),
     "|Cv+a|": ("velocity_closure", _small),
     "energy": ("energy_drift", _small),
@@ -53,8 +54,9 @@ COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "cond C_D": ("condition", _small),
     "sigma": ("sigma", _quality),
     "sqrt(mu)": ("sqrt_mu", _quality),
-    "us/eval": ("time_per_evaluation", _scaled(1e6, 1)),
-    "time [s]": ("time", _scaled(1.0, 3)),
+    "us/eval": ("time_per_evaluation", _scaled(1e6, 2)),
+    "bare [s]": ("time_without_outputs", _scaled(1.0, 4)),
+    "time [s]": ("time", _scaled(1.0, 4)),
 }
 WORDS = 2
 """Leading columns of words, which stand to the left; numbers stand to the right."""

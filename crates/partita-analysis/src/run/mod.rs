@@ -1,5 +1,6 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
+pub mod cost;
 mod inconsistent;
 mod journal;
 mod request;

@@ -1,0 +1,207 @@
+//! What one evaluation costs, and nothing else: no steps, no outputs, all contenders at the same places, in turns.
+
+use super::Request;
+use crate::error::AnalysisError;
+use partita_integrate::options::Options;
+use partita_integrate::simulate::{simulate, Settings, Status};
+use partita_system::formulation::{registry, Formulation, Step, Verdict};
+use partita_system::options::TangentMap;
+use partita_system::record::{Journal as Record, Output, PartitionEvent, Sample};
+use partita_system::start;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Steps taken before the one whose stages are asked for: forms that look ahead from the last steps have them to look from.
+const BEFORE: u64 = 2;
+/// A batch of evaluations takes about this long [s]: a thousand readings of the clock.
+const BATCH: f64 = 4e-5;
+/// Batches of each contender at each place; the fastest counts, as the one that nothing else disturbed.
+const ROUNDS: usize = 25;
+/// No contender takes longer at one place [s], but for its first two batches.
+const PATIENCE: f64 = 0.15;
+
+/// A formulation with its options, and a usual length of its steps [s].
+pub struct Contender {
+    /// What is asked of it.
+    pub request: Request,
+    /// The user's tangent velocities.
+    pub tangent: Option<Arc<dyn TangentMap>>,
+    /// Evaluations are taken over steps of this length.
+    pub step: f64,
+}
+
+/// A closed state to evaluate at.
+pub struct Place {
+    /// Time.
+    pub t: f64,
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+}
+
+/// Notes what a march asks of a formulation: times and states of the evaluations since the last step.
+struct Noted<'s> {
+    formulation: Box<dyn Formulation + Send + 's>,
+    asked: Vec<(f64, Vec<f64>)>,
+    last_step: Vec<(f64, Vec<f64>)>,
+}
+
+impl Formulation for Noted<'_> {
+    fn dim(&self) -> usize {
+        self.formulation.dim()
+    }
+    fn controlled(&self) -> usize {
+        self.formulation.controlled()
+    }
+    fn natural_sizes(&self, out: &mut [f64]) {
+        self.formulation.natural_sizes(out);
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        self.formulation.start(t, q, v, y)
+    }
+    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+        self.asked.push((t, y.to_vec()));
+        self.formulation.derivative(t, y, dy)
+    }
+    fn trial_end(
+        &mut self,
+        t: f64,
+        y: &mut [f64],
+        dy: &mut [f64],
+        known: bool,
+    ) -> Result<(Verdict, bool), SystemError> {
+        self.formulation.trial_end(t, y, dy, known)
+    }
+    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+        self.last_step = std::mem::take(&mut self.asked);
+        self.formulation.commit(verdict, step)
+    }
+    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
+        self.formulation.state_at(t, y, out)
+    }
+    fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
+        self.formulation.describe(at, within, out)
+    }
+    fn journal(&self) -> Record {
+        self.formulation.journal()
+    }
+}
+
+/// A contender at one place: the stages of a step that begins two steps from there.
+struct Trial<'s> {
+    formulation: Box<dyn Formulation + Send + 's>,
+    stages: Vec<(f64, Vec<f64>)>,
+    dy: Vec<f64>,
+    /// Evaluations in a batch, the next stage, seconds used, fastest mean so far.
+    count: usize,
+    next: usize,
+    used: f64,
+    fastest: f64,
+}
+
+impl<'s> Trial<'s> {
+    /// Everything set up and seen to work; `None` where it does not.
+    fn new<S: ConstrainedSystem<Scratch: Send>>(
+        system: &'s S,
+        rank: usize,
+        contender: &Contender,
+        place: &Place,
+    ) -> Result<Option<Self>, AnalysisError> {
+        let options = contender.request.formulation_options(system, contender.tangent.clone())?;
+        let settings = contender.request.settings()?;
+        // the same march twice: once to the end of a step, to see its stages, and once to its beginning
+        let marched = |steps: u64| {
+            let formulation = registry::by_name(&contender.request.formulation, system, rank, &options).ok()?;
+            let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
+            let t_end = place.t + steps as f64 * contender.step;
+            let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
+            let settings = Settings { t_end, options: fixed, ..settings.clone() };
+            let (mut sink, mut watch) = (|_: &Output| Ok(()), |_: f64| ControlFlow::Continue(()));
+            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut watch).ok()?;
+            (end.status == Status::Finished).then_some(noted)
+        };
+        let (Some(ahead), Some(here)) = (marched(BEFORE + 1), marched(BEFORE)) else { return Ok(None) };
+        let (formulation, stages) = (here.formulation, ahead.last_step);
+        let dy = vec![0.0; formulation.dim()];
+        if stages.len() < 2 || stages.iter().any(|x| x.1.len() != dy.len()) {
+            return Ok(None);
+        }
+        let count = 2 * stages.len();
+        let mut trial = Self { formulation, stages, dy, count, next: 0, used: 0.0, fastest: f64::INFINITY };
+        if !trial.batch() {
+            return Ok(None);
+        }
+        let count = (BATCH / trial.fastest).ceil();
+        trial.count = (count as usize).clamp(2, 100_000);
+        trial.fastest = f64::INFINITY; // plans may have been made in the first
+        Ok(Some(trial))
+    }
+
+    /// One batch of evaluations; false where one fails.
+    fn batch(&mut self) -> bool {
+        let began = Instant::now();
+        for _ in 0..self.count {
+            let (t, y) = &self.stages[self.next];
+            self.next = (self.next + 1) % self.stages.len();
+            if self.formulation.derivative(*t, y, &mut self.dy).is_err() {
+                return false;
+            }
+        }
+        let took = began.elapsed().as_secs_f64();
+        self.used += took;
+        self.fastest = self.fastest.min(took / self.count as f64);
+        true
+    }
+}
+
+/// Seconds of one evaluation of each contender, the mean over the places; NaN for one that fails at all of them.
+///
+/// Evaluations are those that the stages of a step ask for. At each place the contenders take turns in short batches, and the
+/// fastest batch of each counts. Takes about a millisecond a contender and place, longer where one evaluation does. `watch`
+/// may stop it: then `None`.
+///
+/// # Errors
+/// Options that make no sense, or places where the system cannot be analysed.
+pub fn evaluation_costs<S: ConstrainedSystem<Scratch: Send>>(
+    system: &S,
+    contenders: &[Contender],
+    places: &[Place],
+    watch: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Option<Vec<f64>>, AnalysisError> {
+    let (mut sums, mut counts) = (vec![0.0; contenders.len()], vec![0_u32; contenders.len()]);
+    let Some(first) = places.first() else { return Ok(Some(vec![f64::NAN; contenders.len()])) };
+    let rank = start::analyse(system, first.t, &first.q)?.rank;
+    for place in places {
+        let mut trials = Vec::with_capacity(contenders.len());
+        for contender in contenders {
+            trials.push(Trial::new(system, rank, contender, place)?);
+            if watch().is_break() {
+                return Ok(None);
+            }
+        }
+        for round in 0..ROUNDS {
+            for trial in &mut trials {
+                let Some(x) = trial else { continue };
+                if round >= 2 && x.used > PATIENCE {
+                    continue;
+                }
+                if !x.batch() {
+                    *trial = None;
+                }
+                if watch().is_break() {
+                    return Ok(None);
+                }
+            }
+        }
+        for (i, trial) in trials.iter().enumerate() {
+            if let Some(x) = trial {
+                sums[i] += x.fastest;
+                counts[i] += 1;
+            }
+        }
+    }
+    Ok(Some(sums.iter().zip(&counts).map(|(s, n)| s / f64::from(*n)).collect()))
+}
