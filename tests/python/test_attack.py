@@ -275,6 +275,28 @@ def asked() -> dict[str, Callable[[], Call]]:
             lambda value: model.with_parameters({"A.point": value}).constraints(q),
             {"value": ORIGIN},
         ),
+        "System.evaluation_costs": (
+            lambda **given: Exact(s.evaluation_costs(**given)),
+            {
+                "options": [hand_run.options],
+                "steps": [0.01],
+                "t": [0.0],
+                "q": [[1.0, 0.0]],
+                "v": [[0.0, 1.0]],
+                "tangent": None,
+            },
+        ),
+        "Model.evaluation_costs": (
+            lambda **given: Exact(model.evaluation_costs(**given)),
+            {
+                "options": [run.options],
+                "steps": [0.01],
+                "t": [0.0],
+                "q": [list(state.q)],
+                "v": [list(state.v)],
+                "tangent": None,
+            },
+        ),
         "partition.measure": (pt.partition.measure, matrices),
         "partition.choose": (
             pt.partition.choose,

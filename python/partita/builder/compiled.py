@@ -17,11 +17,9 @@ from ..instant import Instant
 from ..numeric import floats, shown
 from ..state import Layout, finite_time
 from .checks import Element
+from .costs import evaluation_costs
 from .records import Description
 from .spec import Writer
-
-_OF_THE_MODEL = ("coordinates", "parameters")
-"""What a run is told that is no option of its equations."""
 
 Array = NDArray[np.float64]
 
@@ -133,9 +131,7 @@ class Equations:
 
         NaN for one that cannot be evaluated at any of the places.
         """
-        times, positions, rates = (np.ascontiguousarray(x, dtype=float) for x in (t, q, v))
-        asked = [json.dumps({key: x[key] for key in x if key not in _OF_THE_MODEL}) for x in options]
-        return self._core.evaluation_costs(asked, list(steps), times, positions, rates, tangent)
+        return evaluation_costs(self._core, options, steps, (t, q, v), tangent)
 
     def _q(self, q: ArrayLike) -> Array:
         return checked("q", q, self._core.nq, self._names)

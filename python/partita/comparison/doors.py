@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..builder.compiled import Equations
 from ..errors import ArgumentError
 from ..numeric import shown
-from ..options import METHODS, count, one_of, output_times, positive, tangent_of
+from ..options import METHODS, count, one_of, output_times, positive
 from ..results import Result
 from ..state import State
 from ..system import System, simulate
@@ -198,5 +198,5 @@ def _bench(
         atol=positive("atol", atol),
         method=one_of("method", method, METHODS),
         max_steps=max_steps,
-        tangent=None if tangent is None else tangent_of(tangent, start.v.size),
+        tangent=tangent,
     )
