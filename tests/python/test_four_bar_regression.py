@@ -1,4 +1,4 @@
-"""The reference four-bar at its first instant: every number of its closed formulas, by the product, in both coordinates.
+"""The reference four-bar at its first instant: every number of its closed formulas, by the product, in two coordinates.
 
               C
             /   \\
