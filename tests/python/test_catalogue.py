@@ -45,6 +45,7 @@ def test_energy_and_work(name: str) -> None:
     [
         ("planar-pendulum", 5, 5, 1),
         ("four-bar", 20, 17, 1),
+        ("reference-four-bar", 20, 17, 1),
         ("double-four-bar", 35, 29, 1),
         ("n-four-bar", 605, 485, 1),
         ("andrews-squeezer", 50, 41, 1),
