@@ -25,6 +25,7 @@ FORMULATIONS = (
     "zero-eigenvalue",
     "svd",
     "qr",
+    "liang-lance",
     "gram-schmidt",
     "tangent-space",
     "user-tangent",
@@ -43,6 +44,8 @@ SELECTIONS = (
     "persistence",
 )
 CORRECTIONS = ("partition", "mass-orthogonal", "none")
+# When frozen tangent velocities are made anew, if not by their quality.
+EACH_STEP = "each step"
 COORDINATES = ("relative", "absolute")
 OUTPUTS = 201
 # Outputs may miss the end of the run by the rounding of np.arange; they are moved onto it.
@@ -84,7 +87,7 @@ def options(
     weights: Mapping[Any, float] | None = None,
     window: float | None = None,
     baumgarte: tuple[float, float] | None = None,
-    renew: float = 0.5,
+    renew: float | str = 0.5,
 ) -> dict[str, Any]:
     """Checked options of a run from t0, as the core reads them. Raises `ArgumentError`."""
     if not isinstance(events, Sequence) or len(events) > 0:
@@ -115,7 +118,7 @@ def options(
         "weights": None if weights is None else _weights(weights, velocity_names),
         "window": None if window is None else positive("window", window),
         "baumgarte": None if baumgarte is None else _baumgarte(baumgarte),
-        "renew": _fraction("renew", renew),
+        "renew": _renew(renew),
     }
 
 
@@ -199,14 +202,18 @@ def _exchange(value: Any) -> float:
     return number
 
 
-def _fraction(what: str, value: Any) -> float:
-    """A number from 0 to 1."""
+def _renew(value: Any) -> float | str:
+    """A number from 0 to 1, or the words for a basis made anew after every step."""
+    if isinstance(value, str) and value == EACH_STEP:
+        return EACH_STEP
     try:
         number = real(value)
     except TypeError:
         number = np.nan
     if not 0.0 <= number <= 1.0:
-        raise ArgumentError(f"{what} is {value!r}; it must be a number from 0 to 1", argument=what)
+        raise ArgumentError(
+            f"renew is {shown(value)}; it must be a number from 0 to 1, or {EACH_STEP!r}", argument="renew"
+        )
     return number
 
 

@@ -203,7 +203,7 @@ def simulate(
     weights: Mapping[str, float] | None = None,
     window: float | None = None,
     baumgarte: tuple[float, float] | None = None,
-    renew: float = 0.5,
+    renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,
 ) -> Result:
     """Compute the motion of a `System` over `duration` seconds; for a mechanism call its own `simulate`.

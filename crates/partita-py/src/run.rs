@@ -288,6 +288,9 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
         ("plans", f.plans),
         ("exchanges", f.exchanges),
         ("corrections", f.corrections),
+        ("renewals", f.renewals),
+        ("newton_iterations", f.newton_iterations),
+        ("proximal_iterations", f.proximal_iterations),
     ] {
         counters.set_item(name, value)?;
     }

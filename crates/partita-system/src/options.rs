@@ -22,6 +22,28 @@ pub trait TangentMap: Send + Sync {
     }
 }
 
+/// When a frozen tangent basis is made anew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Renew {
+    /// When its √μ has fallen below this part of what it was when frozen (which is 1 for mass-orthonormal bases); 0: never.
+    Below(f64),
+    /// After every step that is taken, whatever its quality.
+    EachStep,
+}
+
+impl Renew {
+    /// Does a basis that was frozen stay frozen?
+    pub fn never(self) -> bool {
+        matches!(self, Self::Below(part) if part <= 0.0)
+    }
+}
+
+impl From<f64> for Renew {
+    fn from(part: f64) -> Self {
+        Self::Below(part)
+    }
+}
+
 /// Options of all formulations.
 #[derive(Clone)]
 pub struct FormulationOptions {
@@ -39,9 +61,8 @@ pub struct FormulationOptions {
     pub window: Option<f64>,
     /// Baumgarte's α and β [1/s]: `Φ̈ + 2αΦ̇ + β²Φ = 0`. Never a default.
     pub baumgarte: Option<(f64, f64)>,
-    /// A frozen tangent basis is renewed when its √μ falls below this part of what it was when frozen (which is 1 for
-    /// mass-orthonormal bases); 0: never.
-    pub renew: f64,
+    /// When a frozen tangent basis is made anew.
+    pub renew: Renew,
     /// The user's tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,
 }
@@ -59,11 +80,13 @@ impl FormulationOptions {
                 self.exchange
             ));
         }
-        if !(0.0..=1.0).contains(&self.renew) {
-            return refuse(
-                "renew",
-                format!("renew is {}, but a part of the quality when frozen lies in 0..1 (0: never)", self.renew),
-            );
+        if let Renew::Below(part) = self.renew {
+            if !(0.0..=1.0).contains(&part) {
+                return refuse(
+                    "renew",
+                    format!("renew is {part}, but a part of the quality when frozen lies in 0..1 (0: never)"),
+                );
+            }
         }
         if let Some(independent) = &self.independent {
             start::distinct(independent, n)?;
@@ -95,7 +118,7 @@ impl Default for FormulationOptions {
             selection: Selection::Collective,
             window: None,
             baumgarte: None,
-            renew: 0.5,
+            renew: Renew::Below(0.5),
             tangent: None,
         }
     }

@@ -141,8 +141,12 @@ pub struct FormulationCounters {
     pub exchanges: u64,
     /// Position corrections applied.
     pub corrections: u64,
-    /// Iterations inside evaluations: Newton's for dependent coordinates, proximal ones for multipliers.
-    pub iterations: u64,
+    /// Tangent bases made, the first included: S of a frozen basis, of a tangent chart.
+    pub renewals: u64,
+    /// Iterations of Newton's method for dependent coordinates inside evaluations.
+    pub newton_iterations: u64,
+    /// Proximal iterations for multipliers inside evaluations.
+    pub proximal_iterations: u64,
 }
 
 /// The record of a run so far.

@@ -198,7 +198,7 @@ def simulate(
     weights: Mapping[str, float] | None = None,
     window: float | None = None,
     baumgarte: tuple[float, float] | None = None,
-    renew: float = 0.5,
+    renew: float | str = 0.5,
     tangent: TangentVelocities | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> Result:
@@ -218,8 +218,8 @@ def simulate(
             the fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept
             throughout), "wehage-haug" (2k states, the dependent
             coordinates solved for at every stage), "explicit-closing" (2k states, the loops closed by inverse
-            kinematics), "zero-eigenvalue", "svd", "qr", "gram-schmidt" (frozen tangent velocities, renewed when
-            they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
+            kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" (frozen tangent velocities,
+            renewed when they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
             your own, needs `tangent`), "multipliers" (all accelerations and multipliers from one matrix),
             "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
             rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
@@ -242,7 +242,8 @@ def simulate(
         window: length of the window of "persistence" [s].
         baumgarte: (alpha, beta) [1/s] of that formulation; there is no default, because no value fits all.
         renew: frozen tangent velocities are renewed when their sqrt_mu falls below this part of what it was when they
-            were frozen, 0 to 1; 0: never.
+            were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. Bases made are counted
+            in `counters["renewals"]`.
         tangent: `TangentVelocities` for "user-tangent".
         parameters: numbers other than the drawn ones, name -> value, as `CompiledModel.with_parameters` takes them: for
             sweeps and gradients, where compiling anew would cost more than the run. `initial` must close their loops.

@@ -4,7 +4,7 @@ use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::Settings;
 use partita_integrate::tableau;
-use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
 use partita_system::ConstrainedSystem;
@@ -56,7 +56,17 @@ pub struct Request {
     #[serde(default)]
     pub baumgarte: Option<(f64, f64)>,
     /// When frozen tangent velocities are renewed.
-    pub renew: f64,
+    pub renew: Renewal,
+}
+
+/// A part of the quality when frozen, or the words "each step".
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub enum Renewal {
+    /// 0..1.
+    Part(f64),
+    /// "each step".
+    Words(String),
 }
 
 fn refuse(argument: &'static str, message: String) -> AnalysisError {
@@ -125,6 +135,14 @@ impl Request {
             let message = format!("there is no selection \"{}\"; choose among {}", self.selection, known.join(", "));
             refuse("selection", message)
         })?;
+        let renew = match &self.renew {
+            Renewal::Part(part) => Renew::Below(*part),
+            Renewal::Words(words) if words == "each step" => Renew::EachStep,
+            Renewal::Words(other) => {
+                let message = format!("renew is \"{other}\"; give a number from 0 to 1, or \"each step\"");
+                return Err(refuse("renew", message));
+            }
+        };
         let independent = self.independent.as_ref().map(|names| places(system, names.iter())).transpose()?;
         let weights = match &self.weights {
             None => None,
@@ -144,7 +162,7 @@ impl Request {
             selection,
             window: self.window,
             baumgarte: self.baumgarte,
-            renew: self.renew,
+            renew,
             tangent,
         })
     }

@@ -238,7 +238,7 @@ fn tangent_velocities_pull_the_rod_alike() {
     let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt"] {
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
-            let options = FormulationOptions { correction, renew: 0.8, ..FormulationOptions::default() };
+            let options = FormulationOptions { correction, renew: 0.8.into(), ..FormulationOptions::default() };
             let make = || registry::by_name(name, &system, 3, &options).unwrap();
             let samples = march(&mut make(), &q, &v, &at, &reference(3.0));
             assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));

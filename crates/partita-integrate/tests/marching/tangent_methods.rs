@@ -7,7 +7,7 @@ use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
-use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::record::{Correction, Sample};
 use partita_system::tangent::basis::Rule;
 use partita_system::tangent::frozen::Frozen;
@@ -15,7 +15,7 @@ use partita_system::tangent::Tangent;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
-const NAMES: [&str; 5] = ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"];
+const NAMES: [&str; 6] = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space"];
 /// Steps in the range where the leading error term rules and round-off does not.
 const STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
 
@@ -23,9 +23,9 @@ fn formulation<'s, E: Equations>(
     system: &'s ByHand<E>,
     name: &str,
     correction: Correction,
-    renew: f64,
+    renew: impl Into<Renew>,
 ) -> Box<dyn Formulation + Send + 's> {
-    let options = FormulationOptions { correction, renew, ..FormulationOptions::default() };
+    let options = FormulationOptions { correction, renew: renew.into(), ..FormulationOptions::default() };
     registry::by_name(name, system, system.size().rows, &options).unwrap()
 }
 
@@ -89,7 +89,7 @@ fn one_motion_with_every_form() {
     }
 }
 
-/// Renewed after every step or never (over an arc that one basis bears): the same motion, errors within a factor 3.
+/// Renewed after each step, early or never (over an arc that one basis bears): the same motion, errors within a factor 3.
 #[test]
 fn renewing_is_free_of_error() {
     let system = ByHand::new(FourBar);
@@ -97,14 +97,20 @@ fn renewing_is_free_of_error() {
     // swings down from 0.8 rad with the rocker: half a second keeps the first basis above 0.4
     let at = times(0.05, 10);
     let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(0.5));
-    for name in ["svd", "gram-schmidt", "tangent-space"] {
-        let errors = [0.0, 0.5, 1.0].map(|renew| {
+    for name in NAMES {
+        let errors = [0.0.into(), 0.5.into(), 1.0.into(), Renew::EachStep].map(|renew: Renew| {
             let mut f = formulation(&system, name, Correction::Partition, renew);
             let samples = march(&mut f, &q, &v, &at, &grid(0.5, 0.005));
-            if renew == 0.0 {
-                assert_eq!(f.journal().events.len(), 1);
+            let counters = f.journal().counters;
+            if renew.never() {
+                assert_eq!((f.journal().events.len(), counters.renewals), (1, 1));
             }
-            if renew == 1.0 {
+            if renew == Renew::EachStep {
+                // counted, not listed: a long run must not fill the memory
+                assert_eq!((f.journal().events.len(), counters.renewals), (1, 101));
+                assert!(f.journal().notes.iter().any(|n| n.contains("renewed 100 times")), "{:?}", f.journal().notes);
+            }
+            if renew == 1.0.into() && ["svd", "gram-schmidt", "tangent-space"].contains(&name) {
                 // after most of the hundred steps (a basis oblique from the start may get better for a while)
                 assert!(f.journal().events.len() > 30, "{}", f.journal().events.len());
             }
@@ -437,7 +443,7 @@ fn a_redundant_row() {
 fn what_cannot_be_is_refused_in_words() {
     let system = ByHand::new(FourBar);
     for renew in [-0.1, 1.5, f64::NAN] {
-        let options = FormulationOptions { renew, ..FormulationOptions::default() };
+        let options = FormulationOptions { renew: renew.into(), ..FormulationOptions::default() };
         let refused = registry::by_name("svd", &system, 8, &options).err().unwrap().to_string();
         assert!(refused.contains("renew") && refused.contains("0..1"), "{refused}");
     }

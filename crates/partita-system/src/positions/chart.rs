@@ -20,6 +20,8 @@
 
 use super::{turns, Positions};
 use crate::error::Result;
+use crate::options::Renew;
+use crate::record::Journal;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
@@ -40,7 +42,7 @@ const TOO_FAR_TURN: f64 = 1.5 * std::f64::consts::PI;
 
 /// Coordinates p (k states) of a tangent chart.
 pub struct Chart {
-    renew: f64,
+    renew: Renew,
     /// The velocities of each ball.
     balls: Vec<[usize; 3]>,
     reach: Vec<f64>,
@@ -56,13 +58,15 @@ pub struct Chart {
     rhs: Vec<f64>,
     covectors: Vec<f64>,
     iterations: u32,
+    /// All of them, those for outputs left out.
+    sum: u64,
     wants: Option<&'static str>,
 }
 
 impl Chart {
     /// For a system of the given rank without nonholonomic rows. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
-    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: f64) -> Result<Self> {
+    pub fn new<S: ConstrainedSystem>(system: &S, rank: usize, renew: Renew) -> Result<Self> {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Ok(Self {
@@ -79,6 +83,7 @@ impl Chart {
             rhs: vec![0.0; n],
             covectors: vec![0.0; k * n],
             iterations: 0,
+            sum: 0,
             wants: None,
         })
     }
@@ -170,8 +175,9 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         y[..self.w.len()].fill(0.0);
     }
     fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool> {
-        self.find(x, t, &y[..self.w.len()])?;
-        Ok(true)
+        let found = self.find(x, t, &y[..self.w.len()]);
+        self.sum += u64::from(self.iterations);
+        found.map(|()| true)
     }
     fn q(&self) -> &[f64] {
         &self.q
@@ -190,11 +196,11 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         Ok(false) // closed at every evaluation
     }
     fn output(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64]) -> Result<bool> {
-        self.locate(x, t, y, false)
+        self.find(x, t, &y[..self.w.len()]).map(|()| true)
     }
     fn judge(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _margin: Option<f64>) -> Verdict {
         self.trial.copy_from_slice(&self.delta);
-        self.wants = if self.renew <= 0.0 {
+        self.wants = if self.renew.never() {
             None
         } else if self.largest_turn() > FAR_TURN {
             Some("a ball had turned far from the base of the chart")
@@ -218,6 +224,9 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.accepted.fill(0.0);
         self.delta.fill(0.0);
         y[..self.w.len()].fill(0.0);
+    }
+    fn report(&self, journal: &mut Journal) {
+        journal.counters.newton_iterations = self.sum;
     }
     /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
     fn wrap(&mut self, x: &Frozen<'s, S>, _y: &mut [f64], turns: &mut [i32]) -> bool {

@@ -29,6 +29,7 @@ const UNDECIDED: f64 = 1e2;
 /// Newton's method for q_D.
 #[derive(Default)]
 pub struct Newton {
+    /// Iterations so far, those for outputs left out.
     iterations: u64,
 }
 
@@ -77,18 +78,19 @@ impl Newton {
         let block = format!("{name} (Newton's method for the dependent coordinates, {MOST_ITERATIONS} iterations)");
         Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
     }
-}
 
-impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
-    const SOLVES: bool = true;
-
-    fn solve(&mut self, core: &mut Core, tangent: &mut Chosen<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
-        // where the velocities lead is nearest, and where solutions cross it tells the right one
-        core.predict(tangent.reduction().system, t, y, at);
-        let near = core.continuity.is_near();
+    /// From where the motion leads, or else from the end of the last step.
+    fn find<'s, S: ConstrainedSystem>(
+        &mut self,
+        core: &mut Core,
+        tangent: &mut Chosen<'s, S>,
+        (t, y): (f64, &[f64]),
+        at: Point,
+        near: bool,
+    ) -> Result<()> {
         let closed = self.close(tangent.reduction(), t, &mut core.q, near);
         if matches!(closed, Ok(ratio) if ratio > MOST_CHANGE && t > core.home_t && at != Point::Inside) {
-            return Err(self.undecided(core, tangent, t));
+            return Err(undecided(core, tangent, t));
         }
         if closed.is_ok() {
             return Ok(());
@@ -102,15 +104,36 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
         }
         closed.map(|_| ()).map_err(|e| tangent.blame(t, &core.home, e))
     }
+}
+
+/// What there is to say where two solutions cannot be told apart.
+fn undecided<S: ConstrainedSystem>(core: &Core, tangent: &Chosen<S>, t: f64) -> SystemError {
+    let seen = "they cannot tell on which of two branches the others go on".to_string();
+    let r = tangent.seen();
+    dead_point(r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
+}
+
+impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
+    const SOLVES: bool = true;
+
+    fn solve(&mut self, core: &mut Core, tangent: &mut Chosen<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
+        // where the velocities lead is nearest, and where solutions cross it tells the right one
+        core.predict(tangent.reduction().system, t, y, at);
+        let near = core.continuity.is_near();
+        let before = self.iterations;
+        let found = self.find(core, tangent, (t, y), at, near);
+        if at == Point::Inside {
+            self.iterations = before;
+        }
+        found
+    }
 
     /// What there is to say where two solutions cannot be told apart.
     fn undecided(&mut self, core: &Core, tangent: &Chosen<'s, S>, t: f64) -> SystemError {
-        let seen = "they cannot tell on which of two branches the others go on".to_string();
-        let r = tangent.seen();
-        dead_point(r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
+        undecided(core, tangent, t)
     }
 
     fn report(&self, journal: &mut Journal) {
-        journal.counters.iterations += self.iterations;
+        journal.counters.newton_iterations = self.iterations;
     }
 }

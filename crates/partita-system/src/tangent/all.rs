@@ -247,7 +247,8 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         }
     }
     fn report(&self, journal: &mut Journal) {
-        (journal.counters.factorisations, journal.counters.iterations) = (self.factorisations, self.iterations);
+        (journal.counters.factorisations, journal.counters.proximal_iterations) =
+            (self.factorisations, self.iterations);
         journal.rows.clone_from(&self.rows);
         journal.notes.extend(self.rule.notes());
         if self.correction == Correction::None && self.base.r.rank() > 0 {

@@ -9,8 +9,9 @@ pub trait Basis: Send {
     fn name(&self) -> &'static str;
     /// S (k x n) from M (n x n) and the kept rows of C (r x n), each brought to length 1, at one position.
     ///
-    /// r + k = n; fewer than k rows come out where C loses rank.
-    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError>;
+    /// r + k = n; fewer than k rows come out where C loses rank. `last` is the basis that this one takes the place of, for
+    /// rules that go on from it.
+    fn basis(&self, mass: &Matrix, c: &Matrix, last: Option<&Matrix>) -> Result<Matrix, FactorError>;
 }
 
 /// The rules of the literature.
@@ -29,7 +30,16 @@ pub enum Rule {
     /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units at hand, the cheapest
     /// such basis: nm² − m³/3 + (2nm − m²)k when frozen.
     OrthogonalTriangular,
-    /// Mass-orthonormal tangent velocities (Liang, Lance 1987; Agrawal, Saigal 1989; Blajer 1995).
+    /// The differentiable null space of Liang, Lance 1987: orthonormal in the units at hand, and the continuation of the
+    /// basis before it.
+    ///
+    /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: what is left of the old directions
+    /// orthogonal to the constraints of now, made orthonormal in their order. With the same C the same basis comes out; along
+    /// a motion it varies as smoothly as C does, where other orthonormal bases of the same space may turn by any angle when
+    /// they are made anew. The first basis is that of `OrthogonalTriangular`. Cost when frozen: 2nmk + 2nk² besides that of
+    /// the QR of Cᵀ.
+    LiangLance,
+    /// Mass-orthonormal tangent velocities (Agrawal, Saigal 1989; Blajer 1995).
     ///
     /// `D₀ M₀ D₀ᵀ = 1`, S = D₀ M₀: the reduced mass matrix is the identity when the basis is frozen and its quality
     /// √μ_S is 1, the best there is, whatever the units; u' is the reduced force itself there. The vectors are those of
@@ -44,20 +54,25 @@ impl Basis for Rule {
             Self::ZeroEigenvalue => "zero-eigenvalue",
             Self::SingularValues => "svd",
             Self::OrthogonalTriangular => "qr",
+            Self::LiangLance => "liang-lance",
             Self::GramSchmidt => "gram-schmidt",
         }
     }
-    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
+    fn basis(&self, mass: &Matrix, c: &Matrix, last: Option<&Matrix>) -> Result<Matrix, FactorError> {
         let (n, r) = (mass.rows(), c.rows());
         let columns = |m: &Matrix, first: usize| {
             Matrix::from_vec(n - r, n, (0..(n - r) * n).map(|e| m[(e % n, first + e / n)]).collect())
         };
         match self {
             Self::ZeroEigenvalue => Ok(columns(&factor::symmetric_eigen(&c.transpose().matmul(c))?.1, 0)),
-            Self::SingularValues | Self::OrthogonalTriangular if r == 0 => Ok(Matrix::identity(n)),
+            Self::SingularValues | Self::OrthogonalTriangular | Self::LiangLance if r == 0 => Ok(Matrix::identity(n)),
             Self::SingularValues => Ok(columns(&factor::svd_full(c)?.v, r)),
             // a rank that fell shows as too many rows: the caller tells
             Self::OrthogonalTriangular => Ok(factor::qr_null_space(c)?.null.transpose()),
+            Self::LiangLance => match last.filter(|s| (s.rows(), s.cols()) == (n - r, n)) {
+                None => Self::OrthogonalTriangular.basis(mass, c, None),
+                Some(last) => continued(last, c),
+            },
             Self::GramSchmidt => gram_schmidt(mass, c),
         }
     }
@@ -66,6 +81,37 @@ impl Basis for Rule {
 /// Twice is enough: what the first pass leaves of a vector along the others, up to ε times its condition, the second
 /// removes.
 const PASSES: usize = 2;
+
+/// Less left of a direction than this is none: the space has turned by a right angle since it was frozen.
+const NOTHING_LEFT: f64 = 1e-8;
+
+/// The rows of `last` without what the constraints prohibit, made orthonormal one after the other.
+fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
+    let n = last.cols();
+    let space = factor::qr_null_space(c)?;
+    if n - space.rank != last.rows() {
+        return Ok(space.null.transpose()); // a rank that fell shows as too many rows: the caller tells
+    }
+    let mut done = space.range.transpose();
+    let r = done.rows();
+    done = Matrix::from_vec(n, n, [done.data(), last.data()].concat());
+    for j in r..n {
+        let (before, own) = done.data_mut().split_at_mut(j * n);
+        let x = &mut own[..n];
+        for _ in 0..PASSES {
+            for y in before.chunks_exact(n) {
+                let along = dense::dot(x, y);
+                dense::axpy(-along, y, x);
+            }
+            let length = dense::dot(x, x).sqrt();
+            if length < NOTHING_LEFT {
+                return Err(FactorError::NotPositiveDefinite { index: j - r });
+            }
+            x.iter_mut().for_each(|x| *x /= length);
+        }
+    }
+    Ok(Matrix::from_vec(n - r, n, done.data()[r * n..].to_vec()))
+}
 
 /// Rows of S: mass-orthonormal tangent vectors, seen as covectors.
 fn gram_schmidt(mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Rows of the identity in S are a partition; a [`Basis`] provides others: `zero-eigenvalue`, `svd`, `qr`,
-//! `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities integrated, in cost
+//! `liang-lance`, `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities integrated, in cost
 //! and in how long a basis lasts. With S frozen its quality decays along the motion as that of a partition does, and
 //! the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors measured by M⁻¹, and the
 //! tangent space.
@@ -15,10 +15,11 @@
 //! consequence: a better one takes its place when an exchange gains.
 
 use super::basis::Basis;
-use super::instant::{block_of_selector, quality_of_selector};
+use super::instant::quality_of_selector;
 use super::{Base, Occasion, Tangent};
 use crate::error::Result;
 use crate::kinematics::projection::{correct_orthogonally, dense_rows};
+use crate::options::Renew;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
@@ -39,7 +40,7 @@ const POOR: f64 = 4.0;
 /// orthonormal, so that pivots do not depend on the units a rule works in.
 pub struct Frozen<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
-    renew: f64,
+    renew: Renew,
     basis: Box<dyn Basis>,
     /// S.
     selector: Matrix,
@@ -63,12 +64,12 @@ pub struct Frozen<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     /// Room for a system of the given rank; nothing frozen yet. `renew`: see
     /// [`FormulationOptions`](crate::options::FormulationOptions::renew).
-    pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, renew: f64) -> Self {
+    pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, renew: impl Into<Renew>) -> Self {
         let n = system.size().nv;
         let k = n - rank;
         Self {
             base: Base::new(Reduction::dense(system, rank)),
-            renew,
+            renew: renew.into(),
             basis,
             selector: Matrix::new(k, n),
             orthonormal: vec![0.0; k * n],
@@ -99,50 +100,46 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.fresh
     }
 
-    /// Take S from the rule at `(t, q)`; on failure the old one stays. Leaves v at zero.
+    /// Take S from the rule at `(t, q)` and write it down; on failure the old one stays. Leaves v at zero.
     fn freeze(&mut self, t: f64, q: &[f64], reason: impl Fn(f64) -> String) -> Result<()> {
-        let (r, name) = (&mut self.base.r, self.basis.name());
-        let (n, k) = (r.size().nv, r.k());
-        let failed = |reason: &str| failed(name, t, reason);
+        let r = &mut self.base.r;
         start::choose_partition(r, t, q, None, None)?;
         r.v.fill(0.0);
         r.velocity(t, q)?;
         r.acceleration(t, q)?;
-        let (mut mass, mut h) = (Matrix::new(n, n), vec![0.0; n]);
-        r.system.dynamics(t, q, &r.v, &mut r.scratch, mass.data_mut(), &mut h)?;
-        let mut c = dense_rows(r.system, &r.c, &r.partition.rows);
-        for i in 0..c.rows() {
-            let length = dense::dot(c.row(i), c.row(i)).sqrt();
-            c.row_mut(i).iter_mut().for_each(|x| *x /= length);
-        }
-        let new = self.basis.basis(&mass, &c).map_err(|e| match e {
-            FactorError::NotFinite => {
-                SystemError::NotFinite { what: "the mass matrix or the constraint Jacobian".into(), t }
-            }
-            other => failed(&format!("it could not be computed ({other}); take another rule")),
-        })?;
-        if (new.rows(), new.cols()) != (k, n) {
-            return Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT });
-        }
-        let mut lower = block_of_selector(r, t, q, &new)?.into_vec();
+        self.take(t, q)?;
+        let r = &mut self.base.r;
+        self.fresh = quality_of_selector(r, t, q, &self.selector)?;
+        self.lowest = self.lowest.min(self.fresh.sqrt_mu);
+        let (p, basis) = (&r.partition, Some(Arc::new(self.selector.clone())));
+        let reason = reason(self.fresh.sqrt_mu);
+        // named is the best choice of coordinates; nothing enters or leaves
+        let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
+        self.base.events.push(PartitionEvent { basis, ..named });
+        Ok(())
+    }
+
+    /// Take S from the rule at `(t, q)`, the point last evaluated; on failure the old one stays.
+    fn take(&mut self, t: f64, q: &[f64]) -> Result<()> {
+        let r = &mut self.base.r;
+        let (n, k) = (r.size().nv, r.k());
+        let (mut mass, new) = made(&*self.basis, r, t, q, (self.frozen > 0).then_some(&self.selector))?;
+        dense::cholesky(mass.data_mut(), n)
+            .map_err(|e| SystemError::Mass { name: r.system.velocity_name(e.index), pivot: e.pivot })?;
+        // S M⁻¹ Sᵀ = Y Yᵀ with Y = S L_M⁻ᵀ
+        let mut half = new.clone();
+        (0..k).for_each(|j| dense::cholesky_forward(mass.data(), n, half.row_mut(j)));
+        let mut lower = half.matmul(&half.transpose()).into_vec();
         if dense::cholesky(&mut lower, k).is_err() {
-            return Err(failed("its covectors depend on each other; take another rule"));
+            return Err(failed(self.basis.name(), t, "its covectors depend on each other; take another rule"));
         }
         // L⁻¹ S, column by column
         let mut columns = new.transpose();
         (0..n).for_each(|i| dense::cholesky_forward(&lower, k, columns.row_mut(i)));
         let orthonormal = columns.transpose().into_vec();
         self.factor(t, Some(&orthonormal))?;
-        let r = &mut self.base.r;
-        self.fresh = quality_of_selector(r, t, q, &new)?;
-        self.lowest = self.lowest.min(self.fresh.sqrt_mu);
         self.frozen += 1;
         (self.selector, self.orthonormal, self.lower) = (new, orthonormal, lower);
-        let (p, basis) = (&r.partition, Some(Arc::new(self.selector.clone())));
-        let reason = reason(self.fresh.sqrt_mu);
-        // named is the best choice of coordinates; nothing enters or leaves
-        let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
-        self.base.events.push(PartitionEvent { basis, ..named });
         Ok(())
     }
 
@@ -155,6 +152,21 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
             other => other?,
         }
         self.factor(t, covectors)
+    }
+
+    /// The same after each step: nothing is judged, nothing listed, only S made anew.
+    fn follow(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<bool> {
+        if std::mem::take(&mut self.base.fading) {
+            start::choose_partition(&mut self.base.r, t, q, None, None)?;
+            self.base.evaluate(t, q, v)?;
+        }
+        match self.take(t, q) {
+            Err(e) if e.is_local() => {
+                self.kept += 1;
+                Ok(false)
+            }
+            other => other.map(|()| true),
+        }
     }
 
     /// Factor S Dᵀ, or the same with other covectors (k x n), at the last tangent of the partition.
@@ -227,12 +239,20 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn start(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
+    fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
+        self.frozen = 0;
+        self.resume(t, q, v)
+    }
+    fn resume(&mut self, t: f64, q: &mut [f64], _v: &[f64]) -> Result<()> {
         let name = self.basis.name();
+        let lasts = match self.renew {
+            Renew::EachStep => ", and made anew after each step, which is counted but not listed",
+            Renew::Below(_) => "",
+        };
         self.freeze(t, q, |_| {
             format!(
                 "tangent basis \"{name}\" frozen: its velocities are integrated; named is the best choice of coordinates at \
-                 this time"
+                 this time{lasts}"
             )
         })
     }
@@ -291,12 +311,13 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         }
         let r = &mut self.base.r;
         self.base.fading = r.rows_fade() || r.best_exchange().is_some_and(|x| x.gain > POOR);
+        let Renew::Below(least) = self.renew else { return Verdict::Change };
         // a failure here would be met by the next evaluation too, which reports it
         let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
-        let fails = self.renew > 0.0 && part < self.renew;
-        if fails && part < HARD_PART * self.renew && self.rejects_in_a_row < 3 {
+        let fails = part < least;
+        if fails && part < HARD_PART * least && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
             return Verdict::Repeat;
         }
@@ -314,7 +335,10 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         Ok(())
     }
     /// Freeze anew; a basis that cannot be had here leaves the old one in place.
-    fn renew(&mut self, t: f64, q: &mut [f64], _v: &[f64], why: Occasion) -> Result<bool> {
+    fn renew(&mut self, t: f64, q: &mut [f64], v: &[f64], why: Occasion) -> Result<bool> {
+        if self.renew == Renew::EachStep && why != Occasion::Spoilt {
+            return self.follow(t, q, v);
+        }
         let why = match why {
             Occasion::Decayed => "it had decayed along the motion",
             Occasion::Spoilt => "it went bad inside the step, which is repeated",
@@ -339,25 +363,33 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         out: &mut Sample,
     ) -> Result<()> {
         let Some(r) = r.filter(|_| !out.brief) else { return Ok(()) };
+        let fresh = match self.renew {
+            // not kept: that of the rule at the output itself
+            Renew::EachStep => Some(made(&*self.basis, r, out.t, &out.q, None)?.1),
+            Renew::Below(_) => None,
+        };
         let frozen = within.and_then(|event| event.basis.as_deref()).unwrap_or(&self.selector);
-        let quality = quality_of_selector(r, out.t, &out.q, frozen)?;
+        let quality = quality_of_selector(r, out.t, &out.q, fresh.as_ref().unwrap_or(frozen))?;
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
         Ok(())
     }
     fn report(&self, journal: &mut Journal) {
-        journal.counters.plans = self.frozen;
+        journal.counters.renewals = self.frozen;
         if self.base.is_rigid_or_free() {
             return;
         }
-        let renewed = match self.renew > 0.0 {
-            true => format!("renewed {} times", self.frozen.saturating_sub(1)),
-            false => "never renewed (renew = 0)".into(),
+        let renewed = match self.renew.never() {
+            false => format!("renewed {} times", self.frozen.saturating_sub(1)),
+            true => "never renewed (renew = 0)".into(),
         };
-        journal.notes.push(format!(
-            "tangent basis \"{}\": frozen at the start and {renewed}; its quality sqrt(mu) was {:.3} at the lowest",
-            self.basis.name(),
-            self.lowest
-        ));
+        let quality = match self.renew {
+            // nothing is decided by it, so it was not looked at
+            Renew::EachStep => ", after each step".into(),
+            Renew::Below(_) => format!("; its quality sqrt(mu) was {:.3} at the lowest", self.lowest),
+        };
+        journal
+            .notes
+            .push(format!("tangent basis \"{}\": frozen at the start and {renewed}{quality}", self.basis.name()));
         if self.kept > 0 {
             journal.notes.push(format!(
                 "{} times no new tangent basis could be had (next to a singular position) and the old one was kept",
@@ -365,6 +397,34 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
             ));
         }
     }
+}
+
+/// M, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity level of r was last evaluated.
+fn made<S: ConstrainedSystem>(
+    basis: &dyn Basis,
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    last: Option<&Matrix>,
+) -> Result<(Matrix, Matrix)> {
+    let (n, k) = (r.size().nv, r.k());
+    let (mut mass, mut h) = (Matrix::new(n, n), vec![0.0; n]);
+    r.system.dynamics(t, q, &r.v, &mut r.scratch, mass.data_mut(), &mut h)?;
+    let mut c = dense_rows(r.system, &r.c, &r.partition.rows);
+    for i in 0..c.rows() {
+        let length = dense::dot(c.row(i), c.row(i)).sqrt();
+        c.row_mut(i).iter_mut().for_each(|x| *x /= length);
+    }
+    let new = basis.basis(&mass, &c, last).map_err(|e| match e {
+        FactorError::NotFinite => {
+            SystemError::NotFinite { what: "the mass matrix or the constraint Jacobian".into(), t }
+        }
+        other => failed(basis.name(), t, &format!("it could not be computed ({other}); take another rule")),
+    })?;
+    if (new.rows(), new.cols()) != (k, n) {
+        return Err(SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT });
+    }
+    Ok((mass, new))
 }
 
 fn failed(name: &str, t: f64, reason: &str) -> SystemError {

@@ -126,12 +126,7 @@ fn undetermined(n: usize, rows: usize, why: &str, out: &mut Sample) {
 }
 
 /// `S M⁻¹ Sᵀ` at the last position of r.
-pub(super) fn block_of_selector<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    s: &Matrix,
-) -> Result<Matrix> {
+fn block_of_selector<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], s: &Matrix) -> Result<Matrix> {
     let n = r.size().nv;
     let all: Vec<usize> = (0..n).collect();
     let mut inverse = Matrix::new(n, n);

@@ -8,7 +8,7 @@ use partita_math::factor;
 use partita_system::equations::full::{self, baumgarte, AccelerationRule};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::registry::{by_name, unread, NAMES};
-use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
@@ -40,6 +40,7 @@ const TABLE: &[(&str, Needs, bool)] = &[
     ("zero-eigenvalue", Needs::Nothing, false),
     ("svd", Needs::Nothing, false),
     ("qr", Needs::Nothing, false),
+    ("liang-lance", Needs::Nothing, false),
     ("gram-schmidt", Needs::Nothing, false),
     ("tangent-space", Needs::Nothing, false),
     ("user-tangent", Needs::Tangent, true),
@@ -274,9 +275,9 @@ fn senseless_options_are_refused() {
         ("exchange is NaN", |o| o.exchange = f64::NAN),
         ("exchange is 0.5", |o| o.exchange = 0.5),
         ("exchange is -inf", |o| o.exchange = f64::NEG_INFINITY),
-        ("renew is NaN", |o| o.renew = f64::NAN),
-        ("renew is -0.1", |o| o.renew = -0.1),
-        ("renew is 2", |o| o.renew = 2.0),
+        ("renew is NaN", |o| o.renew = f64::NAN.into()),
+        ("renew is -0.1", |o| o.renew = (-0.1).into()),
+        ("renew is 2", |o| o.renew = 2.0.into()),
         ("there is no velocity 7", |o| o.independent = Some(vec![7])),
         ("velocity 0 is named twice", |o| o.independent = Some(vec![0, 0])),
         ("weights has 2 numbers", |o| o.weights = Some(vec![1.0; 2])),
@@ -318,7 +319,7 @@ fn unread_options_are_named() {
         selection: Selection::Persistence,
         window: Some(1.0),
         baumgarte: Some((1.0, 1.0)),
-        renew: 0.1,
+        renew: Renew::EachStep,
         tangent: options(Needs::Tangent, true, &tangent).unwrap().tangent,
     };
     for &name in NAMES {
@@ -326,7 +327,7 @@ fn unread_options_are_named() {
         assert!(unread(name, &all).len() < 9, "{name} reads nothing");
     }
     assert_eq!(unread("projective", &all), ["baumgarte", "renew", "tangent"]);
-    assert_eq!(unread("tangent-space", &FormulationOptions { renew: 0.1, ..plain.clone() }), [""; 0]);
+    assert_eq!(unread("tangent-space", &FormulationOptions { renew: 0.1.into(), ..plain.clone() }), [""; 0]);
     let chosen = FormulationOptions { selection: Selection::Greedy, ..plain };
     assert_eq!(unread("svd", &chosen), ["selection"]);
 }
@@ -404,7 +405,7 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
         // v' = (−b0, (b0 − b1) / angle, h2)
         let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
         assert_eq!(dy[5], 0.5);
-        (off, f.journal().counters.iterations, f.journal().notes)
+        (off, f.journal().counters.proximal_iterations, f.journal().notes)
     };
     let (off, iterations, notes) = ask(0.5);
     assert!(off < 1e-12 && iterations <= 4 && notes.is_empty(), "{off:e} {iterations} {notes:?}");

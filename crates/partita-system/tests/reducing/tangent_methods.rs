@@ -2,8 +2,8 @@
 //! the equations with multipliers give.
 
 use crate::instants::{between, commit, inverse, sample, vector, Given, Instant};
-use partita_math::dense::Matrix;
-use partita_math::factor::FactorError;
+use partita_math::dense::{self, Matrix};
+use partita_math::factor::{self, FactorError};
 use partita_system::equations::ByHand;
 use partita_system::formulation::motion::TangentVelocities;
 use partita_system::formulation::motion::UserTangent;
@@ -30,15 +30,15 @@ impl Basis for Picked {
     fn name(&self) -> &'static str {
         "picked"
     }
-    fn basis(&self, mass: &Matrix, _: &Matrix) -> Result<Matrix, FactorError> {
+    fn basis(&self, mass: &Matrix, _: &Matrix, _: Option<&Matrix>) -> Result<Matrix, FactorError> {
         let mut s = Matrix::new(self.0.len(), mass.rows());
         self.0.iter().enumerate().for_each(|(j, &i)| s[(j, i)] = 1.0);
         Ok(s)
     }
 }
 
-fn rules() -> [Box<dyn Basis>; 4] {
-    [Rule::ZeroEigenvalue, Rule::SingularValues, Rule::OrthogonalTriangular, Rule::GramSchmidt]
+fn rules() -> [Box<dyn Basis>; 5] {
+    [Rule::ZeroEigenvalue, Rule::SingularValues, Rule::OrthogonalTriangular, Rule::LiangLance, Rule::GramSchmidt]
         .map(|rule| Box::new(rule) as Box<dyn Basis>)
 }
 
@@ -248,6 +248,162 @@ fn gram_schmidt_is_best_where_it_is_frozen() {
     });
 }
 
+/// C of a generic mechanism along a smooth path, rows of length 1: three conditions on six velocities.
+fn along(s: f64) -> Matrix {
+    let mut c = Matrix::new(3, 6);
+    for i in 0..3 {
+        for j in 0..6 {
+            let (phase, rate) = (f64::from((7 * i + 3 * j + i * j) as u32), f64::from((1 + (i + 2 * j) % 4) as u32));
+            c[(i, j)] = (phase + rate * s).sin() + 0.3 * (phase - s).cos();
+        }
+        let length = c.row(i).iter().map(|x| x * x).sum::<f64>().sqrt();
+        c.row_mut(i).iter_mut().for_each(|x| *x /= length);
+    }
+    c
+}
+
+/// A positive definite M in which no axis is special.
+fn generic_mass() -> Matrix {
+    let mut half = Matrix::new(6, 6);
+    (0..36).for_each(|e| half[(e / 6, e % 6)] = f64::from((e * e + 5 * e) as u32 % 11) / 11.0 + f64::from(e % 7 == 0));
+    half.matmul(&half.transpose())
+}
+
+fn apart(a: &Matrix, b: &Matrix) -> f64 {
+    a.data().iter().zip(b.data()).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()))
+}
+
+/// The rows of `last` orthogonal to those of C, made orthonormal in their order, without any Gram-Schmidt process:
+/// `P = 1 − Cᵀ (C Cᵀ)⁻¹ C`, `last P lastᵀ = L Lᵀ`, and `L⁻¹ last P` has such rows.
+fn continuation(last: &Matrix, c: &Matrix) -> Matrix {
+    let (n, k) = (c.cols(), last.rows());
+    let on_c = c.transpose().matmul(&inverse(&c.matmul(&c.transpose()))).matmul(c);
+    let mut free = Matrix::identity(n);
+    (0..n * n).for_each(|e| free[(e / n, e % n)] -= on_c[(e / n, e % n)]);
+    let projected = last.matmul(&free);
+    let mut lower = projected.matmul(&projected.transpose()).into_vec();
+    dense::cholesky(&mut lower, k).unwrap();
+    let mut columns = projected.transpose();
+    (0..n).for_each(|i| dense::cholesky_forward(&lower, k, columns.row_mut(i)));
+    columns.transpose()
+}
+
+/// Each rule is what its name says, by its own definition, and no two of them are the same matrix.
+#[test]
+fn each_rule_is_its_own() {
+    let (mass, c) = (generic_mass(), along(0.4));
+    let before = Rule::LiangLance.basis(&mass, &along(0.1), None).unwrap();
+    let all =
+        [Rule::ZeroEigenvalue, Rule::SingularValues, Rule::OrthogonalTriangular, Rule::LiangLance, Rule::GramSchmidt];
+    let bases = all.map(|rule| rule.basis(&mass, &c, Some(&before)).unwrap());
+    let one = Matrix::identity(3);
+    for (rule, s) in all.iter().zip(&bases) {
+        let (metric, tangent) = match rule {
+            Rule::GramSchmidt => (inverse(&mass), s.matmul(&inverse(&mass))),
+            _ => (Matrix::identity(6), s.clone()),
+        };
+        assert!(apart(&s.matmul(&metric).matmul(&s.transpose()), &one) < 1e-13, "{rule:?} is orthonormal");
+        assert!(c.matmul(&tangent.transpose()).max_abs() < 1e-14, "{rule:?} is tangent");
+    }
+    let [eigen, svd, qr, liang, _] = &bases;
+    // eigenvectors of CᵀC, right singular vectors, what completes the columns of Cᵀ: as the factorisations have them
+    let (values, vectors) = factor::symmetric_eigen(&c.transpose().matmul(&c)).unwrap();
+    assert!(values[..3].iter().all(|x| x.abs() < 1e-14) && values[3] > 0.01);
+    let found = factor::svd_full(&c).unwrap();
+    let triangular = factor::qr_null_space(&c).unwrap();
+    for j in 0..3 {
+        for i in 0..6 {
+            assert_eq!(eigen[(j, i)], vectors[(i, j)]);
+            assert_eq!(svd[(j, i)], found.v[(i, 3 + j)]);
+            assert_eq!(qr[(j, i)], triangular.null[(i, j)]);
+        }
+    }
+    // Q₁ᵀ Cᵀ is triangular with the columns in order of the pivots, Q₂ᵀ Cᵀ is zero
+    let r = triangular.range.transpose().matmul(&c.transpose());
+    (0..3).for_each(|j| (j + 1..3).for_each(|i| assert!(r[(i, triangular.perm[j])].abs() < 1e-15)));
+    // the old basis without what is prohibited now; with the same constraints the same basis
+    assert!(apart(liang, &continuation(&before, &c)) < 1e-13);
+    assert!(apart(&Rule::LiangLance.basis(&mass, &c, Some(liang)).unwrap(), liang) < 1e-14);
+    // as matrices they are five, though four of them span one space
+    for a in 0..5 {
+        for b in 0..a {
+            let off = apart(&bases[a], &bases[b]);
+            assert!(off > 0.05, "{:?} and {:?} are {off:.1e} apart", all[a], all[b]);
+        }
+    }
+    // what squaring the condition costs: a singular value of 1e-9 is none for CᵀC
+    let mut weak = c.clone();
+    for i in 0..6 {
+        weak[(2, i)] = c[(0, i)] + 1e-9 * c[(2, i)];
+    }
+    let open = |rule: Rule| {
+        let s = rule.basis(&mass, &weak, None).unwrap();
+        c.matmul(&s.transpose()).max_abs()
+    };
+    assert!(open(Rule::ZeroEigenvalue) > 1e-3 && open(Rule::SingularValues) < 1e-6);
+}
+
+/// The formulation of a name freezes the rule of that name.
+#[test]
+fn a_name_stands_for_its_rule() {
+    let names = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt"];
+    on_random_systems(8, |_, system, q, v| {
+        let m = system.equations.c.rows();
+        for (name, rule) in names.into_iter().zip(rules()) {
+            assert_eq!(rule.name(), name);
+            let mut f = by_name(name, system, m, &uncorrected()).unwrap();
+            let mut y = vec![0.0; f.dim()];
+            f.start(0.0, q, v, &mut y).unwrap();
+            let mut x = Frozen::new(system, m, rule, 0.5);
+            x.start(0.0, &mut q.to_vec(), v).unwrap();
+            assert_eq!(f.journal().events[0].basis.as_deref().unwrap(), x.selector(), "{name}");
+            assert_eq!(f.journal().counters.renewals, 1);
+        }
+    });
+}
+
+/// Made anew from point to point along a smooth path: each basis from the one before where the rule does so.
+fn followed(rule: Rule, points: u32) -> Vec<Matrix> {
+    let mass = generic_mass();
+    let mut all: Vec<Matrix> = Vec::new();
+    for i in 0..=points {
+        let s = rule.basis(&mass, &along(2.0 * f64::from(i) / f64::from(points)), all.last()).unwrap();
+        all.push(s);
+    }
+    all
+}
+
+/// The basis of Liang and Lance is a differentiable function of time when it is made anew: neighbours are O(h) apart, and
+/// three of them lie on a line to O(h²). Other orthonormal bases of the same space jump, however short the step.
+#[test]
+fn a_basis_that_continues_the_last_one() {
+    let distances = |rule: Rule, points: u32| {
+        let all = followed(rule, points);
+        let first = all.windows(2).map(|x| apart(&x[1], &x[0])).fold(0.0, f64::max);
+        let second = all.windows(3).map(|x| {
+            let bent = |e: usize| (x[2].data()[e] - 2.0 * x[1].data()[e] + x[0].data()[e]).abs();
+            (0..18).map(bent).fold(0.0, f64::max)
+        });
+        (first, second.fold(0.0, f64::max))
+    };
+    let (one, two, four) =
+        (distances(Rule::LiangLance, 2000), distances(Rule::LiangLance, 4000), distances(Rule::LiangLance, 8000));
+    for (coarse, fine) in [(one, two), (two, four)] {
+        assert!((coarse.0 / fine.0 - 2.0).abs() < 0.05, "{one:?} {two:?} {four:?}");
+        assert!((coarse.1 / fine.1 - 4.0).abs() < 0.3, "{one:?} {two:?} {four:?}");
+    }
+    assert!(four.0 < 0.03, "{four:?}");
+    for rule in [Rule::OrthogonalTriangular, Rule::SingularValues] {
+        let jump = distances(rule, 8000).0;
+        assert!(jump > 0.3, "{rule:?}: {jump:.2e}");
+    }
+    // all of them span the tangent space of now
+    for (i, s) in followed(Rule::LiangLance, 100).iter().enumerate() {
+        assert!(along(0.02 * i as f64).matmul(&s.transpose()).max_abs() < 1e-14);
+        assert!(apart(&s.matmul(&s.transpose()), &Matrix::identity(3)) < 1e-13);
+    }
+}
+
 /// Rows of the identity in S: the partition itself, with its D, its σ and its √μ.
 #[test]
 fn rows_of_the_identity_are_a_partition() {
@@ -296,9 +452,9 @@ impl Basis for Once {
     fn name(&self) -> &'static str {
         "once"
     }
-    fn basis(&self, mass: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
+    fn basis(&self, mass: &Matrix, c: &Matrix, _: Option<&Matrix>) -> Result<Matrix, FactorError> {
         let used = self.0.swap(true, std::sync::atomic::Ordering::Relaxed);
-        let mut s = Rule::OrthogonalTriangular.basis(mass, c)?;
+        let mut s = Rule::OrthogonalTriangular.basis(mass, c, None)?;
         if used {
             let first = s.row(0).to_vec();
             (0..s.rows()).for_each(|j| s.row_mut(j).copy_from_slice(&first));
