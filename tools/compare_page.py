@@ -11,18 +11,19 @@ columns they have, and how each run ended, does not differ: the tests hold that 
 from __future__ import annotations
 
 import argparse
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from partita import catalogue
+from partita import Mechanism, catalogue
 from partita.comparison import Comparison
 from partita.comparison.table import grid
 
 FRONT = Path(__file__).parents[1] / "README.md"
 PAGE = FRONT.parent / "docs" / "compare.md"
-TABLES = ("four-bar", "n-four-bar", "andrews-squeezer")
 FIGURES = ("four-bar", "andrews-squeezer")
 BLOCK = re.compile(r"(<!-- measured ([\w-]+) -->\n```text\n)(.*?)(```\n)", flags=re.DOTALL)
 EXCERPT = re.compile(r"(<!-- some rows of ([\w-]+) -->\n```text\n)(.*?)(```\n)", flags=re.DOTALL)
@@ -47,16 +48,54 @@ def main() -> None:
     )
     parser.parse_args()
     text = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(BLOCK.sub(lambda part: f"{part[1]}{compared(part[2])}\n{part[4]}", text), encoding="utf-8")
+    PAGE.write_text(BLOCK.sub(lambda part: f"{part[1]}{TABLES[part[2]].compare()}\n{part[4]}", text), encoding="utf-8")
     FRONT.write_text(front(), encoding="utf-8")
 
 
-def compared(name: str, **options: Any) -> Comparison:
-    """What `partita compare NAME` prints."""
-    entry = catalogue.entry(name)
-    mechanism = entry.mechanism()
-    found: Comparison = mechanism.compare(entry.duration, initial=entry.initial(mechanism), **options)
-    return found
+@dataclass(frozen=True)
+class Asked:
+    """A table: a mechanism with its start, and what `compare` is told."""
+
+    name: str
+    coordinates: str = "relative"
+    duration: float | None = None
+    mechanism: Callable[[], Mechanism] | None = None
+    """Where the catalogue has none of that name."""
+
+    def compare(self, **options: Any) -> Comparison:
+        """What `partita compare NAME` prints, with the coordinates and with what rows need that ask for it."""
+        if self.mechanism is not None:
+            m, duration = self.mechanism(), self.duration or 1.0
+            start = m.assemble(coordinates=self.coordinates)
+        else:
+            entry = catalogue.entry(self.name)
+            m, duration = entry.mechanism(), self.duration or entry.duration
+            start = entry.initial(m)
+            if self.coordinates != "relative":
+                start = m.convert(start, self.coordinates)
+        # a twentieth of the run to look back over, and loops that close two hundred times in it
+        given = {"window": duration / 20.0, "baumgarte": (200.0 / duration, 200.0 / duration)}
+        found: Comparison = m.compare(duration, initial=start, coordinates=self.coordinates, **{**given, **options})
+        return found
+
+
+def rod() -> Mechanism:
+    """A rod let go at 0.6 rad from the way down."""
+    m = Mechanism("rod pendulum", gravity=(0.0, -9.81, 0.0))
+    end = (math.sin(0.6), -math.cos(0.6), 0.0)
+    m.add_revolute("A", m.ground, m.add_rod("rod", start=(0.0, 0.0, 0.0), end=end, mass=2.0), point=(0.0, 0.0, 0.0))
+    return m
+
+
+TABLES = {
+    "four-bar": Asked("four-bar"),
+    "reference-four-bar": Asked("reference-four-bar", "absolute"),
+    "rod-pendulum": Asked("rod-pendulum", "absolute", duration=5.0, mechanism=rod),
+    "three-rrr": Asked("three-rrr"),
+    "rssr": Asked("rssr"),
+    "n-four-bar": Asked("n-four-bar"),
+    "andrews-squeezer": Asked("andrews-squeezer"),
+}
 
 
 def tables() -> dict[str, str]:
@@ -104,9 +143,9 @@ def draw(name: str, folder: Path, short: bool, tolerances: Sequence[float] = (1e
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
     if short:
-        compared(name, **SHORT).work_precision(tolerances).plot(path)
+        TABLES[name].compare(**SHORT).work_precision(tolerances).plot(path)
     else:
-        compared(name, selections=["collective"]).work_precision().plot(path)
+        TABLES[name].compare(selections=["collective"]).work_precision().plot(path)
 
 
 if __name__ == "__main__":

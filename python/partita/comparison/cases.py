@@ -12,6 +12,8 @@ from ..options import CORRECTIONS, FORMULATIONS, SELECTIONS, one_of
 
 DEFAULT = "projective"
 EACH_STEP = "each step"
+TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
+"""Formulations with tangent velocities that are frozen, or made anew at each step."""
 # What runs only with something that no one but the user can know: option of `simulate`, and how to give it.
 _NEEDS = {
     "baumgarte": ("baumgarte", "it needs baumgarte=(alpha, beta) [1/s]; no value fits every mechanism"),
@@ -21,6 +23,7 @@ _NEEDS = {
 # Rows beside the plain one: a word after the name, and what it means for `simulate`.
 _VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "wehage-haug": {"complete-pivoting": {"selection": "complete-pivoting"}},
+    **{name: {EACH_STEP: {"renew": EACH_STEP}} for name in TANGENTS},
 }
 
 _REMOVALS = {"mass-orthogonal": "mass-orthogonal", "uncorrected": "none"}

@@ -13,7 +13,7 @@ from ..naming import index_of
 from .bench import Bench
 from .cases import Case
 from .progress import Progress
-from .row import FAILED, INTERRUPTED, NOT_RUN, Row, lacking, measured, not_run
+from .row import FAILED, INTERRUPTED, Row, lacking, measured, not_run
 from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
 from .work_precision import WorkPrecision, work_precision
 
@@ -73,9 +73,7 @@ class Comparison:
 
     def to_text(self) -> str:
         """The caption, the table, and below it why runs are missing or stopped."""
-        shown = [row for row in self.rows if row.status not in (NOT_RUN, FAILED)]  # those that lack something too
-        table = [aligned(shown), CONDITION_NOTE] if shown else []
-        return "\n".join([self.caption, *table, *notes(self.rows)])
+        return "\n".join([self.caption, aligned(self.rows), CONDITION_NOTE, *notes(self.rows)])
 
     def __str__(self) -> str:
         return self.to_text()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bench import Array, Bench
-from .cases import Case
+from .cases import TANGENTS, Case
 
 if TYPE_CHECKING:
     from ..results import Result
@@ -19,7 +19,7 @@ NEEDS = "needs "
 # Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
 _WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
-_RENEWING = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space")
+_RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
 # Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
 _WORK = 3e8
