@@ -7,6 +7,7 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 use faer::{Mat, MatRef, Side};
 
 use crate::dense::{self, Matrix};
+use crate::wide::Cleared;
 
 /// Up to this size the kernels of [`dense`] are used.
 const SMALL: usize = 40;
@@ -114,6 +115,7 @@ fn decompose(a: &Matrix, full: bool) -> Result<Svd, FactorError> {
         return Ok(Svd { u: side(a.rows()), s: Vec::new(), v: side(a.cols()) });
     }
     let result = if full { view(a).svd() } else { view(a).thin_svd() };
+    let _after = Cleared;
     let f = result.map_err(|_| FactorError::NoConvergence)?;
     Ok(Svd {
         u: columns(f.U(), 0, f.U().ncols()),
@@ -137,6 +139,7 @@ pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
             perm: (0..m).collect(),
         });
     }
+    let _after = Cleared;
     let f = view(c).transpose().col_piv_qr();
     let (q, r) = (f.compute_Q(), f.R());
     let largest = r[(0, 0)].abs();
@@ -166,6 +169,7 @@ pub fn symmetric_eigen(a: &Matrix) -> Result<(Vec<f64>, Matrix), FactorError> {
     if a.rows() == 0 {
         return Ok((Vec::new(), Matrix::default()));
     }
+    let _after = Cleared;
     let f = view(a).self_adjoint_eigen(Side::Lower).map_err(|_| FactorError::NoConvergence)?;
     Ok((f.S().column_vector().iter().copied().collect(), columns(f.U(), 0, a.rows())))
 }
@@ -190,6 +194,7 @@ pub fn solve_dense(a: &Matrix, b: &[f64]) -> Result<Vec<f64>, FactorError> {
         dense::lu(&mut f, n, &mut piv).map_err(|e| FactorError::Singular { index: e.index, pivot: e.pivot })?;
         dense::lu_solve(&f, n, &piv, &mut x);
     } else {
+        let _after = Cleared;
         let f: PartialPivLu<f64> = view(a).partial_piv_lu();
         if let Some(index) = (0..n).find(|&k| f.U()[(k, k)] == 0.0) {
             return Err(FactorError::Singular { index, pivot: 0.0 });
@@ -213,6 +218,7 @@ pub fn cholesky_large(a: &mut [f64], n: usize) -> Result<(), FactorError> {
     if n <= SMALL {
         return dense::cholesky(a, n).map_err(|e| FactorError::NotPositiveDefinite { index: e.index });
     }
+    let _after = Cleared;
     let f = MatRef::from_row_major_slice(a, n, n).llt(Side::Lower).map_err(
         |faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index }| FactorError::NotPositiveDefinite {
             index,

@@ -9,3 +9,4 @@ pub mod least_norm;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;
+mod wide;
