@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import linkage
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from matplotlib.patches import Patch
+from reference import ABSOLUTE, START, instant
 
 import partita as pt
 from partita.plots.style import COLOURS, new_figure
 
 Array = np.ndarray
-ANGLES = np.array([name.startswith("θ") for name in linkage.ABSOLUTE])
+ANGLES = np.array([name.endswith("turn") for name in ABSOLUTE])
 UNITS = {
     "m, rad": np.ones(9),
     "mm, rad": np.where(ANGLES, 1.0, 1e3),
@@ -27,21 +27,21 @@ UNITS = {
 
 def scores(crank: float, scale: Array) -> tuple[Array, Array]:
     """|det C_D| with each coordinate alone independent, and rho, for coordinates scaled by `scale` (9,)."""
-    m, c = linkage.absolute_matrices(linkage.close(crank))
-    m, c = m / np.outer(scale, scale), c / scale
+    at = instant(crank, coordinates="absolute")
+    m, c = at.M / np.outer(scale, scale), at.C / scale
     determinants = [abs(float(np.linalg.det(np.delete(c, i, axis=1)))) for i in range(9)]
     return np.array(determinants), pt.partition.measure(m, c)
 
 
 def ranking(values: Array) -> list[str]:
     """Names from the largest value down."""
-    return [linkage.ABSOLUTE[i] for i in np.argsort(-values, kind="stable")]
+    return [ABSOLUTE[i] for i in np.argsort(-values, kind="stable")]
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     """Rank at one position, count along a turn, draw."""
     for unit, scale in UNITS.items():
-        by_determinant, by_measure = scores(0.8, scale)
+        by_determinant, by_measure = scores(START, scale)
         print(f"  {unit:<8} determinant: {', '.join(ranking(by_determinant)[:4])};"
               f" measure: {', '.join(ranking(by_measure)[:4])}")  # fmt: skip
     crank = np.linspace(0.0, 2.0 * np.pi, 91 if short else 721)
@@ -51,13 +51,13 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         rows[f"determinant, {unit}"] = np.array([int(np.argmax(scores(angle, scale)[0])) for angle in crank])
     for unit, rho in measured.items():
         rows[f"measure, {unit}"] = np.argmax(rho, axis=1)
-    first = {unit: ranking(scores(0.8, scale)[0])[0] for unit, scale in UNITS.items()}
+    first = {unit: ranking(scores(START, scale)[0])[0] for unit, scale in UNITS.items()}
     spread = max(float(np.max(np.abs(rho - measured["m, rad"]))) for rho in measured.values())
     found: Numbers = {
-        "determinant at 0.8 rad: index of its choice in m, rad": float(linkage.ABSOLUTE.index(first["m, rad"])),
-        "determinant at 0.8 rad: index of its choice in mm, rad": float(linkage.ABSOLUTE.index(first["mm, rad"])),
-        "determinant at 0.8 rad: index of its choice in m, deg": float(linkage.ABSOLUTE.index(first["m, deg"])),
-        "measure at 0.8 rad: index of its choice": float(np.argmax(scores(0.8, UNITS["m, rad"])[1])),
+        "determinant at 0.8 rad: index of its choice in m, rad": float(ABSOLUTE.index(first["m, rad"])),
+        "determinant at 0.8 rad: index of its choice in mm, rad": float(ABSOLUTE.index(first["mm, rad"])),
+        "determinant at 0.8 rad: index of its choice in m, deg": float(ABSOLUTE.index(first["m, deg"])),
+        "measure at 0.8 rad: index of its choice": float(np.argmax(scores(START, UNITS["m, rad"])[1])),
         "determinant: share of the turn that changes with m to mm": float(
             np.mean(rows["determinant, m, rad"] != rows["determinant, mm, rad"])
         ),
@@ -80,7 +80,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     ax.set_xlabel("angle of the crank [deg]", fontsize=9)
     ax.set_title("Which coordinate is chosen", loc="left", fontsize=10, fontweight="bold")
     ax.legend(
-        handles=[Patch(color=colours[i], label=linkage.ABSOLUTE[i]) for i in used],
+        handles=[Patch(color=colours[i], label=ABSOLUTE[i]) for i in used],
         loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False,
     )  # fmt: skip
     finish("Four-bar in absolute coordinates: units and the choice", figure, folder / "determinant.png", found)

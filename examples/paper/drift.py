@@ -10,40 +10,26 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 
-import linkage
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
+from reference import FOUR_BAR, START, state
 
-import partita as pt
 from partita.errors import DoubtfulResultWarning
 from partita.plots.style import COLOURS, FLOOR, dressed, new_figure
 from partita.results import Result
 
 STEPS = (0.02, 0.01, 0.005)
+RATE = 6.0
+"""Of the crank at the start [rad/s]: enough to turn over."""
 METHODS = {"k + n": "projective", "accelerations": "multipliers"}
-
-
-def four_bar() -> pt.System:
-    """The linkage in the angles of its links."""
-    return pt.System(
-        n=3,
-        mass=lambda t, q: linkage.mass(q),
-        forces=lambda t, q, v: linkage.forces(q, v),
-        constraints=lambda t, q: linkage.closing(q),
-        jacobian=lambda t, q: linkage.jacobian(q),
-        bias=lambda t, q, v: linkage.bias(q, v),
-        names=["crank", "coupler", "rocker"],
-    )
 
 
 def march(formulation: str, duration: float, step: float) -> Result:
     """From the crank at 0.8 rad and 6 rad/s, so that it turns over, with RK4 and no correction."""
-    phi = linkage.close(0.8)
-    rate = linkage.tangent(phi)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DoubtfulResultWarning)  # the drift is what is looked at
-        return pt.simulate(
-            four_bar(), duration, phi, 6.0 * rate / rate[0], method="rk4", step=step, formulation=formulation,
+        return FOUR_BAR.simulate(
+            duration, initial=state(START, RATE), method="rk4", step=step, formulation=formulation,
             correction="none", t_eval=np.linspace(0.0, duration, 161),
         )  # fmt: skip
 

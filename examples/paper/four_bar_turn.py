@@ -7,23 +7,16 @@ look at the whole turn would save all.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
-import linkage
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
+from reference import ABSOLUTE, JOINT, measures
 
-import partita as pt
 from partita.plots.style import COLOURS, dressed, new_figure
 
 Array = np.ndarray
 MARGINS = (1.0, 1.2, 1.5, 2.0, 3.0)
-
-
-def measures(crank: Array, matrices: Callable[[Array], tuple[Array, Array]]) -> Array:
-    """rho (nt, n) for angles of the crank."""
-    return np.array([pt.partition.measure(*matrices(linkage.close(angle))) for angle in crank])
 
 
 def follow(rho: Array, margin: float) -> list[int]:
@@ -38,13 +31,13 @@ def follow(rho: Array, margin: float) -> list[int]:
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     """Measure, follow the choice with several margins, draw."""
     crank = np.linspace(0.0, 2.0 * np.pi, 3601 if short else 7201)
-    joint = measures(crank, linkage.joint_matrices)
-    absolute = measures(crank, linkage.absolute_matrices)
+    joint = measures(crank, "relative")
+    absolute = measures(crank, "absolute")
     found: Numbers = {}
-    for i in range(3):
-        found[f"joint: least rho of joint {i + 1}"] = float(joint[:, i].min())
-        found[f"joint: largest rho of joint {i + 1}"] = float(joint[:, i].max())
-    for i, name in enumerate(linkage.ABSOLUTE):
+    for i, name in enumerate(JOINT):
+        found[f"joint: least rho of {name}"] = float(joint[:, i].min())
+        found[f"joint: largest rho of {name}"] = float(joint[:, i].max())
+    for i, name in enumerate(ABSOLUTE):
         found[f"absolute: least rho of {name}"] = float(absolute[:, i].min())
     for kind, rho in (("joint", joint), ("absolute", absolute)):
         for margin in MARGINS:
@@ -55,7 +48,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
             )
     figure = new_figure(9.0, 6.0)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[0.12, 1.0, 0.12, 1.0])
-    names = (["joint 1", "joint 2", "joint 3"], linkage.ABSOLUTE)
+    names = ([f"joint {name}" for name in JOINT], ABSOLUTE)
     for n, (kind, rho) in enumerate((("joint", joint), ("absolute", absolute))):
         strip, ax = axes[2 * n], axes[2 * n + 1]
         shown = range(len(names[n]))

@@ -1,71 +1,148 @@
-"""Artificial tangent velocities are best where they are made, and fade as the mechanism moves on.
+"""Artificial tangent velocities are best where they are made, if at all, and fade as the mechanism moves on.
 
 S = D_0 M_0 with D_0 M_0 D_0^T = 1 makes u' = S v the mass-orthonormal velocity of one position. Kept frozen, its
-quality sqrt(mu_S), the cosine between the directions it measures and those the loops allow, falls from 1 towards 0.
-The coordinates chosen by the measure fade as well, but cost nothing to choose again.
+quality sqrt(mu_S), the cosine between the directions it measures and those the loops allow, falls from 1 to zero, where
+the velocity fails, and rises again behind. A tangent that is orthonormal without masses, by singular values, QR or zero
+eigenvalues, begins lower, at a value that depends on the units. The coordinates chosen by the measure fade as well, but
+cost nothing to choose again.
 """
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
-import linkage
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
+from matplotlib.axes import Axes
+from reference import FOUR_BAR, START, geometry, instant, measures, state
 
 import partita as pt
+from partita.catalogue import reference_four_bar
+from partita.catalogue.dyad import FourBar
+from partita.errors import DoubtfulResultWarning
 from partita.plots.style import COLOURS, dressed, new_figure
+from partita.results import Result
 
 Array = np.ndarray
-START = 0.8
-"""Angle of the crank where the tangent is made [rad]."""
+TANGENTS = ("gram-schmidt", "svd", "qr", "zero-eigenvalue")
+SHOWN = (10, 40, 80, 120)
+RATE, TURNED = 6.0, 100.0
+"""Of the crank in the run with frozen velocities [rad/s]; how far it is compared [deg], short of where they fail."""
 
 
-def tangent(crank: float) -> tuple[Array, Array]:
-    """M (9, 9) and the tangent direction d (9,) of kinetic energy 1/2, in absolute coordinates."""
-    m, c = linkage.absolute_matrices(linkage.close(crank))
-    d = np.linalg.svd(c)[2][-1]
-    return m, d / np.sqrt(d @ m @ d)
+def made(crank: float) -> Array:
+    """S (9,): the mass-orthonormal tangent velocity of one position, a covector of length 1."""
+    m, g = instant(crank, coordinates="absolute").M, geometry(crank, "absolute")
+    d = g.T_cd[-1] / np.sqrt(g.M_d[0, 0])
+    return np.asarray(d @ m)
 
 
 def quality(s: Array, crank: float) -> float:
-    """sqrt(mu_S): |S d| over the length of S as a covector."""
-    m, d = tangent(crank)
-    return abs(float(s @ d)) / float(np.sqrt(s @ np.linalg.solve(m, s)))
+    """sqrt(mu_S): the length of S along the possible motions over its whole length."""
+    m, g = instant(crank, coordinates="absolute").M, geometry(crank, "absolute")
+    return float(abs(g.T_cd[-1] @ s) / np.sqrt(g.M_d[0, 0] * (s @ np.linalg.solve(m, s))))
+
+
+def zero(s: Array, low: float, high: float) -> float:
+    """Turn of the crank [deg] between two at which the quality reaches zero: where S D^T changes its sign."""
+
+    def signed(turned: float) -> float:
+        d = geometry(START + np.radians(turned), "absolute").T_cd[-1]
+        at = instant(START + np.radians(turned), RATE, "absolute").v
+        return float(s @ d) * float(np.sign(d @ at))
+
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if signed(low) * signed(middle) > 0.0 else (low, middle)
+    return low
+
+
+def frozen_run(tangent: str) -> Result:
+    """The product's own frozen velocities, never renewed, while the crank turns by something more than TURNED."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DoubtfulResultWarning)  # how they fail is what is looked at
+        return FOUR_BAR.simulate(
+            0.4, initial=state(START, RATE), coordinates="absolute", formulation=tangent, renew=0.0, rtol=1e-9
+        )
+
+
+def in_millimetres() -> pt.Mechanism:
+    """The same four-bar drawn in millimetres, with forces in mN."""
+    lengths = reference_four_bar.LENGTHS
+    scaled = FourBar(*(1e3 * length for length in (lengths.crank, lengths.coupler, lengths.rocker, lengths.ground)))
+    a, b, c, d = scaled.points(START)
+    m = pt.Mechanism("four-bar in mm", gravity=(0, -1e3 * reference_four_bar.GRAVITY, 0))
+    crank = m.add_rod("crank", start=a, end=b, mass=lengths.crank)
+    coupler = m.add_rod("coupler", start=b, end=c, mass=lengths.coupler)
+    rocker = m.add_rod("rocker", start=c, end=d, mass=lengths.rocker)
+    m.add_revolute("A", m.ground, crank, point=a)
+    m.add_revolute("B", crank, coupler, point=b)
+    m.add_revolute("C", coupler, rocker, point=c)
+    m.add_revolute("D", m.ground, rocker, point=d)
+    return m
+
+
+def first(m: pt.Mechanism, tangent: str) -> float:
+    """sqrt(mu) of velocities that a run has just made."""
+    start = m.assemble(rates={"A": RATE})
+    return float(m.simulate(1e-3, initial=start, coordinates="absolute", formulation=tangent).sqrt_mu[0])
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     """Freeze, turn the crank, watch the quality; renewed tangents and exchanged coordinates beside it; draw."""
-    m0, d0 = tangent(START)
-    frozen = m0 @ d0
+    s0 = made(START)
     turned = np.linspace(0.0, 180.0, 61 if short else 361)
     crank = START + np.radians(turned)
-    lasting = np.array([quality(frozen, angle) for angle in crank])
-    rho = np.array([pt.partition.measure(*linkage.absolute_matrices(linkage.close(angle))) for angle in crank])
-    renewed, renewals, s = [], 0, frozen
+    lasting = np.array([quality(s0, angle) for angle in crank])
+    rho = measures(crank, "absolute")
+    renewed, renewals, s = [], 0, s0
     chosen, exchanges, i = [], 0, int(np.argmax(rho[0]))
     for angle, row in zip(crank, rho, strict=True):
         if quality(s, angle) < 0.5:
-            m, d = tangent(angle)
-            s, renewals = m @ d, renewals + 1
+            s, renewals = made(angle), renewals + 1
         renewed.append(quality(s, angle))
         best = int(np.argmax(row))
         if row[best] > 1.25 * row[i]:
             i, exchanges = best, exchanges + 1
         chosen.append(row[i])
-    found = {f"frozen tangent after {a} deg": quality(frozen, START + np.radians(a)) for a in (0, 10, 40, 80, 120)}
-    found |= {
+    at_zero = zero(s0, 100.0, 140.0)
+    marched = frozen_run("gram-schmidt")
+    turn = np.degrees(marched.joint("A").position[:, 0])
+    before = turn <= TURNED
+    found = {
+        "quality when made": quality(s0, START),
+        **{f"frozen tangent after {a} deg": quality(s0, START + np.radians(a)) for a in SHOWN},
+        "frozen tangent reaches zero after [deg]": at_zero,
+        "quality there": quality(s0, START + np.radians(at_zero)),
+        "frozen tangent after 180 deg": float(lasting[-1]),
+        "run with frozen velocities: largest difference up to 100 deg": float(max(
+            abs(value - quality(s0, START + np.radians(angle)))
+            for value, angle in zip(marched.sqrt_mu[before], turn[before], strict=True)
+        )),
         "renewals below 0.5, in half a turn": float(renewals),
         "exchanges of coordinates with margin 1.25, in half a turn": float(exchanges),
         "least quality of the exchanged coordinates": float(min(chosen)),
-    }
+    }  # fmt: skip
+    millimetres = in_millimetres()
+    for tangent in TANGENTS:
+        found[f"{tangent}: sqrt(mu) when made, drawn in m"] = first(FOUR_BAR, tangent)
+        found[f"{tangent}: sqrt(mu) when made, drawn in mm"] = first(millimetres, tangent)
     figure = new_figure(9.0, 3.6)
-    ax = figure.subplots()
+    ax: Axes = figure.subplots()
     dressed(ax, "Quality √μ of velocities made at 0°", "√μ", time_axis=False)
     ax.plot(turned, lasting, color=COLOURS[1], lw=1.6, label="tangent frozen at 0°")
     ax.plot(turned, renewed, color=COLOURS[4], lw=1.1, ls="--", label="tangent renewed below 0.5")
     ax.plot(turned, chosen, color=COLOURS[0], lw=1.3, label="coordinate, exchanged")
+    ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in m"], "s", color=COLOURS[2], ms=5, clip_on=False,
+            label="svd when made, in m")  # fmt: skip
+    ax.plot(0.0, found["svd: sqrt(mu) when made, drawn in mm"], "D", color=COLOURS[3], ms=5, clip_on=False,
+            label="svd when made, in mm")  # fmt: skip
+    ax.axvline(at_zero, color="#999999", lw=0.8, ls=":")
+    ax.text(at_zero + 2.0, 0.93, f"{at_zero:.1f}°", fontsize=8, color="#666666")
     ax.set_xlabel("turn of the crank [deg]", fontsize=9)
+    ax.set_xlim(0, 180)
+    ax.set_xticks(range(0, 181, 30))
     ax.set_ylim(0, 1.03)
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
     finish("Four-bar: a frozen tangent fades", figure, folder / "frozen.png", found)

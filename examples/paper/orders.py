@@ -11,10 +11,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import linkage
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from matplotlib.ticker import NullLocator
+from reference import NAME
 
 import partita as pt
 from partita.plots.style import COLOURS, dressed, new_figure
@@ -36,18 +36,8 @@ REFERENCE = 400
 
 
 def motion() -> tuple[pt.Mechanism, State]:
-    """The four-bar of `linkage`, drawn with its crank at 0.8 rad and started 3.3 rad on, driven and damped there."""
-    phi = linkage.close(0.8)
-    ends = np.cumsum(linkage.LENGTHS[:, None] * np.column_stack([np.cos(phi), np.sin(phi)]), axis=0)
-    a, b, c, d = [(0.0, 0.0, 0.0), *((x, y, 0.0) for x, y in ends)]
-    m = pt.Mechanism("four-bar", gravity=(0.0, -linkage.GRAVITY, 0.0))
-    crank = m.add_rod("crank", start=a, end=b, mass=linkage.MASSES[0])
-    coupler = m.add_rod("coupler", start=b, end=c, mass=linkage.MASSES[1])
-    rocker = m.add_rod("rocker", start=c, end=d, mass=linkage.MASSES[2])
-    m.add_revolute("A", m.ground, crank, point=a)
-    m.add_revolute("B", crank, coupler, point=b)
-    m.add_revolute("C", coupler, rocker, point=c)
-    m.add_revolute("D", m.ground, rocker, point=d)
+    """The reference four-bar, its crank driven and damped, started 3.3 rad on from the drawing."""
+    m = pt.catalogue.load(NAME)
     m.add_torque("A", value=40.0)
     m.add_torsion_spring("A", stiffness=0.0, damping=17.0)
     return m, m.assemble(targets={"A": 3.3}, rates={"A": -0.4})

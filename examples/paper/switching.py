@@ -1,113 +1,213 @@
-"""Exchanging coordinates costs nothing and passes no error on.
+"""Exchanging coordinates costs nothing and loses nothing: runs of the product on the reference four-bar.
 
-A pendulum that turns over, in x and y, by Runge-Kutta 4 on the k + n equations, written out here: once with the better
-coordinate, once forced to exchange after every step in which the other one has rho > 0.3. The exchange maps (q, q') to
-itself; so the order stays 4 and the error does not grow with the number of exchanges, which here is most of the number
-of steps.
+`exchange=` says by how much another coordinate must be better before it takes the place of one. Close to 1 it forces
+exchanges wherever two change places; "kept" is the crank's turn kept independent throughout, which serves all round.
+Absolute coordinates, in which six exchanges belong to a turn of the crank. Two motions: the crank turning, pushed by a
+force across it and held by two dashpots, so that errors die out; and the free swing of the catalogue, where they stay.
 """
 
 from __future__ import annotations
 
+import time
+import warnings
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from matplotlib.ticker import NullLocator
+from reference import ABSOLUTE, NAME
 
+import partita as pt
+from partita.errors import DoubtfulResultWarning
 from partita.plots.style import COLOURS, dressed, new_figure
+from partita.results import Result
+from partita.state import State
 
 Array = np.ndarray
-GRAVITY, START, DURATION = 9.81, (0.0, 7.0), 10.0
-LEAST = 0.3
-"""Coordinates below this measure are never taken."""
+THRESHOLDS = (1.0001, 1.01, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
+NEVER = 1e6
+"""A threshold that no exchange reaches: coordinates are left only when a step with them fails."""
+KEPT = "crank.turn"
+RATE, DAMPING = 3.0, 100.0  # of the crank [rad/s], of each dashpot [N s/m]
+OUTPUT = 0.25  # [s]: every step below ends there, so that no interpolation adds to the error
+STEP = 1.0 / 400.0  # of the table [s]
+LOW = (1.0001, 1.01)
+# method: order, motion, steps per second from where its own term leads down to where round-off begins. The term of
+# order 5 of dopri5 is so small that along the damped turns the next one hides it down to round-off.
+ORDERS = {
+    "rk4": (4, "turning", (200, 240, 280, 320, 400, 480, 560, 640, 800)),
+    "dopri5": (5, "swing", (400, 440, 480, 520, 560, 640, 720, 800, 960)),
+    "dop853": (8, "turning", (80, 84, 88, 92, 96, 100, 104, 108, 112)),
+}
+REFERENCE = {"turning": 400, "swing": 1000}
+"""Steps per second of the reference, by "dop853" in joint coordinates; round-off is all that is left of its error."""
 
 
-def rates(state: Array, i: int) -> Array:
-    """(x', y', v') of the unit pendulum with coordinate i independent, v its velocity; j depends on it."""
-    j = 1 - i
-    slope = -state[i] / state[j]  # C = [x y]
-    q_rate = np.empty(2)
-    q_rate[i], q_rate[j] = state[2], slope * state[2]
-    xi = -(q_rate @ q_rate) / state[j]
-    force = np.array([0.0, -GRAVITY])
-    reduced = force[i] + slope * (force[j] - xi)
-    return np.array([q_rate[0], q_rate[1], reduced / (1.0 + slope**2)])
+@cache
+def motion(name: str) -> tuple[pt.Mechanism, State, float]:
+    """Mechanism, start and length [s] of "turning", eleven turns, or of "swing"."""
+    m = pt.catalogue.load(NAME)
+    if name == "swing":
+        return m, pt.catalogue.entry(NAME).initial(m), 18.0
+    tip = (1.0, 0.0, 0.0)
+    m.add_force("crank", (0.0, DAMPING * RATE, 0.0), point=tip, axes="body")
+    m.add_spring("along x", m.ground, (-50.0, 0.0, 0.0), "crank", tip, stiffness=0.0, damping=DAMPING)
+    m.add_spring("along y", m.ground, (0.0, -50.0, 0.0), "crank", tip, stiffness=0.0, damping=DAMPING)
+    return m, m.assemble(rates={"A": RATE}), 23.0
 
 
-def march(h: float, forced: bool) -> tuple[Array, int, float]:
-    """q at the end, number of exchanges, and the largest jump of q' at one."""
-    phi, rate = START
-    state = np.array([np.sin(phi), -np.cos(phi), np.cos(phi) * rate])
-    i, exchanges, jump = 0, 0, 0.0
-    for _ in range(round(DURATION / h)):
-        k1 = rates(state, i)
-        k2 = rates(state + h / 2.0 * k1, i)
-        k3 = rates(state + h / 2.0 * k2, i)
-        k4 = rates(state + h * k3, i)
-        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        j = 1 - i
-        state[j] -= 0.5 * (state[0] ** 2 + state[1] ** 2 - 1.0) / state[j]  # dependent coordinate alone
-        own, other = abs(state[j]), abs(state[i])  # rho of i and of j: the share of the other coordinate in the rod
-        if other > (LEAST if forced else own):
-            before = rates(state, i)[:2]
-            state[2], i, exchanges = before[j], j, exchanges + 1
-            jump = max(jump, float(np.max(np.abs(rates(state, i)[:2] - before))))
-    return state[:2], exchanges, jump
+def march(name: str, **options: Any) -> Result:
+    """A run of the motion with outputs every OUTPUT, in absolute coordinates unless others are asked for."""
+    m, start, duration = motion(name)
+    times = np.linspace(0.0, duration, round(duration / OUTPUT) + 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DoubtfulResultWarning)  # a run without exchanges fails, and that is counted
+        return m.simulate(duration, **{"initial": start, "t_eval": times, "coordinates": "absolute", **options})
 
 
-def exact() -> Array:
-    """q at the end, from the one equation for the angle with steps so small that only round-off is left."""
-    y, steps = np.array(START), 40_000
-    h = DURATION / steps
+def holds(done: Result) -> bool:
+    """Whether a run succeeded; that it may be doubtful besides is what the error shows."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DoubtfulResultWarning)
+        return done.success
 
-    def slope(y: Array) -> Array:
-        return np.array([y[1], -GRAVITY * np.sin(y[0])])
 
-    for _ in range(steps):
-        k1 = slope(y)
-        k2 = slope(y + h / 2.0 * k1)
-        k3 = slope(y + h / 2.0 * k2)
-        y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + slope(y + h * k3))
-    return np.array([np.sin(y[0]), -np.cos(y[0])])
+@cache
+def exact(name: str) -> Array:
+    """Centres of all links at all outputs, from a tight run in joint coordinates."""
+    done = march(name, method="dop853", step=1.0 / REFERENCE[name], coordinates="relative")
+    return np.asarray(done.observed["body_position"])
+
+
+def error(name: str, done: Result) -> float:
+    """Root mean square of the distance of all links from the exact motion at all outputs [m]."""
+    gap = done.observed["body_position"] - exact(name)
+    return float(np.sqrt(np.mean(np.sum(gap**2, axis=-1))))
+
+
+def choices() -> dict[str, dict[str, Any]]:
+    """Options of the runs of the table."""
+    return {
+        **{f"{threshold:g}": {"exchange": threshold} for threshold in (*THRESHOLDS, NEVER)},
+        "kept": {"independent": [KEPT]},
+    }
+
+
+def table(rounds: int, method: str) -> dict[str, dict[str, float]]:
+    """Per choice: exchanges, evaluations, least time of a run over evaluations [us], error [m], whether it succeeds.
+
+    Runs are timed in turn, so that what slows the machine down for a while slows all of them.
+    """
+    rows: dict[str, dict[str, float]] = {}
+    for _ in range(rounds):
+        for name, options in choices().items():
+            begun = time.perf_counter()
+            done = march("turning", method=method, step=STEP, **options)
+            cost = 1e6 * (time.perf_counter() - begun) / done.counters["evaluations"]
+            row = rows.setdefault(name, {"cost": cost})
+            row["cost"] = min(cost, row["cost"])
+            if "error" not in row:
+                row["exchanges"] = float(sum(change.is_switch for change in done.partitions))
+                row["evaluations"] = float(done.counters["evaluations"])
+                row["success"] = float(holds(done))
+                row["error"] = error("turning", done) if holds(done) else float("nan")
+    return rows
+
+
+def errors(method: str, threshold: float) -> tuple[list[float], int]:
+    """Errors for the steps of ORDERS, and the least number of exchanges in a run."""
+    _, name, rates = ORDERS[method]
+    runs = [march(name, method=method, step=1.0 / rate, exchange=threshold) for rate in rates]
+    least = min(sum(change.is_switch for change in done.partitions) for done in runs)
+    return [error(name, done) for done in runs], least
+
+
+def handed_over() -> dict[str, float]:
+    """What an exchange does to (q, v), looked at from outside, at every exchange of some turns.
+
+    An output at the time of an exchange is told in the old coordinates. A new run starts from it with the new ones
+    kept: what it is then compared with is what the marching run goes on with behind the exchange.
+    """
+    m, start, _ = motion("turning")
+    step = 2.0**-9  # sums of it are exact, so that both runs step at the same times
+    first = m.simulate(8.0, initial=start, coordinates="absolute", method="dopri5", step=step, exchange=1.0001)
+    log = [change for change in first.partitions if change.is_switch]
+    jump, position, velocity, equal = 0.0, 0.0, 0.0, 0
+    for change in log:
+        both = np.array([change.t, change.t + step])
+        through = m.simulate(both[1], initial=start, t_eval=both, coordinates="absolute", method="dopri5", step=step,
+                             exchange=1.0001)  # fmt: skip
+        at = State(change.t, through.q[0], through.v[0], names=list(through.names.coordinates),
+                   velocity_names=list(through.names.velocities))  # fmt: skip
+        anew = m.simulate(step, initial=at, t_eval=both, coordinates="absolute", method="dopri5", step=step,
+                          independent=list(change.independent))  # fmt: skip
+        i = ABSOLUTE.index(change.independent[0])
+        equal += int(np.array_equal(anew.q[0], through.q[0]) and anew.v[0, i] == through.v[0, i])
+        jump = max(jump, float(np.max(np.abs(anew.v[0] - through.v[0]))))
+        position = max(position, float(np.max(np.abs(anew.q[1] - through.q[1]))))
+        velocity = max(velocity, float(np.max(np.abs(anew.v[1] - through.v[1]))))
+    return {
+        "handed over: exchanges looked at": float(len(log)),
+        "handed over: q and the new independent velocity equal in every bit": float(equal),
+        "handed over: largest difference of the other velocities": jump,
+        "handed over: one step later, largest difference of q": position,
+        "handed over: one step later, largest difference of v": velocity,
+    }
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
-    """March with several steps, compare errors and orders, draw."""
-    steps = [0.02, 0.005, 0.00125] if short else [0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125]
-    end = exact()
-    errors: dict[bool, list[float]] = {False: [], True: []}
-    counts: dict[tuple[float, bool], int] = {}
-    jump = 0.0
-    for h in steps:
-        for forced in (False, True):
-            q, counts[h, forced], largest = march(h, forced)
-            errors[forced].append(float(np.linalg.norm(q - end)))
-            jump = max(jump, largest)
-    orders = {forced: float(np.polyfit(np.log(steps), np.log(errors[forced]), 1)[0]) for forced in errors}
-    found: Numbers = {
-        "steps at h = 0.005": DURATION / 0.005,
-        "exchanges among them, the better coordinate": float(counts[0.005, False]),
-        "exchanges among them, forced": float(counts[0.005, True]),
-        "order, the better coordinate": orders[False],
-        "order, forced": orders[True],
-        "error at the smallest step, the better coordinate": errors[False][-1],
-        "error at the smallest step, forced": errors[True][-1],
-        "largest jump of q' at an exchange": jump,
-    }
-    figure = new_figure(7.0, 3.8)
-    ax = figure.subplots()
-    dressed(ax, "Error after 10 s", "distance from the exact motion [m]", time_axis=False)
-    for forced, name in ((False, "the better coordinate"), (True, "forced exchanges")):
-        label = f"{name}: {counts[0.005, forced]} in 2000 steps"
-        ax.loglog(steps, errors[forced], "o-", color=COLOURS[int(forced)], ms=4, lw=1.2, label=label)
-    guide = errors[False][0] * (np.array(steps) / steps[0]) ** 4
-    ax.loglog(steps, guide, ":", color="#888888", lw=1.0, label="order 4")
-    ax.set_xticks(steps, [f"{h:g}" for h in steps])
-    ax.xaxis.set_minor_locator(NullLocator())
-    ax.margins(x=0.04)
-    ax.set_xlabel("step [s]", fontsize=9)
-    ax.legend(fontsize=8, frameon=False)
-    finish("Pendulum: the price of exchanging coordinates", figure, folder / "switching.png", found)
+    """Table of thresholds, orders, what an exchange hands over; draw."""
+    found: Numbers = {}
+    print("turning, 23 s, rk4, 2.5 ms; least time of interleaved runs over their evaluations")
+    print("threshold  exchanges  evaluations  us/evaluation  over kept  error [m]")
+    rows = table(2 if short else 9, "rk4")
+    for name, row in rows.items():
+        ratio = row["cost"] / rows["kept"]["cost"]
+        told = f"{row['error']:.1e}" if row["success"] else "does not hold"
+        print(f"{name:<11}{row['exchanges']:<11.0f}{row['evaluations']:<13.0f}{row['cost']:<15.3f}{ratio:<11.3f}{told}")
+        for what in ("exchanges", "evaluations", "error", "success"):
+            found[f"turning, threshold {name}: {what}"] = row[what]
+        found[f"turning, threshold {name}: cost per evaluation over kept"] = ratio
+    longer = table(2 if short else 9, "dop853")
+    found["turning by dop853, threshold 1.25: cost per evaluation over kept"] = (
+        longer["1.25"]["cost"] / longer["kept"]["cost"]
+    )
+    curves: dict[tuple[str, float], list[float]] = {}
+    for method in ORDERS:
+        for threshold in (*LOW, 1.25):
+            curves[method, threshold], least = errors(method, threshold)
+            steps = 1.0 / np.array(ORDERS[method][2])
+            slope = float(np.polyfit(np.log(steps), np.log(curves[method, threshold]), 1)[0])
+            found[f"{method}, threshold {threshold:g}: order"] = slope
+            found[f"{method}, threshold {threshold:g}: least number of exchanges"] = float(least)
+    found |= handed_over()
+
+    figure = new_figure(9.6, 3.8)
+    left, right = figure.subplots(1, 2)
+    names = [name for name in rows if rows[name]["success"] and name != f"{NEVER:g}"]
+    dressed(left, "Eleven turns of the crank, rk4", "parts of the run that keeps the crank's turn", time_axis=False)
+    for n, (what, label) in enumerate((("cost", "cost of an evaluation"), ("error", "error"))):
+        values = [rows[name][what] / rows["kept"][what] for name in names]
+        left.semilogy(range(len(names)), values, "os"[n] + "-", color=COLOURS[n], ms=4, lw=1.2, label=label)
+    left.set_xticks(range(len(names)), [f"{name}\n{rows[name]['exchanges']:.0f}" for name in names], fontsize=7)
+    left.set_xlabel("exchange threshold, and number of exchanges", fontsize=9)
+    left.legend(fontsize=8, frameon=False, loc="upper left")
+    dressed(right, "Orders, with at least 50 exchanges in each run", "error [m]", time_axis=False)
+    for n, method in enumerate(ORDERS):
+        _, name, rates = ORDERS[method]
+        steps = 1.0 / np.array(rates)
+        for threshold, style in zip(LOW, ("o-", "s--"), strict=True):
+            slope = found[f"{method}, threshold {threshold:g}: order"]
+            right.loglog(steps, curves[method, threshold], style, color=COLOURS[n], ms=3, lw=1.1,
+                         label=f"{method}, {name}, {threshold:g}: {slope:.2f}")  # fmt: skip
+    right.set_xticks([0.001, 0.002, 0.005, 0.01, 0.02], ["1", "2", "5", "10", "20"])
+    right.xaxis.set_minor_locator(NullLocator())
+    right.set_xlabel("step [ms]", fontsize=9)
+    right.legend(fontsize=7, frameon=False, title="measured order", title_fontsize=7, alignment="left",
+                 loc="upper left", bbox_to_anchor=(1.0, 1.0))  # fmt: skip
+    finish("Four-bar: the price of exchanging coordinates", figure, folder / "switching.png", found)
     return found
 
 

@@ -1,4 +1,12 @@
-"""`model.at` and `partition.geometry`: identities on random matrices, one instant against single functions."""
+"""`model.at` and `partition.geometry`: identities on random matrices, one instant against single functions.
+
+The random matrices have conditions of M up to 1e6 and coordinates and rows in units from 1e-3 to 1e3. Whatever solves
+with M cannot be better than some 1e6 times round-off, 2e-10, in the natural unit of each quantity: |k_i| for lengths,
+sqrt(M_ii) for velocities, the diagonal of a metric for its entries. 1e-9 is asked of all of them.
+"""
+
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -43,6 +51,177 @@ def test_identities_of_the_metric_geometry(seed: int) -> None:
     size = np.sqrt(np.outer(np.diag(g.M_c), np.diag(g.M_d)))
     np.testing.assert_allclose(blocks[:m, m:] / size, np.zeros((m, n - m)), atol=ROUND_OFF)
     np.testing.assert_allclose(g.T_cd[:m], C @ inverse, rtol=1e-8, atol=0.0)
+
+
+WITHIN = 1e-9
+SEEDS = range(200)
+Rational = list[list[Fraction]]
+
+
+def hard_pair(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """M of a condition up to 1e6 and C, in mixed units; n from 2 to 10."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 11))
+    m = int(rng.integers(1, n))
+    turn = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    metric = (turn * np.geomspace(1.0, 10.0 ** -rng.uniform(0.0, 6.0), n)) @ turn.T
+    units = 10.0 ** rng.uniform(-3.0, 3.0, size=n)
+    rows = 10.0 ** rng.uniform(-3.0, 3.0, size=(m, 1))
+    return 0.5 * (metric + metric.T) * np.outer(units, units), rng.normal(size=(m, n)) * units * rows
+
+
+def small(found: np.ndarray, size: np.ndarray | float) -> None:
+    """Zero within WITHIN of its size."""
+    assert float(np.max(np.abs(found) / size)) < WITHIN
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_identities_in_mixed_units(seed: int) -> None:
+    M, C = hard_pair(seed)
+    m, n = C.shape
+    g = pt.partition.geometry(M, C)
+    assert g.rows.tolist() == list(range(m))
+    D = g.T_cd[m:]
+    energy, rows, motions = np.sqrt(np.diag(M)), np.sqrt(np.diag(g.M_c)), np.sqrt(np.diag(g.M_d))
+    # T_cd splits the metric (11), (15); D C^T = 0; C M^-1 are the covariant components in the base of the rows
+    both = np.concatenate([rows, motions])
+    blocks = np.block([[g.M_c, np.zeros((m, n - m))], [np.zeros((n - m, m)), g.M_d]])
+    small(g.T_cd @ M @ g.T_cd.T - blocks, np.outer(both, both))
+    small(D @ C.T, np.outer(motions, rows))
+    small(g.T_cd[:m] @ M - C, np.outer(rows, energy))
+    # D and M_d by the choice (13), and the determinants of all metrics (24)
+    a = D[:, g.dependent].T
+    small(D[:, g.independent] - np.eye(n - m), 1.0)
+    i, d = g.independent, g.dependent
+    cross = M[np.ix_(i, d)] @ a
+    small(M[np.ix_(i, i)] + cross + cross.T + a.T @ M[np.ix_(d, d)] @ a - g.M_d, np.outer(motions, motions))
+    logs = [np.linalg.slogdet(matrix)[1] for matrix in (C[:, d], g.M_d, M, g.M_c)]
+    small(2.0 * logs[0] + logs[1] - logs[2] - logs[3], 1.0)
+    # lengths from both sides (20), (21), their sum (22) and their ratio (23)
+    normal = np.sum(g.T_cd[:m] * np.linalg.solve(g.M_c, g.T_cd[:m]), axis=0)
+    along = np.sum(D * np.linalg.solve(g.M_d, D), axis=0)
+    small(normal - g.k_constrained**2, g.k**2)
+    small(along - g.k_tangential**2, g.k**2)
+    small(normal + along - g.k**2, g.k**2)
+    small(g.k_constrained**2 + g.k_tangential**2 - g.k**2, g.k**2)
+    small(g.k_tangential / g.k - pt.partition.measure(M, C), 1.0)
+    # projectors: both together are 1, each is idempotent and self-adjoint in the mass metric, and they know their space
+    units = np.outer(energy, 1.0 / energy)
+    P_c, P_d, metric = g.P_c * units, g.P_d * units, M / np.outer(energy, energy)
+    size = float(np.max(np.abs(P_c)) + np.max(np.abs(P_d)))
+    small(P_c + P_d - np.eye(n), size)
+    small(P_c @ P_c - P_c, size**2)
+    small(P_d @ P_d - P_d, size**2)
+    small(P_c @ P_d, size**2)
+    small(metric @ P_d - (metric @ P_d).T, size)
+    small(np.trace(g.P_d) - (n - m), size)
+    small(C @ g.P_d / np.outer(rows, 1.0 / energy), size)
+    small(g.P_d @ D.T - D.T, np.outer(1.0 / energy, motions) * size)
+    # products of two vectors by co- and contravariant components, in the old base and in the new one
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(2, n)) / energy
+    x_new, y_new = g.T_cd @ (M @ x), g.T_cd @ (M @ y)
+    product = x_new[:m] @ np.linalg.solve(g.M_c, y_new[:m]) + x_new[m:] @ np.linalg.solve(g.M_d, y_new[m:])
+    small(product - x @ M @ y, np.sqrt((x @ M @ x) * (y @ M @ y)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_geometry_against_rational_numbers(seed: int) -> None:
+    """The same quantities computed from the same M and C without any rounding."""
+    M, C = hard_pair(seed)
+    g = pt.partition.geometry(M, C)
+    n, rows = len(M), rational(C)
+    inverse = solved(rational(M), rational(np.eye(n)))
+    raised = times(rows, inverse)  # C M^-1
+    delassus = times(raised, turned(rows))
+    coefficients = solved(delassus, raised)
+    k = [inverse[i][i] for i in range(n)]
+    normal = [sum((row[i] * other[i] for row, other in zip(raised, coefficients, strict=True)), Fraction(0))
+              for i in range(n)]  # fmt: skip
+    along = [whole - part for whole, part in zip(k, normal, strict=True)]
+    small(g.k**2 - floats(k), floats(k))
+    small(g.k_constrained**2 - floats(normal), floats(k))
+    small(g.k_tangential**2 - floats(along), floats(k))
+    ratio = floats([part / whole for part, whole in zip(along, k, strict=True)])
+    small(pt.partition.measure(M, C) - np.sqrt(ratio), 1.0)
+    metric = np.array([floats(row) for row in delassus])
+    small(g.M_c - metric, np.sqrt(np.outer(np.diag(metric), np.diag(metric))))
+    energy = np.sqrt(np.diag(M))
+    units = np.outer(energy, 1.0 / energy)
+    exact = np.array([floats(row) for row in times(turned(raised), solved(delassus, rows))])
+    small((g.P_c - exact) * units, float(np.max(np.abs(exact * units))))
+    small((g.P_d - (np.eye(n) - exact)) * units, float(np.max(np.abs((np.eye(n) - exact) * units))))
+
+
+def rational(matrix: np.ndarray) -> Rational:
+    return [[Fraction(value) for value in row] for row in matrix.tolist()]
+
+
+def floats(values: Iterable[Fraction]) -> np.ndarray:
+    return np.array([float(value) for value in values])
+
+
+def turned(matrix: Rational) -> Rational:
+    return [list(column) for column in zip(*matrix, strict=True)]
+
+
+def times(left: Rational, right: Rational) -> Rational:
+    columns = turned(right)
+    return [[sum((a * b for a, b in zip(row, column, strict=True)), Fraction(0)) for column in columns] for row in left]
+
+
+def solved(matrix: Rational, right: Sequence[Sequence[Fraction]]) -> Rational:
+    """matrix^-1 right, by Gauss and Jordan."""
+    rows = [list(a) + list(b) for a, b in zip(matrix, right, strict=True)]
+    size = len(rows)
+    for column in range(size):
+        pivot = next(row for row in range(column, size) if rows[row][column] != 0)
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        scale = rows[column][column]
+        rows[column] = [value / scale for value in rows[column]]
+        for row in range(size):
+            factor = rows[row][column]
+            if row != column and factor != 0:
+                rows[row] = [a - factor * b for a, b in zip(rows[row], rows[column], strict=True)]
+    return [row[size:] for row in rows]
+
+
+@pytest.mark.parametrize("seed", SEEDS[::4])
+def test_what_units_and_recombined_rows_leave_alone(seed: int) -> None:
+    """q'_i = s_i q_i scales k_i; C' = X C leaves everything but the base of the rows."""
+    M, C = hard_pair(seed)
+    m, n = C.shape
+    rng = np.random.default_rng(seed)
+    s = 10.0 ** rng.uniform(-3.0, 3.0, size=n)
+    g, scaled = pt.partition.geometry(M, C), pt.partition.geometry(M / np.outer(s, s), C / s)
+    for name in ("k", "k_constrained", "k_tangential"):
+        small(getattr(scaled, name) / s - getattr(g, name), g.k)
+    small(pt.partition.measure(M / np.outer(s, s), C / s) - pt.partition.measure(M, C), 1.0)
+    natural = np.sqrt(np.diag(g.M_c))
+    mixing = np.linalg.qr(rng.normal(size=(m, m)))[0] + np.eye(m) * 2.0
+    mixed = pt.partition.geometry(M, mixing @ (C / natural[:, None]))
+    small(mixed.k_constrained - g.k_constrained, g.k)
+    small(mixed.k_tangential - g.k_tangential, g.k)
+    energy = np.sqrt(np.diag(M))
+    units = np.outer(energy, 1.0 / energy)
+    small((mixed.P_d - g.P_d) * units, float(np.max(np.abs(g.P_d * units))))
+
+
+@pytest.mark.parametrize("seed", SEEDS[::4])
+def test_effective_masses(seed: int) -> None:
+    """|k_i|^2 is the acceleration of q_i by a unit force on it alone; |k_i,d|^2 the same with the constraints."""
+    M, C = hard_pair(seed)
+    m, n = C.shape
+    g = pt.partition.geometry(M, C)
+    energy, rows = np.sqrt(np.diag(M)), np.sqrt(np.diag(g.M_c))
+    # M v' - C^T lambda = e_i, C v' = 0, in natural units
+    metric, jacobian = M / np.outer(energy, energy), C / np.outer(rows, energy)
+    system = np.block([[metric, -jacobian.T], [jacobian, np.zeros((m, m))]])
+    answers = np.linalg.solve(system, np.vstack([np.eye(n), np.zeros((m, n))]))[:n]
+    small(np.diag(answers) / energy**2 - g.k_tangential**2, g.k**2)
+    free = np.diag(M)
+    diagonal = pt.partition.geometry(np.diag(free), C)
+    small(np.sum((diagonal.k_tangential / diagonal.k) ** 2) - (n - m), 1.0)  # the sum of rho^2 is k
 
 
 def test_lengths_and_projectors_do_not_depend_on_the_choice() -> None:
