@@ -221,7 +221,7 @@ def simulate(
             kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" (frozen tangent velocities,
             renewed when they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
             your own, needs `tangent`), "multipliers" (all accelerations and multipliers from one matrix),
-            "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
+            "sparse-multipliers" (the same, eliminated with its sparsity), "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
             rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
