@@ -30,6 +30,7 @@ FORMULATIONS = (
     "tangent-space",
     "user-tangent",
     "multipliers",
+    "sparse-multipliers",
     "range-space",
     "proximal",
     "baumgarte",

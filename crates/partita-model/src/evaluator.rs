@@ -13,6 +13,7 @@ use crate::force::Element;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
+use crate::sparse_mass::MassLayout;
 use crate::spec::{Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{self, Callers, Instant};
@@ -201,6 +202,25 @@ impl<S: Scalar> Evaluator<S> {
         self.forces(t, q, v, s)?;
         with_engine!(self, s, |tree, x| {
             tree.mass_matrix(x, mass);
+            tree.forces(x, h);
+        });
+        Ok(())
+    }
+
+    /// The entries of M in the order of the layout, and h (nv), after [`velocity`](Self::velocity). (S1)
+    pub(crate) fn sparse_dynamics(
+        &self,
+        t: S,
+        q: &[S],
+        v: &[S],
+        layout: &MassLayout,
+        s: &mut Scratch<S>,
+        mass: &mut [S],
+        h: &mut [S],
+    ) -> Result<(), SystemError> {
+        self.forces(t, q, v, s)?;
+        with_engine!(self, s, |tree, x| {
+            tree.sparse_mass(layout, x, mass);
             tree.forces(x, h);
         });
         Ok(())

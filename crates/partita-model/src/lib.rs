@@ -23,6 +23,7 @@ mod part;
 pub mod place;
 pub mod reaction;
 pub mod reduced;
+mod sparse_mass;
 pub mod spec;
 pub mod topology;
 pub mod tree;

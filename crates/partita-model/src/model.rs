@@ -9,6 +9,7 @@ use crate::joint::Motion;
 use crate::names;
 use crate::numbers::Numbers;
 use crate::place::{Coordinates, Placed};
+use crate::sparse_mass::MassLayout;
 use crate::spec::Spec;
 use crate::tree::{LinkMotion, Tree};
 use crate::validate;
@@ -20,7 +21,7 @@ use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::ops::{Deref, DerefMut};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Memory of the evaluations of a model.
 pub struct ModelScratch {
@@ -59,6 +60,8 @@ pub struct Model {
     /// Rows of the spatial closings that the plane makes superfluous.
     pub out_of_plane: Vec<RowName>,
     pattern: Pattern,
+    /// Where M is not zero, found when it is first asked for.
+    mass_layout: OnceLock<MassLayout>,
     clusters: Clusters,
     preference: Preference,
     has_power: bool,
@@ -185,6 +188,7 @@ impl Model {
             row_names,
             out_of_plane,
             pattern,
+            mass_layout: OnceLock::new(),
             clusters,
             preference: Preference::default(),
             has_power,
@@ -225,6 +229,13 @@ impl Model {
     fn dense_cost(&self, k: usize) -> usize {
         let scale = if self.is_planar() { 1 } else { 4 };
         scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
+    }
+
+    fn mass_layout(&self) -> &MassLayout {
+        self.mass_layout.get_or_init(|| match &self.own.engine {
+            Engine::Flat(tree) => MassLayout::new(tree),
+            Engine::Full => MassLayout::new(&self.own.full),
+        })
     }
 
     /// Which coordinates the tree is made of.

@@ -50,6 +50,10 @@ pub trait Closing {
     }
     /// Branch and pivot of each block at the last `close`.
     fn state(&self) -> &[BlockState];
+    /// Iterations of Newton's method so far, in blocks without a closed form.
+    fn iterations(&self) -> u64 {
+        0
+    }
     /// Choose other branches (one sign per block; 0 leaves a block as it is).
     fn set_branches(&mut self, branches: &[i8]);
 }

@@ -107,6 +107,22 @@ pub trait ConstrainedSystem: Sync {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError>;
+    /// Where M may be nonzero (nv x nv, both triangles); everywhere where the system does not tell.
+    fn mass_pattern(&self) -> Pattern {
+        Pattern::dense(self.size().nv, self.size().nv)
+    }
+    /// The entries of M in the order of [`mass_pattern`](Self::mass_pattern), and h (nv), after `velocity`.  (S1)
+    fn sparse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut Self::Scratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.dynamics(t, q, v, s, mass, h)
+    }
     /// Tangential projection, after `velocity`: `M_d = D M Dᵀ`, `h_d = D (h − M [0; ξ])`.  (P3)
     fn project(
         &self,

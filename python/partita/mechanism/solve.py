@@ -214,15 +214,15 @@ def simulate(
             parts of the characteristic length (the extent of a typical body) for displacements; the same per second
             for velocities.
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "rk4" (order 4).
-        formulation: "projective" (equations without reactions in independent coordinates; the default and
-            the fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept
-            throughout), "wehage-haug" (2k states, the dependent
-            coordinates solved for at every stage), "explicit-closing" (2k states, the loops closed by inverse
-            kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" (frozen tangent velocities,
-            renewed when they have gone bad), "tangent-space" (2k states in a tangent chart), "user-tangent" (velocities of
-            your own, needs `tangent`), "multipliers" (all accelerations and multipliers from one matrix),
-            "range-space" (the same by way of the constraints), "proximal" (the same regularised, for redundant
-            rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
+        formulation: "projective" (equations without reactions in independent coordinates; the default and the
+            fastest), or one of those it can be held against: "fixed" (the same, its coordinates kept throughout),
+            "wehage-haug" (2k states, the dependent coordinates solved for at every stage), "explicit-closing" (2k
+            states, the loops closed by inverse kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance",
+            "gram-schmidt" (frozen tangent velocities, renewed when they have gone bad), "tangent-space" (2k
+            states in a tangent chart), "user-tangent" (velocities of your own, needs `tangent`), "multipliers"
+            (all accelerations and multipliers from one matrix), "sparse-multipliers" (the same, eliminated with
+            its sparsity), "range-space" (the same by way of the constraints), "proximal" (the same regularised,
+            for redundant rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a line on stderr; or a function of the fraction done, 0 to 1.

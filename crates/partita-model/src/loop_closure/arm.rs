@@ -40,6 +40,14 @@ pub(super) struct Pose<S> {
 pub(super) struct FlatArm<S> {
     pub vector: [S; 2],
     pub turn: S,
+    /// Length of the vector.
+    pub length: S,
+}
+
+impl<S: Scalar> FlatArm<S> {
+    pub fn new(vector: [S; 2], turn: S) -> Self {
+        Self { vector, turn, length: vector[0].hypot(vector[1]) }
+    }
 }
 
 /// The vector `v` turned by an angle.
@@ -134,10 +142,9 @@ impl Arm {
             if e.kind == Kind::Slide && forward {
                 add(along, s, c);
             }
-            let rest = turn_of(&e.rest);
             let by = match e.kind {
-                Kind::Turn => Some(p.x[i].scale(e.axis.0[2]) + S::from_f64(rest)),
-                _ if rest != 0.0 => Some(S::from_f64(rest)),
+                Kind::Turn => Some(p.x[i].scale(e.axis.0[2]) + S::from_f64(e.turned)),
+                _ if e.turned != 0.0 => Some(S::from_f64(e.turned)),
                 _ => None,
             };
             if let Some(by) = by {
@@ -150,7 +157,12 @@ impl Arm {
         }
         let end = p.point(self.end);
         add([end.0[0] - at.0[0], end.0[1] - at.0[1]], s, c);
-        FlatArm { vector, turn }
+        FlatArm::new(vector, turn)
+    }
+
+    /// Does no coordinate move its ends against each other?
+    pub fn is_rigid(&self, g: &Graph) -> bool {
+        self.path.iter().all(|&(i, _)| g.edges[i].kind == Kind::Rigid)
     }
 
     /// In space: the turn of the last node and the vector, both in the axes of the first node.

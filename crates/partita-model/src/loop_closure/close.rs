@@ -107,6 +107,7 @@ impl LoopClosing<'_> {
                     a: &mut self.a,
                     dv: &mut self.dv,
                     room: &mut self.newton,
+                    iterations: &mut self.iterations,
                 };
                 let pivot = block.solve(&mut field, t, q, &self.steps[i].words)?;
                 self.steps[i].pivots[0] = pivot;
@@ -141,12 +142,14 @@ impl LoopClosing<'_> {
         let step = &mut self.steps[i];
         match &step.work {
             Work::Plane(p, joints) => {
-                let mut sides = [planar_side(p, 0, &self.graph, &self.pose); 3];
-                for (k, side) in sides.iter_mut().enumerate().take(joints.len()).skip(1) {
-                    *side = planar_side(p, k, &self.graph, &self.pose);
+                let mut sides = step.rigid;
+                for (k, side) in sides.iter_mut().enumerate().take(joints.len()) {
+                    if step.moving[k] {
+                        *side = planar_side(p, k, &self.graph, &self.pose);
+                    }
                 }
                 let sides = &sides[..joints.len()];
-                if !sides.iter().all(|s| s.turn.is_finite() && s.vector[0].is_finite() && s.vector[1].is_finite()) {
+                if !sides.iter().all(|s| s.turn.is_finite() && s.length.is_finite()) {
                     return Err(Shortfall(f64::NAN));
                 }
                 let (x, pivot, fit) = planar::solve(joints, sides, p.frame, step.signs[0], self.tolerance);
@@ -225,7 +228,7 @@ pub(super) fn planar_side<S: Scalar>(p: &Polygon, k: usize, g: &Graph, pose: &Po
         None => p.sides[k].flat(g, pose),
         Some(plane) => {
             let (r, v) = p.sides[k].spatial(g, pose);
-            FlatArm { vector: [v.dot(lift(plane[1])), v.dot(lift(plane[2]))], turn: turn_in(plane, &r) }
+            FlatArm::new([v.dot(lift(plane[1])), v.dot(lift(plane[2]))], turn_in(plane, &r))
         }
     }
 }
@@ -289,6 +292,10 @@ impl Closing for LoopClosing<'_> {
 
     fn state(&self) -> &[BlockState] {
         &self.states
+    }
+
+    fn iterations(&self) -> u64 {
+        self.iterations
     }
 
     fn set_branches(&mut self, branches: &[i8]) {

@@ -1,5 +1,6 @@
 //! The mechanism as a graph of elementary motions: tree joints and cut joints alike.
 
+use super::arm::turn_of;
 use crate::joint::Motion;
 use crate::model::Model;
 use crate::numbers::Numbers;
@@ -78,6 +79,8 @@ pub(super) struct Edge {
     pub place: Place,
     /// Constant turn: the identity but for cut joints of open drawings.
     pub rest: Mat3<f64>,
+    /// Its turn about z: all of it where the mechanism is planar.
+    pub turned: f64,
     pub home: Home,
     /// Joint of the description; none for a body that floats.
     pub joint: Option<usize>,
@@ -124,6 +127,7 @@ impl Graph {
                 axis,
                 place: Place::Link(i),
                 rest: Mat3::identity(),
+                turned: 0.0,
                 home: Home::Tree { q: l.q, v: l.v },
                 joint: joint_of[i],
             });
@@ -150,6 +154,7 @@ impl Graph {
             axis,
             place: Place::Cut { joint: j, last: false },
             rest: Mat3::identity(),
+            turned: 0.0,
             home,
             joint: Some(j),
         };
@@ -171,7 +176,7 @@ impl Graph {
         }
         if let Some(e) = self.edges.last_mut() {
             e.place = Place::Cut { joint: j, last: true };
-            e.rest = rest;
+            (e.rest, e.turned) = (rest, turn_of(&rest));
         }
     }
 }

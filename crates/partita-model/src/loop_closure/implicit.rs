@@ -65,6 +65,7 @@ pub(super) struct Field<'a> {
     pub a: &'a mut [f64],
     pub dv: &'a mut [f64],
     pub room: &'a mut Room,
+    pub iterations: &'a mut u64,
 }
 
 impl Implicit {
@@ -153,6 +154,7 @@ impl Implicit {
                 break;
             }
             lu_solve(jacobian, n, pivots, x);
+            *f.iterations += 1;
             let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             if !largest.is_finite() {
                 break;

@@ -39,7 +39,7 @@ pub use assemblies::{Assembled, Assemblies};
 pub use over::ClosingRoom;
 
 use crate::model::{Model, ModelScratch};
-use arm::Pose;
+use arm::{FlatArm, Pose};
 use graph::Graph;
 use implicit::Implicit;
 use partita_system::closing::{Block, BlockState};
@@ -69,6 +69,9 @@ struct Step {
     /// How many of them count.
     states: usize,
     pivots: [f64; 2],
+    /// Sides of a polygon in a plane that no coordinate moves, and which ones do move.
+    rigid: [FlatArm<f64>; 3],
+    moving: [bool; 3],
     /// Edges whose coordinates it finds.
     edges: Vec<usize>,
 }
@@ -94,4 +97,5 @@ pub struct LoopClosing<'m> {
     a: Vec<f64>,
     dv: Vec<f64>,
     newton: implicit::Room,
+    iterations: u64,
 }

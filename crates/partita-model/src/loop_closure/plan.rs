@@ -1,7 +1,7 @@
 //! The plan of a closing: which steps, in which order, on which branch, with which rows of C.
 
-use super::arm::Pose;
-use super::close::flat_joints;
+use super::arm::{FlatArm, Pose};
+use super::close::{flat_joints, planar_side};
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
 use super::instant::{Instant, NEARLY_CLOSED};
@@ -114,6 +114,7 @@ impl<'m> LoopClosing<'m> {
             a: vec![0.0; size.rows],
             dv: vec![0.0; size.nv],
             newton: Room::default(),
+            iterations: 0,
             graph,
         };
         closing.read(q);
@@ -193,7 +194,14 @@ impl<'m> LoopClosing<'m> {
 
     fn push(&mut self, work: Work, words: String, edges: Vec<usize>, signs: usize) {
         let signs_of = [0, 1].map(|i| i8::from(i < signs));
-        self.steps.push(Step { work, words, signs: signs_of, states: signs.max(1), pivots: [1.0; 2], edges });
+        let (mut rigid, mut moving) = ([FlatArm::new([0.0; 2], 0.0); 3], [true; 3]);
+        if let Work::Plane(p, joints) = &work {
+            for k in (0..joints.len()).filter(|&k| p.sides[k].is_rigid(&self.graph)) {
+                (rigid[k], moving[k]) = (planar_side(p, k, &self.graph, &self.pose), false);
+            }
+        }
+        let states = signs.max(1);
+        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, edges });
     }
 
     /// Adds a polygon on the branch that gives the present coordinates back; `false` if none does.

@@ -140,7 +140,7 @@ fn triangle<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], frame: usize,
     let at = |i: usize| (frame + i) % 3;
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
     let [a1, a2, a3] = [0, 1, 2].map(|i| sides[at(i)].turn);
-    let [r, l2, l3] = [d1, d2, d3].map(|d| d[0].hypot(d[1]));
+    let [r, l2, l3] = [0, 1, 2].map(|i| sides[at(i)].length);
     let missing = (r - (l2 + l3)).max((l2 - l3).abs() - r);
     // with a side of no length the triangle has no direction
     let fit = Fit { excess: missing - (r + l2 + l3).scale(FLAT), shortfall: missing.max(S::zero()) };
@@ -151,13 +151,16 @@ fn triangle<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], frame: usize,
     let (b, c) = (smaller.max(rest), smaller.min(rest));
     let square = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
     let twice_area = square.max(S::zero()).sqrt().scale(0.5);
-    let u = r.scale(0.5) + (l3 - l2) * (l3 + l2) / r.scale(2.0);
-    let h = twice_area.scale(sign) / r;
-    let e = times(d1, S::one() / r);
+    let over_r = S::one() / r;
+    // half of what the sides differ by along the frame
+    let shift = (l3 - l2).scale(0.5) * ((l3 + l2) * over_r);
+    let u = r.scale(0.5) + shift;
+    let h = twice_area.scale(sign) * over_r;
+    let e = times(d1, over_r);
     let normal = [-e[1], e[0]];
     // X = P + u e + ε √(l3² − u²) e⊥
     let from_1 = sum(times(e, u), times(normal, h));
-    let from_2 = sum(times(e, (l3 - l2).scale(0.5) * ((l3 + l2) / r) - r.scale(0.5)), times(normal, h));
+    let from_2 = sum(times(e, shift - r.scale(0.5)), times(normal, h));
     let b2 = angle(d2, from_2);
     let b3 = angle(d3, times(from_1, -S::one()));
     let mut x = [S::zero(); 3];
@@ -173,7 +176,7 @@ fn one_slide<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize
     let slide = &joints[at(2)];
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
     let [a1, a2, a3] = [0, 1, 2].map(|i| sides[at(i)].turn);
-    let l = d1[0].hypot(d1[1]);
+    let l = sides[at(0)].length;
     let along = rotated(slide.axis(), a2);
     let w0 = sum(d2, rotated(d3, a2 + slide.rest()));
     let off = cross(along, w0);

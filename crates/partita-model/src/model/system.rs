@@ -132,6 +132,22 @@ impl ConstrainedSystem for Model {
         self.own.dynamics(t, q, v, s, mass, h)
     }
 
+    fn mass_pattern(&self) -> Pattern {
+        self.mass_layout().pattern.clone()
+    }
+
+    fn sparse_dynamics(
+        &self,
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        s: &mut ModelScratch,
+        mass: &mut [f64],
+        h: &mut [f64],
+    ) -> Result<(), SystemError> {
+        self.own.sparse_dynamics(t, q, v, self.mass_layout(), s, mass, h)
+    }
+
     fn project(
         &self,
         t: f64,

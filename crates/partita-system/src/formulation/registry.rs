@@ -6,6 +6,7 @@ use crate::equations::full::baumgarte::Stabilised;
 use crate::equations::full::proximal::Iteration;
 use crate::equations::full::range_space::Range;
 use crate::equations::full::saddle::Saddle;
+use crate::equations::full::sparse::Sparse;
 use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -25,6 +26,7 @@ pub const NAMES: &[&str] = &[
     "tangent-space",
     "user-tangent",
     "multipliers",
+    "sparse-multipliers",
     "range-space",
     "proximal",
     "baumgarte",
@@ -59,6 +61,10 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
         "tangent-space" => Box::new(TangentSpace::new(system, rank, o)?),
         "user-tangent" => Box::new(UserTangent::new(system, rank, o)?),
         "multipliers" => Box::new(FullState::new(system, rank, Saddle::new(size.nv, rank), o)),
+        "sparse-multipliers" => {
+            let rule = Sparse::new(system.mass_pattern(), system.pattern());
+            Box::new(FullState::new(system, rank, rule, o))
+        }
         "range-space" => Box::new(FullState::new(system, rank, Range::new(size.nv, rank), o)),
         "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank < size.rows), o)),
         "baumgarte" => {
@@ -83,7 +89,7 @@ pub fn unread(name: &str, options: &FormulationOptions) -> Vec<&'static str> {
         "zero-eigenvalue" | "svd" | "qr" | "liang-lance" | "gram-schmidt" => &["correction", "renew"],
         "tangent-space" => &["renew"],
         "user-tangent" => &["correction", "tangent"],
-        "multipliers" | "range-space" | "proximal" => &["correction", "exchange"],
+        "multipliers" | "sparse-multipliers" | "range-space" | "proximal" => &["correction", "exchange"],
         "baumgarte" => &["baumgarte", "exchange"],
         _ => &[],
     };

@@ -33,6 +33,8 @@ pub struct InverseKinematics {
     /// Did the branches follow the motion at the last evaluation, and at the end of the step that is judged?
     following: bool,
     trial_following: bool,
+    /// Iterations in blocks without a closed form, those for outputs left out.
+    iterations: u64,
     /// Distance from a singular position at the end of the last step.
     far: f64,
     /// Blocks that went over to their other branch: block, time, and was it foreseen?
@@ -68,6 +70,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
             tangent.closing()?.set_branches(&self.branches);
             core.q.copy_from_slice(&core.home);
         }
+        let iterated = tangent.closing()?.iterations();
         let closed = if follow {
             core.predict(tangent.seen().system, t, y, at);
             let followed = tangent.closing()?.follow(t, &mut core.q);
@@ -79,6 +82,9 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
             core.states.scatter(y, &mut core.q);
             tangent.closing()?.close(t, &mut core.q)
         };
+        if at != Point::Inside {
+            self.iterations += tangent.closing()?.iterations() - iterated;
+        }
         if let Err(e) = closed {
             core.q.copy_from_slice(&self.good);
             return Err(e);
@@ -116,6 +122,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
     }
 
     fn report(&self, journal: &mut Journal) {
+        journal.counters.newton_iterations = self.iterations;
         for (block, t, foreseen) in self.flips.iter().take(6) {
             journal.notes.push(match foreseen {
                 true => format!(

@@ -19,6 +19,25 @@ use partita_math::dense;
 /// Squared sine under which the kernels call a row dependent on the others: what remains of it is rounding.
 const DEPENDENT: f64 = 1e-14;
 
+/// What the rule is given, with its own memory left free.
+macro_rules! instant {
+    ($self:expr) => {{
+        let r = &$self.base.r;
+        Instant {
+            pattern: r.system.pattern(),
+            rows: &$self.rows,
+            holonomic: r.size().holonomic,
+            mass: &$self.mass,
+            h: &$self.h,
+            phi: &r.phi,
+            c: &r.c,
+            a: &r.a,
+            b: &r.b,
+            v: &r.v,
+        }
+    }};
+}
+
 /// All velocities of a system, v' and λ by the rule R.
 ///
 /// Of the options it reads `correction`, and `exchange` for the partition that (34) moves; it has no independent
@@ -35,6 +54,7 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     h: Vec<f64>,
     vdot: Vec<f64>,
     lambda: Vec<f64>,
+    open: Vec<f64>,
     factorisations: u64,
     iterations: u64,
 }
@@ -46,13 +66,14 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         Self {
             base: Base::new(Reduction::new(system, rank)),
             correction: if rule.corrected() && rank > 0 { options.correction } else { Correction::None },
+            mass: vec![0.0; rule.mass_pattern().map_or(size.nv * size.nv, |pattern| pattern.nnz())],
             rule,
             exchange: options.exchange,
             rows: Vec::with_capacity(size.rows),
-            mass: vec![0.0; size.nv * size.nv],
             h: vec![0.0; size.nv],
             vdot: vec![0.0; size.nv],
             lambda: vec![0.0; size.rows],
+            open: Vec::with_capacity(size.rows),
             factorisations: 0,
             iterations: 0,
         }
@@ -80,23 +101,14 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         let r = &mut self.base.r;
         r.v.copy_from_slice(v);
         r.system.velocity(t, q, v, &mut r.scratch, &mut r.b)?;
-        r.system.dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h)
+        match self.rule.mass_pattern() {
+            None => r.system.dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h),
+            Some(_) => r.system.sparse_dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h),
+        }
     }
 
     fn ask(&mut self) -> Result<(), Failure> {
-        let r = &self.base.r;
-        let x = Instant {
-            pattern: r.system.pattern(),
-            rows: &self.rows,
-            holonomic: r.size().holonomic,
-            mass: &self.mass,
-            h: &self.h,
-            phi: &r.phi,
-            c: &r.c,
-            a: &r.a,
-            b: &r.b,
-            v: &r.v,
-        };
+        let x = instant!(self);
         self.lambda.fill(0.0);
         self.factorisations += 1;
         self.iterations += self.rule.solve(&x, &mut self.vdot, &mut self.lambda)?;
@@ -114,18 +126,36 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             self.levels(t, q, v)?;
             asked = self.ask();
         }
-        let r = &self.base.r;
         match asked {
             Ok(()) if self.vdot.iter().all(|x| x.is_finite()) => Ok(()),
             Ok(()) => Err(SystemError::NotFinite { what: "an acceleration".into(), t }),
-            Err(Failure::Mass { index, pivot }) => {
-                Err(SystemError::Mass { name: r.system.velocity_name(index), pivot })
-            }
-            Err(Failure::Rows { sine2 }) if r.c.iter().all(|x| x.is_finite()) => {
-                Err(SystemError::Singular { t, pivot: sine2, limit: DEPENDENT })
-            }
-            Err(Failure::Rows { .. }) => Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t }),
+            Err(failure) => Err(self.refused(t, failure)),
         }
+    }
+
+    fn refused(&self, t: f64, failure: Failure) -> SystemError {
+        let r = &self.base.r;
+        match failure {
+            Failure::Mass { index, pivot } => SystemError::Mass { name: r.system.velocity_name(index), pivot },
+            Failure::Rows { sine2 } if r.c.iter().all(|x| x.is_finite()) => {
+                SystemError::Singular { t, pivot: sine2, limit: DEPENDENT }
+            }
+            Failure::Rows { .. } => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
+        }
+    }
+
+    /// One move of v onto C v + a = 0 by the rule's own way; false where it has none.          (35)
+    fn settled_by_the_rule(&mut self, t: f64, v: &mut [f64]) -> Result<bool> {
+        let (x, r) = (instant!(self), &self.base.r);
+        self.open.clear();
+        self.open.extend(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
+        let moved = self.rule.least_move(&x, &self.open, &mut self.vdot);
+        match moved {
+            None => return Ok(false),
+            Some(Ok(())) => dense::axpy(1.0, &self.vdot, v),
+            Some(Err(failure)) => return Err(self.refused(t, failure)),
+        }
+        Ok(true)
     }
 }
 
@@ -201,6 +231,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         }
         self.base.r.position(t, q)?;
         self.levels(t, q, v)?;
+        if self.settled_by_the_rule(t, v)? {
+            return self.settled_by_the_rule(t, v);
+        }
         let r = &self.base.r;
         let rows = &r.partition.rows;
         let p = MassProjection::new(r.system, t, &self.mass, &dense_rows(r.system, &r.c, rows))?;
@@ -249,6 +282,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
     fn report(&self, journal: &mut Journal) {
         (journal.counters.factorisations, journal.counters.proximal_iterations) =
             (self.factorisations, self.iterations);
+        journal.counters.plans += self.rule.plans();
         journal.rows.clone_from(&self.rows);
         journal.notes.extend(self.rule.notes());
         if self.correction == Correction::None && self.base.r.rank() > 0 {

@@ -17,6 +17,10 @@ use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
+/// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no part
+/// of the cost of so many steps.
+const MOST_PATIENCE: u32 = 1024;
+
 /// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis
 /// of a change of inputs).
 pub struct Blocks<'s, S: ConstrainedSystem> {
@@ -25,9 +29,11 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
     exchange: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
-    /// Steps to go before the system is asked for other inputs again.
+    /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer: asking
+    /// means planning, and an answer that was no better is likely to be given again.
     patience: u32,
-    /// Gain of an exchange when it was last asked.
+    waited: u32,
+    /// The least gain of an exchange since it was last asked.
     asked_at: f64,
     next: Option<Box<dyn Closing + Send + 's>>,
 }
@@ -52,7 +58,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             }
         }
         let (base, exchange) = (Base::new(Reduction::dense(system, rank)), options.exchange);
-        Ok(Self { base, fixed, exchange, closing: None, patience: 0, asked_at: 0.0, next: None })
+        Ok(Self { base, fixed, exchange, closing: None, patience: 0, waited: 0, asked_at: 0.0, next: None })
     }
 
     /// The closing in use.
@@ -159,10 +165,12 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     /// Ask the system for other inputs, now and then or when matters got worse; keeps them in `self.next`.
     fn better_inputs(&mut self, t: f64, q: &[f64], gain: f64) -> bool {
         self.patience = self.patience.saturating_sub(1);
+        self.asked_at = self.asked_at.min(gain);
         if self.patience > 0 && gain < 2.0 * self.asked_at {
             return false;
         }
-        (self.patience, self.asked_at) = (PERIOD, gain);
+        self.waited = (2 * self.waited).clamp(PERIOD, MOST_PATIENCE);
+        (self.patience, self.asked_at) = (self.waited, gain);
         // a system that knows no closing here keeps the one in use, which reports its own limits
         let Ok(next) = self.base.r.system.closing(t, q, None) else { return false };
         // what looks better by scales of some steps ago need not be; a failure here would be met by the next evaluation
@@ -224,6 +232,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         let growth = self.growth(next.inputs());
         let (from, to) = (self.base.names(&before), self.base.names(next.inputs()));
         self.adopt(t, q, next)?;
+        self.waited = 0;
         self.base.exchanges += 1;
         self.base.evaluate(t, q, v)?;
         let reason = format!("{to} in the place of {from} as inputs: the volume of the choice grows by {growth:.3}");

@@ -31,6 +31,7 @@ enum Needs {
 const TABLE: &[(&str, Needs, bool)] = &[
     ("projective", Needs::Nothing, false),
     ("multipliers", Needs::Nothing, true),
+    ("sparse-multipliers", Needs::Nothing, true),
     ("range-space", Needs::Nothing, true),
     ("baumgarte", Needs::Stabilisation, true),
     ("proximal", Needs::Nothing, true),

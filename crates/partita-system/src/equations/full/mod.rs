@@ -4,6 +4,7 @@ pub mod baumgarte;
 pub mod proximal;
 pub mod range_space;
 pub mod saddle;
+pub mod sparse;
 
 use partita_math::elimination::Pattern;
 
@@ -16,7 +17,7 @@ pub struct Instant<'a> {
     pub rows: &'a [usize],
     /// How many rows exist at position level: the first ones.
     pub holonomic: usize,
-    /// M (n x n).
+    /// M (n x n), or its entries in the order of [`AccelerationRule::mass_pattern`].
     pub mass: &'a [f64],
     /// h (n).
     pub h: &'a [f64],
@@ -80,6 +81,19 @@ pub trait AccelerationRule {
     }
     /// `v'` (n) and λ (all rows; entries of rows not used come in as zero). Returns the iterations it took.
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure>;
+    /// The entries of M the rule is to be given, where it does not want all of them.
+    fn mass_pattern(&self) -> Option<&Pattern> {
+        None
+    }
+    /// The least move in the mass metric that closes rows open by `open` (all rows), `−M⁻¹ Cᵀ M_c⁻¹ x`, where the rule has
+    /// a way of its own to find it.                                                            (35)
+    fn least_move(&mut self, _x: &Instant, _open: &[f64], _out: &mut [f64]) -> Option<Result<(), Failure>> {
+        None
+    }
+    /// Elimination plans made.
+    fn plans(&self) -> u64 {
+        0
+    }
     /// What the user should know, in sentences.
     fn notes(&self) -> Vec<String> {
         Vec::new()
