@@ -39,8 +39,8 @@ def drawn(vector: Array) -> Array:
 
 def arrow(ax: Axes, start: Array, way: Array, colour: str, name: str, beside: tuple[float, float]) -> None:
     """An arrow from `start` with its name beside its tip."""
-    ax.annotate("", tuple(start + way), tuple(start), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.7, "shrinkA": 0,
-                                                    "shrinkB": 0})  # fmt: skip
+    shape = {"arrowstyle": "-|>", "color": colour, "lw": 1.7, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", tuple(start + way), tuple(start), arrowprops=shape)
     x, y = start + way + np.array(beside)
     ax.text(x, y, name, color=colour, fontsize=10, ha="center", va="center")
 
