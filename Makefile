@@ -92,7 +92,8 @@ compare-docs: $(BUILT)
 
 ## paper: the claims about the criterion, computed and drawn in out/paper
 paper: $(BUILT)
-	@for script in pendulum four_bar_turn drift orders determinant individual frozen switching; do \
+	@for script in geometry_pendulum geometry_four_bar pendulum four_bar_turn drift orders determinant individual frozen \
+		switching; do \
 		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/
