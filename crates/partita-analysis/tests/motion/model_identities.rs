@@ -105,6 +105,28 @@ fn bias_is_the_second_derivative_of_the_constraints() {
     });
 }
 
+/// M by its own pattern is M: what the pattern leaves out is zero, the rest is the same, and so is h.
+#[test]
+fn sparse_mass_matrix_is_the_mass_matrix() {
+    everywhere(12, |_, model, m| {
+        let (mass, h) = dynamics(model, m);
+        let (n, pattern) = (model.size().nv, model.mass_pattern());
+        let (mut values, mut again) = (vec![f64::NAN; pattern.nnz()], vec![f64::NAN; n]);
+        let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);
+        model.sparse_dynamics(m.t, &m.q, &m.v, &mut s, &mut values, &mut again).unwrap();
+        assert_eq!(h, again);
+        let mut full = Matrix::new(n, n);
+        for i in 0..n {
+            pattern.row(i).for_each(|e| full[(i, pattern.col_idx[e])] = values[e]);
+        }
+        let size = mass.max_abs();
+        for e in 0..n * n {
+            let off = (full.data()[e] - mass.data()[e]).abs();
+            assert!(off <= 1e-14 * size, "entry {e}: {off:e} of {size:e}");
+        }
+    });
+}
+
 #[test]
 fn constraints_hold_on_three_levels() {
     everywhere(3, |_, model, m| {

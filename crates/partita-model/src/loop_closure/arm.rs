@@ -46,7 +46,7 @@ pub(super) struct FlatArm<S> {
 
 impl<S: Scalar> FlatArm<S> {
     pub fn new(vector: [S; 2], turn: S) -> Self {
-        Self { vector, turn, length: vector[0].hypot(vector[1]) }
+        Self { vector, turn, length: (vector[0] * vector[0] + vector[1] * vector[1]).sqrt() }
     }
 }
 
@@ -91,7 +91,7 @@ impl<S: Scalar> Pose<S> {
         match e.kind {
             Kind::Turn => {
                 let x = self.x[i];
-                self.x[i] = x + ((q[at] - x) / S::from_f64(TAU)).round().scale(TAU);
+                self.x[i] = x + (q[at] - x).scale(1.0 / TAU).round().scale(TAU);
                 q[at] = self.x[i];
             }
             Kind::Ball => {
