@@ -4,7 +4,9 @@ in balance, the same in absolute and in joint coordinates. Random mechanisms, or
 
 from __future__ import annotations
 
+import re
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -288,3 +290,36 @@ def by_hand(formulation: str) -> tuple[Result, np.ndarray]:
         more["tangent"] = pt.TangentVelocities(directions)
     run = pt.simulate(system, 1.0, q, v, t_eval=times, formulation=formulation, rtol=RTOL, atol=1e-12, **more)
     return run, times
+
+
+def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
+    """The table "Where each stands" of docs/formulations.md: its files exist, its names are options that run."""
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "formulations.md").read_text("utf-8")
+    rows = [line.split(" | ") for line in page.split("## Where each stands")[1].split("\n## ")[0].splitlines()[8:]]
+    rows = [[cell.strip("| ") for cell in row] for row in rows if len(row) == 5]
+    assert len(rows) >= 24 and len({row[0] for row in rows}) == len(rows)
+    m = pt.catalogue.load("four-bar")
+    start = pt.catalogue.entry("four-bar").initial(m)
+    named: set[str] = set()
+    for name, _, words, source, test in rows:
+        for place in (source, test):
+            crate, _, rest = place.partition("/")
+            assert (root / (place if crate == "tests" else f"crates/partita-{crate}/{rest}")).is_file(), place
+        for word in re.findall(r"`([^`]+)`", words):
+            given = dict(re.findall(r'(\w+)="?([^",]+)"?', word))
+            named |= set(given.values())
+            if not given:  # an attribute
+                where = Result if word.startswith("Result.") else pt.partition
+                assert hasattr(where, word.split(".")[1]), word
+                continue
+            asked: dict[str, Any] = dict(given)
+            if "exchange" in given:
+                asked["exchange"] = float(given["exchange"])
+            if given.get("selection") == "persistence":
+                asked["window"] = 0.1
+            if given.get("formulation") == "baumgarte":
+                asked["baumgarte"] = (10.0, 10.0)
+            if given.get("formulation") != "user-tangent":
+                assert m.simulate(0.1, initial=start, **asked).success, (name, word)
+    assert named >= {*options.FORMULATIONS, *options.SELECTIONS, "partition", "mass-orthogonal", "each step"}
