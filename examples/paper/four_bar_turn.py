@@ -39,6 +39,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         found[f"joint: largest rho of {name}"] = float(joint[:, i].max())
     for i, name in enumerate(ABSOLUTE):
         found[f"absolute: least rho of {name}"] = float(absolute[:, i].min())
+    found["absolute: largest rho of crank.turn"] = float(absolute[:, ABSOLUTE.index("crank.turn")].max())
     for kind, rho in (("joint", joint), ("absolute", absolute)):
         for margin in MARGINS:
             chosen = follow(rho, margin)

@@ -61,6 +61,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     for ax, (method, (order, rates)) in zip(axes, METHODS.items(), strict=True):
         steps = 1e3 / np.array(rates)
         dressed(ax, f"{method}, order {order}", "error of the links [m]" if ax is axes[0] else "", time_axis=False)
+        all_errors: list[float] = []
         for n, name in enumerate(FORMULATIONS):
             errors = []
             for rate in rates:
@@ -68,8 +69,15 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
                 errors.append(float(np.sqrt(np.mean(np.sum(gap**2, axis=-1)))))
             slope = float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
             found[f"{method} of order {order}, {name}: order"] = slope
+            all_errors += errors
             style = {"color": COLOURS[n], "marker": MARKERS[n], "ms": 4, "lw": 1.1}
             ax.loglog(steps, errors, "-", label=f"{name}: {slope:.2f}", **style)
+        slopes = [found[f"{method} of order {order}, {name}: order"] for name in FORMULATIONS]
+        found |= {
+            f"{method}: shortest step [ms]": float(steps.min()), f"{method}: longest step [ms]": float(steps.max()),
+            f"{method}: least error": min(all_errors), f"{method}: largest error": max(all_errors),
+            f"{method}: least order": min(slopes), f"{method}: largest order": max(slopes),
+        }  # fmt: skip
         ax.loglog(steps, errors[0] * (steps / steps[0]) ** order, ":", color="#888888", lw=1.0, label=f"order {order}")
         ax.set_xticks(steps, [f"{step:.3g}" for step in steps])
         ax.xaxis.set_minor_locator(NullLocator())

@@ -170,6 +170,8 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         for what in ("exchanges", "evaluations", "error", "success"):
             found[f"turning, threshold {name}: {what}"] = row[what]
         found[f"turning, threshold {name}: cost per evaluation over kept"] = ratio
+    turned = march("turning", method="dop853", step=1.0 / REFERENCE["turning"], coordinates="relative")
+    found["turning: turns of the crank"] = float(np.ptp(turned.joint("A").position)) / (2.0 * np.pi)
     longer = table(2 if short else 9, "dop853")
     found["turning by dop853, threshold 1.25: cost per evaluation over kept"] = (
         longer["1.25"]["cost"] / longer["kept"]["cost"]

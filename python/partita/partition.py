@@ -45,8 +45,9 @@ class Partition:
         A: v_D = A v_I + eta, (n - k, k), rows in the order of `dependent`, columns in that of `independent`.
         D: (k, n) with D C^T = 0 and v = D^T v_I + [0; eta]; columns in the order of the coordinates.
         rho: projective measure of every coordinate (n,), 0 to 1.
-        sigma: smallest singular value of the chosen, normalised coordinate directions: 1 best, 0 singular. It
-            bounds the conditioning of the reduced equations.
+        sigma: smallest singular value of the projections of the chosen coordinate directions, made unit vectors
+            first, on the possible motions: 1 best, 0 singular. It bounds the conditioning of the reduced equations.
+            The best choice may have as little as 1 / sqrt(1 + k m), for a diagonal M no less.
         sqrt_mu: smallest principal cosine between the chosen directions and the possible motions: 1 best, 0
             singular. Its inverse is the most by which an error in the constraints can be magnified in the
             dependent coordinates.

@@ -2,47 +2,54 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from functools import cache
-from pathlib import Path
-
 import pytest
+from paper_runs import ROOT, SCRIPTS, folder, numbers
 
-ROOT = Path(__file__).parents[2]
-SCRIPTS = ROOT / "examples" / "paper"
 NAMES = ("pendulum", "four_bar_turn", "drift", "orders", "determinant", "individual", "frozen", "switching")
-
-if str(SCRIPTS) not in sys.path:
-    sys.path.insert(0, str(SCRIPTS))
+GEOMETRY = ("geometry_pendulum", "geometry_four_bar")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("paper")
+@pytest.mark.parametrize("name", (*NAMES, *GEOMETRY))
+def test_figure_is_drawn(name: str) -> None:
+    numbers(name, True)
+    assert (folder() / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
-@cache
-def numbers(name: str, folder: Path) -> dict[str, float]:
-    """What the script found in its short form."""
-    found: dict[str, float] = importlib.import_module(name).main(True, folder)
-    return found
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_figure_is_drawn(name: str, folder: Path) -> None:
-    numbers(name, folder)
-    assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_every_script_is_tested_and_on_the_page() -> None:
+def test_every_script_is_tested_and_on_its_page() -> None:
     scripts = {path.stem for path in SCRIPTS.glob("*.py")} - {"drawing", "reference"}
-    page = (ROOT / "docs" / "paper.md").read_text("utf-8")
-    assert scripts == set(NAMES) == {name for name in scripts if f"paper/{name}.png" in page}
+    assert scripts == {*NAMES, *GEOMETRY}
+    for name, own in (("paper", NAMES), ("geometry", GEOMETRY)):
+        page = (ROOT / "docs" / f"{name}.md").read_text("utf-8")
+        assert set(own) == {script for script in scripts if f"paper/{script}.png" in page}
+    made = (ROOT / "Makefile").read_text("utf-8")
+    assert all(script in made.partition("for script in ")[2].partition(";")[0].split() for script in scripts)
 
 
-def test_pendulum(folder: Path) -> None:
-    found = numbers("pendulum", folder)
+def test_geometry_of_the_pendulum() -> None:
+    found = numbers("geometry_pendulum", True)
+    # round-off of a few operations
+    assert found["largest deviation from the formulas"] < 1e-14
+    assert found["largest product of both parts of a k"] < 1e-14
+    assert found["largest deviation of their sum from k"] < 1e-14
+    assert found["|k_x|"] == pytest.approx(0.5**0.5, abs=1e-14)
+    assert found["at 30 deg: |k_x,d|"] == pytest.approx((3.0 / 8.0) ** 0.5, abs=1e-14)
+
+
+def test_geometry_of_the_four_bar() -> None:
+    found = numbers("geometry_four_bar", True)
+    # round-off times the condition of M, some 50, times 1 / rho^2 of the worst choice looked at, 100
+    assert found["largest difference of rho^2 by (20) and by (21)"] < 1e-11
+    assert found["largest deviation of Pythagoras, in parts of |k|^2"] < 1e-12
+    assert found["P_c + P_d: largest deviation from 1"] < 1e-12
+    assert found["P_d: largest deviation of its square"] < 1e-12
+    assert found["|k_A,d|: largest relative difference over a turn"] < 1e-12
+    assert found["|k_A,d|^2 at 0.8 rad, absolute"] == pytest.approx(0.534071, abs=5e-7)
+    assert found["|k_A|^2 at 0.8 rad, absolute"] == pytest.approx(12.0, abs=1e-12)  # 1 / J of the crank
+    assert found["least |k_C,d|"] < 1e-12  # at 0 and 180 degrees exactly
+
+
+def test_pendulum() -> None:
+    found = numbers("pendulum", True)
     # round-off of a few operations
     assert found["point: largest deviation from |cos|, |sin|"] < 1e-14
     assert found["rod: largest deviation from the formulas"] < 1e-14
@@ -52,8 +59,8 @@ def test_pendulum(folder: Path) -> None:
     assert found["farthest exchange from 45 [deg]"] < 1.8
 
 
-def test_four_bar_along_a_turn(folder: Path) -> None:
-    found = numbers("four_bar_turn", folder)
+def test_four_bar_along_a_turn() -> None:
+    found = numbers("four_bar_turn", True)
     for joint in "AB":  # known to two digits
         assert found[f"joint: least rho of {joint}"] == pytest.approx(0.73, abs=0.005)
     assert found["joint: least rho of C"] < 1e-12  # at 0 and 180 degrees exactly
@@ -71,9 +78,9 @@ def test_four_bar_along_a_turn(folder: Path) -> None:
     assert all(found[f"joint: exchanges, margin {margin}"] == 0 for margin in ("1.5", "2", "3"))
 
 
-def test_drift_is_linear_and_quadratic(folder: Path) -> None:
+def test_drift_is_linear_and_quadratic() -> None:
     """Exponents fitted to the envelope of an oscillating error over two octaves: good to a tenth or two."""
-    found = numbers("drift", folder)
+    found = numbers("drift", True)
     assert found["k + n: |Phi| grows like t to the"] == pytest.approx(1.0, abs=0.25)
     assert found["accelerations: |Phi| grows like t to the"] == pytest.approx(2.0, abs=0.25)
     assert found["accelerations: |C v| grows like t to the"] == pytest.approx(1.0, abs=0.25)
@@ -82,19 +89,19 @@ def test_drift_is_linear_and_quadratic(folder: Path) -> None:
     assert found["accelerations: largest |Phi|"] > 1e3 * found["k + n: largest |Phi|"]
 
 
-def test_every_formulation_keeps_the_order_of_the_method(folder: Path) -> None:
+def test_every_formulation_keeps_the_order_of_the_method() -> None:
     """Slopes over less than a decade of steps: the next term of the error bends them by a tenth or two."""
-    found = numbers("orders", folder)
+    found = {name: slope for name, slope in numbers("orders", True).items() if " of order " in name}
     assert len(found) == 18
     for name, slope in found.items():
         order = int(name.split(" of order ")[1].split(",")[0])
         assert slope == pytest.approx(order, abs=0.2), name
 
 
-def test_determinant_follows_the_units_and_the_measure_does_not(folder: Path) -> None:
+def test_determinant_follows_the_units_and_the_measure_does_not() -> None:
     import reference
 
-    found = numbers("determinant", folder)
+    found = numbers("determinant", True)
     first = {name: reference.ABSOLUTE[int(value)] for name, value in found.items() if "index" in name}
     at = "determinant at 0.8 rad: index of its choice in"
     assert [first[f"{at} {unit}"] for unit in ("m, rad", "mm, rad", "m, deg")] == [
@@ -107,8 +114,8 @@ def test_determinant_follows_the_units_and_the_measure_does_not(folder: Path) ->
     assert found["measure: largest change with the units"] < 1e-13
 
 
-def test_largest_one_by_one_fail_together(folder: Path) -> None:
-    found = numbers("individual", folder)
+def test_largest_one_by_one_fail_together() -> None:
+    found = numbers("individual", True)
     for name, least in (("pendulum and carts", 0.577), ("3-RRR robot", 0.46), ("coupled inertia", 0.40)):
         assert found[f"{name}: sigma of the k largest rho"] < 1e-12  # zero; round-off of a singular block
         assert found[f"{name}: |det C_D| of that choice"] < 1e-12
@@ -117,8 +124,8 @@ def test_largest_one_by_one_fail_together(folder: Path) -> None:
     assert found["robot, many poses: least sigma of the k largest rho"] < 0.1
 
 
-def test_frozen_tangent_fades(folder: Path) -> None:
-    found = numbers("frozen", folder)
+def test_frozen_tangent_fades() -> None:
+    found = numbers("frozen", True)
     assert found["quality when made"] == pytest.approx(1.0, abs=1e-12)
     for angle, value in ((10, 0.98), (40, 0.83), (80, 0.46), (120, 0.04)):  # two digits
         assert found[f"frozen tangent after {angle} deg"] == pytest.approx(value, abs=0.006)
@@ -130,8 +137,8 @@ def test_frozen_tangent_fades(folder: Path) -> None:
     assert found["least quality of the exchanged coordinates"] > 0.5
 
 
-def test_only_mass_orthonormal_velocities_are_perfect_when_made(folder: Path) -> None:
-    found = numbers("frozen", folder)
+def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
+    found = numbers("frozen", True)
     for unit in ("m", "mm"):
         assert found[f"gram-schmidt: sqrt(mu) when made, drawn in {unit}"] == pytest.approx(1.0, abs=1e-12)
         others = [found[f"{name}: sqrt(mu) when made, drawn in {unit}"] for name in ("svd", "qr", "zero-eigenvalue")]
@@ -139,8 +146,8 @@ def test_only_mass_orthonormal_velocities_are_perfect_when_made(folder: Path) ->
         assert others[0] < 0.9
 
 
-def test_exchanges_neither_cost_evaluations_nor_lose_order(folder: Path) -> None:
-    found = numbers("switching", folder)
+def test_exchanges_neither_cost_evaluations_nor_lose_order() -> None:
+    found = numbers("switching", True)
     kept = found["turning, threshold kept: evaluations"]
     for threshold in ("1.0001", "1.01", "1.1", "1.25", "1.5", "2", "3", "5"):
         assert found[f"turning, threshold {threshold}: success"] == 1.0
@@ -159,9 +166,9 @@ def test_exchanges_neither_cost_evaluations_nor_lose_order(folder: Path) -> None
             )
 
 
-def test_exchanges_hand_over_every_bit(folder: Path) -> None:
+def test_exchanges_hand_over_every_bit() -> None:
     """q and the velocity that becomes independent; the others follow from them by another elimination."""
-    found = numbers("switching", folder)
+    found = numbers("switching", True)
     count = found["handed over: exchanges looked at"]
     assert count >= 15
     assert found["handed over: q and the new independent velocity equal in every bit"] == count

@@ -1,0 +1,28 @@
+"""The scripts of examples/paper, each run once in a session, in its short or its full form."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = ROOT / "examples" / "paper"
+
+if str(SCRIPTS) not in sys.path:
+    sys.path.insert(0, str(SCRIPTS))
+
+
+@cache
+def folder() -> Path:
+    """Where the figures go."""
+    return Path(tempfile.mkdtemp(prefix="partita-paper-"))
+
+
+@cache
+def numbers(name: str, short: bool) -> dict[str, float]:
+    """What the script found."""
+    found: dict[str, float] = importlib.import_module(name).main(short, folder())
+    return found

@@ -1,0 +1,183 @@
+"""docs/paper.md says what the scripts find: every number in its sentences and tables is compared with one.
+
+A claim is a stretch of the page with # in the place of each number, the script that finds them, and the keys of what it
+returns. A number agrees if it is the script's, rounded to the digits that stand on the page; errors near round-off,
+which no two machines share, are compared by their size. What was given to the scripts, and not found by them, is listed
+too: a number that is neither makes the test fail.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+
+import pytest
+from paper_runs import ROOT, numbers  # before what it makes importable
+
+NUMBER = r"(\d+(?:\.\d+)?(?:e-?\d+)?)"
+SECTION = "## The measure of a pendulum"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """`words` of the page; `keys` of what `script` returns, one for each #; `factor` from the script to the page."""
+
+    script: str
+    words: str
+    keys: tuple[str, ...]
+    factor: float = 1.0
+    rough: float = 0.0
+    """Relative difference allowed beyond the rounding."""
+
+
+def margins() -> list[Claim]:
+    """Rows of the table of margins."""
+    return [
+        Claim("four_bar_turn", f"\n| {margin} | # | # | # | # |", tuple(
+            f"{kind}: {what}, margin {margin}"
+            for kind in ("absolute", "joint") for what in ("exchanges", "least rho of the chosen")
+        ))
+        for margin in ("1", "1.2", "1.5", "2", "3")
+    ]  # fmt: skip
+
+
+def orders() -> list[Claim]:
+    """Rows of the table of orders; the errors come near round-off."""
+    found = []
+    for method in ("rk4", "dopri5", "dop853"):
+        steps = (f"{method}: shortest step [ms]", f"{method}: longest step [ms]")
+        errors = (f"{method}: least error", f"{method}: largest error")
+        slopes = (f"{method}: least order", f"{method}: largest order")
+        found.append(Claim("orders", f"\n| {method} | # to # | # to # | # to # |", steps + errors + slopes, rough=0.02))
+    return found
+
+
+def thresholds() -> list[Claim]:
+    """Rows of the table of thresholds."""
+    return [
+        Claim("switching", f"\n| {threshold} | # | # | # |", tuple(
+            f"turning, threshold {threshold}: {what}" for what in ("exchanges", "evaluations", "error")
+        ), rough=0.02)
+        for threshold in ("1.0001", "1.01", "1.1", "1.25", "1.5", "2", "3", "5", "kept")
+    ]  # fmt: skip
+
+
+FROZEN = "frozen tangent after {} deg"
+MADE = "svd: sqrt(mu) when made, drawn in {}"
+CLAIMS = (
+    Claim("pendulum", "at # degrees first", ("first exchange at [deg]",)),
+    Claim("pendulum", "never farther than # degrees away", ("farthest exchange from 45 [deg]",)),
+    Claim("pendulum", "rho of the angle is # all the way round", ("rod: rho of the angle",)),
+    Claim("four_bar_turn", "rho of the crank's joint A falls to # and that of B to #; C fails",
+          ("joint: least rho of A", "joint: least rho of B")),
+    Claim("four_bar_turn", "only the turn of the crank stays at # or more", ("absolute: least rho of crank.turn",)),
+    Claim("four_bar_turn", "needs # exchanges in a turn from", ("absolute: exchanges, margin 1",)),
+    *margins(),
+    Claim("drift", "after 32 s they are open by # m, growing like t to the #, and with the step to the #.",
+          ("k + n: largest |Phi|", "k + n: |Phi| grows like t to the", "k + n: |Phi| falls with the step to the")),
+    Claim("drift", "integrated, # m are left open, growing like t to the #, and the rates drift like t to the #.",
+          ("accelerations: largest |Phi|", "accelerations: |Phi| grows like t to the",
+           "accelerations: |C v| grows like t to the")),
+    *orders(),
+    Claim("determinant", "choice in # % of the positions",
+          ("determinant: share of the turn that changes with m to mm",), factor=100.0),
+    Claim("individual", "keeps sigma at #, # and #.", tuple(
+        f"{name}: sigma of the collective choice"
+        for name in ("pendulum and carts", "3-RRR robot", "coupled inertia")
+    )),
+    Claim("individual", "Over # random poses of the robot the k largest fall below 0.1 in # of them, to # at worst; "
+          "the collective choice never falls below #.",
+          ("robot, many poses: poses", "robot, many poses: k largest below 0.1",
+           "robot, many poses: least sigma of the k largest rho",
+           "robot, many poses: least sigma of the collective choice")),
+    Claim("frozen", "where they are made: sqrt(mu) = #.", ("quality when made",)),
+    Claim("frozen",
+          "they fade: # after 10 degrees of the crank, # after 40, # after 80. After # degrees they reach zero",
+          (FROZEN.format(10), FROZEN.format(40), FROZEN.format(80), "frozen tangent reaches zero after [deg]")),
+    Claim("frozen", "to # after 120 and # after 180.", (FROZEN.format(120), FROZEN.format(180))),
+    Claim("frozen", "sqrt(mu) is # at the start where the four-bar is drawn in metres, and # where it is drawn in "
+          "millimetres", (MADE.format("m"), MADE.format("mm"))),
+    *thresholds(),
+    Claim("four_bar_turn", "with rho of # to #, beats them all",
+          ("absolute: least rho of crank.turn", "absolute: largest rho of crank.turn")),
+    Claim("switching", "behind each of # exchanges", ("handed over: exchanges looked at",)),
+    Claim("switching", "and # exchanges or more inside each run",
+          ("dop853, threshold 1.01: least number of exchanges",)),
+    Claim("switching", "\n| rk4 | the eleven turns | # | # |",
+          ("rk4, threshold 1.0001: order", "rk4, threshold 1.01: order")),
+    Claim("switching", "\n| dopri5 | the free swing, 18 s | # | # |",
+          ("dopri5, threshold 1.0001: order", "dopri5, threshold 1.01: order")),
+    Claim("switching", "\n| dop853 | the eleven turns | # | # |",
+          ("dop853, threshold 1.0001: order", "dop853, threshold 1.01: order"), rough=0.01),
+    Claim("switching", "At the usual threshold of 1.25 rk4 has # and dop853 #.",
+          ("rk4, threshold 1.25: order", "dop853, threshold 1.25: order"), rough=0.01),
+)  # fmt: skip
+
+GIVEN = (
+    "cross at 45 degrees",
+    "crank 1, coupler 2.5, rocker 2, ground 2.2 m",
+    "the crank at 0;",
+    "started at 6 rad/s, Runge-Kutta 4 at 10 ms",
+    "after 32 s",
+    "driven by 40 N m",
+    "With the crank at 0.8 rad",
+    "after 10 degrees", "after 40,", "after 80.", "after 120", "after 180.",
+    "eleven times in 23 s", "rk4 with steps of 2.5 ms", "is to 1, the more",
+    "With thresholds of 1.0001 and 1.01,", "| method | motion | 1.0001 | 1.01 |", "the free swing, 18 s",
+    "usual threshold of 1.25", "in the swing at 1.25",
+    "rk4", "dopri5", "dop853",
+)  # fmt: skip
+"""What the scripts were told, or what a threshold of theirs is; names with digits."""
+
+
+@cache
+def page() -> str:
+    """The page from its first claim on, without code and figures; a line for each row of a table, one for the rest."""
+    text = (ROOT / "docs" / "paper.md").read_text("utf-8")
+    text = text[text.index(SECTION) :]
+    text = re.sub(r"^!\[.*$|^#.*$|`[^`]*`", " ", text, flags=re.MULTILINE)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    return re.sub(r"\s*\n\s*(?!\|)|[ ]+", " ", text)
+
+
+def pattern(words: str) -> str:
+    """What finds a claim; a row of a table is found whole."""
+    return NUMBER.join(re.escape(part) for part in words.split("#")) + (r"(?! [\d.]+ \|)" if words[0] == "\n" else "")
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.script}: {claim.words[:40]}")
+def test_number_is_what_the_script_finds(claim: Claim) -> None:
+    hits = re.findall(pattern(claim.words), page())
+    assert len(hits) == 1, "the page does not say this, or says it twice"
+    said = hits[0] if isinstance(hits[0], tuple) else (hits[0],)
+    # the long form of "switching" only times more often
+    found = numbers(claim.script, claim.script == "switching")
+    for text, key in zip(said, claim.keys, strict=True):
+        value = claim.factor * found[key]
+        assert abs(value - float(text)) <= 0.501 * last_digit(text) + claim.rough * abs(value), (text, key, value)
+
+
+def last_digit(text: str) -> float:
+    """One unit of the last digit that stands there."""
+    mantissa, _, power = text.partition("e")
+    return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+
+
+def test_no_other_number_stands_on_the_page() -> None:
+    rest = page()
+    for claim in CLAIMS:
+        rest = re.sub(pattern(claim.words), " ", rest)
+    for words in GIVEN:
+        rest = rest.replace(words, " ")
+    assert re.findall(r"[^.|]*\d[^.|]*", rest) == []
+
+
+def test_words_for_numbers() -> None:
+    """Turns of the crank, zeros along a turn, how much worse late exchanges are, the same measure in all units."""
+    switching, turn = numbers("switching", True), numbers("four_bar_turn", False)
+    assert 10.5 < switching["turning: turns of the crank"] < 11.5
+    least = [
+        value for name, value in turn.items() if name.startswith("absolute: least rho of ") and "chosen" not in name
+    ]
+    assert len(least) == 9 and sum(value < 0.001 for value in least) == 8
+    assert 100 < switching["turning, threshold 5: error"] / switching["turning, threshold 1.5: error"] < 300
+    assert numbers("determinant", False)["measure: largest change with the units"] < 1e-13
