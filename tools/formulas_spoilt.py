@@ -319,8 +319,8 @@ ERRORS = (
         "dyad-branch",
         "explicit closing: a triangle of links is closed on one side whatever the assembly",
         f"{MODEL}/loop_closure/planar.rs",
-        "let h = twice_area.scale(sign) / r;",
-        "let h = twice_area.scale(sign.abs()) / r;",
+        "let h = twice_area.scale(sign) * over_r;",
+        "let h = twice_area.scale(sign.abs()) * over_r;",
         ("closing loop_closure_plane",),
     ),
     Error(

@@ -1,7 +1,8 @@
 //! M with its own sparsity: velocities act on each other where one of their links carries the other.
 //!
-//! Absolute coordinates have a block for each body; in joint coordinates the entries are those between the velocities of one
-//! chain of ancestors. Which they are is found once, and an evaluation writes them in the order of the pattern.
+//! Absolute coordinates have a block for each body; in joint coordinates the entries are those between the velocities
+//! of one chain of ancestors. Which they are is found once, and an evaluation writes them in the order of the
+//! pattern.
 
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::elimination::Pattern;

@@ -25,7 +25,8 @@ pub trait TangentMap: Send + Sync {
 /// When a frozen tangent basis is made anew.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Renew {
-    /// When its √μ has fallen below this part of what it was when frozen (which is 1 for mass-orthonormal bases); 0: never.
+    /// When its √μ has fallen below this part of what it was when frozen (which is 1 for mass-orthonormal bases); 0:
+    /// never.
     Below(f64),
     /// After every step that is taken, whatever its quality.
     EachStep,

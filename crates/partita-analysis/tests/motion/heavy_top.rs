@@ -203,7 +203,7 @@ fn tangent_forms_tumble_alike() {
     let exact = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
     let exact = states(&relative, &exact);
     let options = FormulationOptions::default();
-    for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space"] {
+    for name in ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space"] {
         // the top with its foot to close, and the joint's own coordinates (nothing to close, the chart is the ball's)
         for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
             let make = || registry::by_name(name, model, rank, &options).unwrap();

@@ -35,7 +35,8 @@ fn count(model: &'static Model, what: &str) {
     let v = r.v.clone();
     let tangent: Arc<dyn TangentMap> = Arc::new(Partitioned(Mutex::new(r)));
     let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
-    for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space", "user-tangent"] {
+    let bases = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space", "user-tangent"];
+    for name in bases.into_iter().chain(["multipliers", "sparse-multipliers"]) {
         let mut f = registry::by_name(name, model, rank, &options).unwrap();
         let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
         f.start(0.0, &q, &v, &mut y).unwrap();

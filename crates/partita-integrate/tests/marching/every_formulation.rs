@@ -29,6 +29,7 @@ enum Drift {
 const TABLE: &[(&str, Drift)] = &[
     ("projective", Drift::Position),
     ("multipliers", Drift::Velocity),
+    ("sparse-multipliers", Drift::Velocity),
     ("range-space", Drift::Velocity),
     ("baumgarte", Drift::Stabilised),
     ("proximal", Drift::Velocity),
@@ -37,6 +38,7 @@ const TABLE: &[(&str, Drift)] = &[
     ("zero-eigenvalue", Drift::Position),
     ("svd", Drift::Position),
     ("qr", Drift::Position),
+    ("liang-lance", Drift::Position),
     ("gram-schmidt", Drift::Position),
     ("tangent-space", Drift::Never),
 ];

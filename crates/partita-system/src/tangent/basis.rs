@@ -9,8 +9,8 @@ pub trait Basis: Send {
     fn name(&self) -> &'static str;
     /// S (k x n) from M (n x n) and the kept rows of C (r x n), each brought to length 1, at one position.
     ///
-    /// r + k = n; fewer than k rows come out where C loses rank. `last` is the basis that this one takes the place of, for
-    /// rules that go on from it.
+    /// r + k = n; fewer than k rows come out where C loses rank. `last` is the basis that this one takes the place
+    /// of, for rules that go on from it.
     fn basis(&self, mass: &Matrix, c: &Matrix, last: Option<&Matrix>) -> Result<Matrix, FactorError>;
 }
 
@@ -33,11 +33,11 @@ pub enum Rule {
     /// The differentiable null space of Liang, Lance 1987: orthonormal in the units at hand, and the continuation of the
     /// basis before it.
     ///
-    /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: what is left of the old directions
-    /// orthogonal to the constraints of now, made orthonormal in their order. With the same C the same basis comes out; along
-    /// a motion it varies as smoothly as C does, where other orthonormal bases of the same space may turn by any angle when
-    /// they are made anew. The first basis is that of `OrthogonalTriangular`. Cost when frozen: 2nmk + 2nk² besides that of
-    /// the QR of Cᵀ.
+    /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: what is left of the old
+    /// directions orthogonal to the constraints of now, made orthonormal in their order. With the same C the same
+    /// basis comes out; along a motion it varies as smoothly as C does, where other orthonormal bases of the same
+    /// space may turn by any angle when they are made anew. The first basis is that of `OrthogonalTriangular`. Cost
+    /// when frozen: 2nmk + 2nk² besides that of the QR of Cᵀ.
     LiangLance,
     /// Mass-orthonormal tangent velocities (Agrawal, Saigal 1989; Blajer 1995).
     ///

@@ -17,8 +17,8 @@ use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no part
-/// of the cost of so many steps.
+/// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no
+/// part of the cost of so many steps.
 const MOST_PATIENCE: u32 = 1024;
 
 /// The tangent of a closing in use. Of the options it reads `independent` (inputs that stay) and `exchange` (hysteresis
@@ -29,8 +29,8 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
     exchange: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
-    /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer: asking
-    /// means planning, and an answer that was no better is likely to be given again.
+    /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer:
+    /// asking means planning, and an answer that was no better is likely to be given again.
     patience: u32,
     waited: u32,
     /// The least gain of an exchange since it was last asked.

@@ -5,10 +5,10 @@
 //! ```
 //!
 //! Rows of the identity in S are a partition; a [`Basis`] provides others: `zero-eigenvalue`, `svd`, `qr`,
-//! `liang-lance`, `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities integrated, in cost
-//! and in how long a basis lasts. With S frozen its quality decays along the motion as that of a partition does, and
-//! the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors measured by M⁻¹, and the
-//! tangent space.
+//! `liang-lance`, `gram-schmidt`. All give the same accelerations as any other form; they differ in the velocities
+//! integrated, in cost and in how long a basis lasts. With S frozen its quality decays along the motion as that of a
+//! partition does, and the same number tells: √μ_S, the smallest principal cosine between span(Sᵀ), covectors
+//! measured by M⁻¹, and the tangent space.
 //!
 //! [S; C] is solved for through the D of any partition: `D_Sᵀ = Dᵀ (S Dᵀ)⁻¹`, so `(S Dᵀ) v_I = u − S γ`, and v_I' (P3)
 //! gives `u' = S v'`. One elimination of C_D and one LU of S Dᵀ (k x k) per evaluation. Which partition is of no

@@ -85,8 +85,8 @@ pub trait AccelerationRule {
     fn mass_pattern(&self) -> Option<&Pattern> {
         None
     }
-    /// The least move in the mass metric that closes rows open by `open` (all rows), `−M⁻¹ Cᵀ M_c⁻¹ x`, where the rule has
-    /// a way of its own to find it.                                                            (35)
+    /// The least move in the mass metric that closes rows open by `open` (all rows), `−M⁻¹ Cᵀ M_c⁻¹ x`, where the
+    /// rule has a way of its own to find it.                                                            (35)
     fn least_move(&mut self, _x: &Instant, _open: &[f64], _out: &mut [f64]) -> Option<Result<(), Failure>> {
         None
     }

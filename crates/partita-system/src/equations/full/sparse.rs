@@ -4,11 +4,10 @@
 //! [ M  Cᵀ ] [ v' ]   [  h ]
 //! [ C  0  ] [ −λ ] = [ −b ]
 //! ```
-//! (catalogue row 1.) What [`Saddle`](super::saddle::Saddle) factors densely: here M and C keep their zeros, pivots are chosen
-//! once for little fill (Markowitz) among entries that are not small, and an evaluation executes the elimination without
-//! searching. It is planned anew when a pivot has shrunk or other rows are kept. Cost per evaluation: that of the fill,
-//! proportional to the bodies where loops hang together as in a chain. The opponent for large mechanisms; for ten velocities
-//! the dense form is as fast.
+//! (catalogue row 1.) What [`Saddle`](super::saddle::Saddle) factors densely: here M and C keep their zeros, pivots are
+//! chosen once for little fill (Markowitz) among entries that are not small, and an evaluation executes the elimination
+//! without searching. It is planned anew when a pivot has shrunk or other rows are kept. Cost per evaluation: that of the
+//! fill, proportional to the bodies where loops hang together as in a chain. The opponent for large mechanisms.
 
 use super::{AccelerationRule, Failure, Instant};
 use partita_math::elimination::{Pattern, Plan, PlanError, PlanOptions};
