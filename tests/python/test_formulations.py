@@ -38,16 +38,19 @@ SAME = 1e-5
 
 
 def tangent(model: CompiledModel, state: State) -> pt.TangentVelocities:
-    """Directions of the partition chosen at the start, as a user would write them; redundant rows are harmless."""
+    """As a user might write them, and no partition: combinations of the directions of the one chosen at the start, always
+    the same ones; redundant rows are harmless."""
     chosen = pt.partition.choose(model.mass_matrix(state.q), model.jacobian(state.q))
     i, d = list(chosen.independent), list(chosen.dependent)
+    k = len(i)
+    mix = np.eye(k) + 0.8 / max(k, 1) * np.sin(1.0 + 3.0 * np.arange(k)[:, None] + 5.0 * np.arange(k))
 
     def directions(t: float, q: np.ndarray) -> np.ndarray:
         c = model.jacobian(q, t=t)
         full = np.zeros((len(i), c.shape[1]))
         full[:, i] = np.eye(len(i))
         full[:, d] = -np.linalg.lstsq(c[:, d], c[:, i], rcond=None)[0].T
-        return full
+        return mix @ full
 
     def bias(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         c = model.jacobian(q, t=t)
@@ -134,7 +137,7 @@ def test_absolute_coordinates_give_the_same(name: str) -> None:
 
 
 # the user's directions of this test lose digits where they go bad, and the run says so: 4e-7 of the path
-@pytest.mark.filterwarnings("ignore:.*the energy balance is off by 1:partita.errors.DoubtfulResultWarning")
+@pytest.mark.filterwarnings("ignore:.*the energy balance is off by [1-4]:partita.errors.DoubtfulResultWarning")
 @pytest.mark.parametrize("formulation", [f for f in FORMULATIONS if f != "explicit-closing"])
 def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
     _, m, start, times = problem("four-bar")

@@ -56,7 +56,15 @@ fn tangent_at<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) ->
     start::choose_partition(&mut r, t, q, None, None).unwrap();
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
     r.evaluate(t, q, &speeds).unwrap();
-    Arc::new(Given { dt: r.dt, gamma: r.gamma, delta: r.delta })
+    Arc::new(Given { dt: mixed(&r.dt, r.partition.independent.len()), gamma: r.gamma, delta: r.delta })
+}
+
+/// Directions that are no partition's: each a combination of all, the same ones at all times, so that what is left of v' where
+/// u' is nothing stays as it is.
+fn mixed(dt: &[f64], k: usize) -> Vec<f64> {
+    let weight = |i: usize, j: usize| f64::from(u8::from(i == j)) + 0.8 / k as f64 * ((1 + 3 * i + 5 * j) as f64).sin();
+    let row = |row: &[f64]| (0..k).map(|j| (0..k).map(|i| row[i] * weight(i, j)).sum()).collect::<Vec<f64>>();
+    dt.chunks_exact(k.max(1)).flat_map(row).collect()
 }
 
 /// The options under which the formulation runs on this system; `None` if it does not apply.
