@@ -25,7 +25,7 @@ from partita.plots.style import COLOURS, dressed, new_figure
 from partita.results import Result
 
 Array = np.ndarray
-TANGENTS = ("gram-schmidt", "svd", "qr", "zero-eigenvalue")
+TANGENTS = ("gram-schmidt", "tangent-space", "svd", "qr", "zero-eigenvalue")
 SHOWN = (10, 40, 80, 120)
 RATE, TURNED = 6.0, 100.0
 """Of the crank in the run with frozen velocities [rad/s]; how far it is compared [deg], short of where they fail."""

@@ -1,4 +1,4 @@
-"""The scripts of examples/paper, each run once in a session, in its short or its full form."""
+"""The scripts of examples/paper, each run once for all tests, in its short or its full form."""
 
 from __future__ import annotations
 

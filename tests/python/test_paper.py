@@ -140,7 +140,8 @@ def test_frozen_tangent_fades() -> None:
 def test_only_mass_orthonormal_velocities_are_perfect_when_made() -> None:
     found = numbers("frozen", True)
     for unit in ("m", "mm"):
-        assert found[f"gram-schmidt: sqrt(mu) when made, drawn in {unit}"] == pytest.approx(1.0, abs=1e-12)
+        for name in ("gram-schmidt", "tangent-space"):
+            assert found[f"{name}: sqrt(mu) when made, drawn in {unit}"] == pytest.approx(1.0, abs=1e-12)
         others = [found[f"{name}: sqrt(mu) when made, drawn in {unit}"] for name in ("svd", "qr", "zero-eigenvalue")]
         assert others == pytest.approx([others[0]] * 3, abs=1e-6)  # one tangent; by eigenvalues to half the digits
         assert others[0] < 0.9

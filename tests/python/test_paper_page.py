@@ -15,6 +15,8 @@ from paper_runs import ROOT, numbers  # before what it makes importable
 
 NUMBER = r"(\d+(?:\.\d+)?(?:e-?\d+)?)"
 SECTION = "## The measure of a pendulum"
+SKIPPED = ""
+"""The key of a number that another claim with the same words looks at."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,9 @@ def orders() -> list[Claim]:
         steps = (f"{method}: shortest step [ms]", f"{method}: longest step [ms]")
         errors = (f"{method}: least error", f"{method}: largest error")
         slopes = (f"{method}: least order", f"{method}: largest order")
-        found.append(Claim("orders", f"\n| {method} | # to # | # to # | # to # |", steps + errors + slopes, rough=0.02))
+        row, skipped = f"\n| {method} | # to # | # to # | # to # |", (SKIPPED, SKIPPED)
+        found.append(Claim("orders", row, steps + skipped + slopes, rough=0.005))
+        found.append(Claim("orders", row, skipped + errors + skipped, rough=0.5))
     return found
 
 
@@ -152,6 +156,8 @@ def test_number_is_what_the_script_finds(claim: Claim) -> None:
     # the long form of "switching" only times more often
     found = numbers(claim.script, claim.script == "switching")
     for text, key in zip(said, claim.keys, strict=True):
+        if key == SKIPPED:
+            continue
         value = claim.factor * found[key]
         assert abs(value - float(text)) <= 0.501 * last_digit(text) + claim.rough * abs(value), (text, key, value)
 
