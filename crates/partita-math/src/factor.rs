@@ -265,6 +265,31 @@ mod tests {
 
     const SHAPES: [(usize, usize); 6] = [(1, 1), (3, 5), (5, 3), (4, 4), (0, 3), (50, 60)];
 
+    /// What they leave there would slow down all that follows on the thread.
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn large_factorisations_leave_no_wide_registers_in_use() {
+        use crate::wide::in_use;
+        let n = 60;
+        let entry = |i: usize, j: usize| ((3 * i + 7 * j) % 11) as f64 + if i == j { 500.0 } else { 0.0 };
+        let a: Vec<f64> = (0..n * n).map(|e| entry(e / n, e % n) + entry(e % n, e / n)).collect();
+        let matrix = Matrix::from_vec(n, n, a.clone());
+        let half = Matrix::from_vec(n / 2, n, a[..n * n / 2].to_vec());
+        let ones = vec![1.0; n];
+        let calls: [(&str, &dyn Fn() -> bool); 6] = [
+            ("svd", &|| svd(&matrix).is_ok()),
+            ("svd_full", &|| svd_full(&half).is_ok()),
+            ("qr_null_space", &|| qr_null_space(&half).is_ok()),
+            ("symmetric_eigen", &|| symmetric_eigen(&matrix).is_ok()),
+            ("solve_dense", &|| solve_dense(&matrix, &ones).is_ok()),
+            ("cholesky_large", &|| cholesky_large(&mut a.clone(), n).is_ok()),
+        ];
+        for (name, call) in calls {
+            assert!(call(), "{name}");
+            assert_eq!(in_use().unwrap_or(0), 0, "{name}");
+        }
+    }
+
     fn orthonormal(q: &Matrix) {
         let gram = q.transpose().matmul(q);
         assert!(distance(gram.data(), Matrix::identity(q.cols()).data()) < 1e-13);
