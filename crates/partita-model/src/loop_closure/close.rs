@@ -145,7 +145,10 @@ impl LoopClosing<'_> {
                 let mut sides = step.rigid;
                 for (k, side) in sides.iter_mut().enumerate().take(joints.len()) {
                     if step.moving[k] {
-                        *side = planar_side(p, k, &self.graph, &self.pose);
+                        *side = match &step.walks[k] {
+                            Some(walk) => walk.at(&self.pose.x),
+                            None => planar_side(p, k, &self.graph, &self.pose),
+                        };
                     }
                 }
                 let sides = &sides[..joints.len()];
@@ -266,7 +269,7 @@ impl Closing for LoopClosing<'_> {
     /// implicit block of n unknowns takes n³/3 multiply-adds and one evaluation of the positions an iteration.
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         self.old.copy_from_slice(q);
-        self.read(q);
+        self.given.iter().for_each(|&i| self.pose.read(&self.graph, i, q));
         for i in 0..self.steps.len() {
             self.advance(i, t, q)?;
         }

@@ -39,7 +39,7 @@ pub use assemblies::{Assembled, Assemblies};
 pub use over::ClosingRoom;
 
 use crate::model::{Model, ModelScratch};
-use arm::{FlatArm, Pose};
+use arm::{FlatArm, Pose, Walk};
 use graph::Graph;
 use implicit::Implicit;
 use partita_system::closing::{Block, BlockState};
@@ -69,9 +69,10 @@ struct Step {
     /// How many of them count.
     states: usize,
     pivots: [f64; 2],
-    /// Sides of a polygon in a plane that no coordinate moves, and which ones do move.
+    /// Sides of a polygon in a plane that no coordinate moves, which ones do move, and those of turns alone.
     rigid: [FlatArm<f64>; 3],
     moving: [bool; 3],
+    walks: [Option<Walk>; 3],
     /// Edges whose coordinates it finds.
     edges: Vec<usize>,
 }
@@ -86,6 +87,8 @@ pub struct LoopClosing<'m> {
     states: Vec<BlockState>,
     /// Step and number of the sign of each block.
     entries: Vec<(usize, usize)>,
+    /// Edges of the tree but for those that a polygon in a plane finds, whose old coordinates nothing reads.
+    given: Vec<usize>,
     /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,
     // scratch

@@ -90,6 +90,11 @@ impl<'m> LoopClosing<'m> {
             let message = format!("no order of solution was found for the inputs {}; choose others", names());
             return Err(SystemError::argument("independent", message));
         }
+        let mut found = vec![false; closing.graph.edges.len()];
+        // in space the spin of a link between two balls is taken as it stands
+        let flat = closing.steps.iter().filter(|s| matches!(s.work, Work::Plane(..)));
+        flat.flat_map(|s| &s.edges).for_each(|&e| found[e] = true);
+        closing.given = (0..found.len()).filter(|&e| !found[e] && closing.graph.edges[e].in_tree()).collect();
         closing.plan_blocks(at, &rows)?;
         closing.old.copy_from_slice(q);
         Ok(closing)
@@ -105,6 +110,7 @@ impl<'m> LoopClosing<'m> {
             blocks: Vec::new(),
             states: Vec::new(),
             entries: Vec::new(),
+            given: Vec::new(),
             tolerance: NEARLY_CLOSED * 1e-3 * model.placed.size,
             pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
@@ -200,8 +206,14 @@ impl<'m> LoopClosing<'m> {
                 (rigid[k], moving[k]) = (planar_side(p, k, &self.graph, &self.pose), false);
             }
         }
+        let mut walks = [const { None }; 3];
+        if let Work::Plane(p, joints) = &work {
+            if p.plane.is_none() {
+                (0..joints.len()).for_each(|k| walks[k] = p.sides[k].walk(&self.graph, &self.pose));
+            }
+        }
         let states = signs.max(1);
-        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, edges });
+        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, walks, edges });
     }
 
     /// Adds a polygon on the branch that gives the present coordinates back; `false` if none does.
