@@ -29,6 +29,7 @@ FORMULATIONS = (
     "gram-schmidt",
     "tangent-space",
     "multipliers",
+    "sparse-multipliers",
     "range-space",
 )
 

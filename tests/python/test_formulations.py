@@ -38,8 +38,8 @@ SAME = 1e-5
 
 
 def tangent(model: CompiledModel, state: State) -> pt.TangentVelocities:
-    """As a user might write them, and no partition: combinations of the directions of the one chosen at the start, always
-    the same ones; redundant rows are harmless."""
+    """As a user might write them, and no partition: combinations of the directions of the one chosen at the start, the
+    same at all times; redundant rows are harmless."""
     chosen = pt.partition.choose(model.mass_matrix(state.q), model.jacobian(state.q))
     i, d = list(chosen.independent), list(chosen.dependent)
     k = len(i)

@@ -17,8 +17,9 @@ LINES = 12
 BY_MEASURE = ("collective", "greedy", "individual")
 _TANGENT, _WHOLE = "none independent, tangent velocities integrated", "none independent, all accelerations integrated"
 INTEGRATED = {
-    **dict.fromkeys(("zero-eigenvalue", "svd", "qr", "gram-schmidt", "tangent-space", "user-tangent"), _TANGENT),
-    **dict.fromkeys(("multipliers", "range-space", "proximal", "baumgarte"), _WHOLE),
+    **dict.fromkeys(("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt"), _TANGENT),
+    **dict.fromkeys(("tangent-space", "user-tangent"), _TANGENT),
+    **dict.fromkeys(("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte"), _WHOLE),
 }
 """What formulations without independent coordinates integrate, in words."""
 
