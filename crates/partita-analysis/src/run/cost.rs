@@ -15,14 +15,14 @@ use std::time::Instant;
 
 /// Steps taken before the one whose stages are asked for: forms that look ahead from the last steps have them to look from.
 const BEFORE: u64 = 2;
-/// A batch of evaluations takes about this long [s]: a thousand readings of the clock.
+/// A batch of evaluations takes about this long (s): a thousand readings of the clock.
 const BATCH: f64 = 4e-5;
 /// Batches of each contender at each place; the fastest counts, as the one that nothing else disturbed.
 const ROUNDS: usize = 25;
-/// No contender takes longer at one place [s], but for its first two batches.
+/// No contender takes longer at one place (s), but for its first two batches.
 const PATIENCE: f64 = 0.15;
 
-/// A formulation with its options, and a usual length of its steps [s].
+/// A formulation with its options, and a usual length of its steps (s).
 pub struct Contender {
     /// What is asked of it.
     pub request: Request,
