@@ -181,6 +181,9 @@ pub fn costs<S: ConstrainedSystem<Scratch: Send> + Send + Sync>(
     let places: Vec<Place> = (0..t.len()).map(place).collect();
     let (mut stopped, mut last) = (None, Instant::now());
     let mut watch = || {
+        if stopped.is_some() {
+            return ControlFlow::Break(());
+        }
         if last.elapsed() < Duration::from_millis(50) {
             return ControlFlow::Continue(());
         }

@@ -81,11 +81,14 @@ class Bench:
             if len(times) == _REPEATS or sum(times) > _PATIENCE or not result.success:
                 return result, min(times)
 
-    def costs(self, results: Sequence[Result]) -> list[float | None]:
-        """Seconds of one evaluation for each of the runs, at places of the first; None where none could be taken."""
+    def costs(self, results: Sequence[Result], dearest: float) -> list[float | None]:
+        """Seconds of one evaluation for each of the runs, at places of the first; None where none could be taken. Where
+        the `dearest` takes long [s], one place must do."""
         first = results[0]
         sound = np.flatnonzero(np.all(np.isfinite(first.vdot), axis=1))
         rows = sound[np.unique((len(sound) * _PLACES).astype(int))] if len(sound) else sound
+        if dearest > _DEAR and len(rows) > 1:
+            rows = rows[len(rows) // 2 :][:1]
         steps = [float(x.t[-1] - x.t[0]) / max(1, x.counters.get("steps", 1)) for x in results]
         taken = self.equations.evaluation_costs(
             [x.options for x in results], steps, first.t[rows], first.q[rows], first.v[rows], self.tangent
@@ -164,6 +167,8 @@ class Bench:
 
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Where along a run evaluations are timed, in parts of it."""
+_DEAR = 2e-3
+"""Seconds of an evaluation, about, from which on one such place is enough."""
 _TOLD = ("formulation", "method", "rtol", "atol")
 
 

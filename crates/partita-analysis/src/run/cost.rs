@@ -109,18 +109,19 @@ impl<'s> Trial<'s> {
         rank: usize,
         contender: &Contender,
         place: &Place,
+        watch: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, AnalysisError> {
         let options = contender.request.formulation_options(system, contender.tangent.clone())?;
         let settings = contender.request.settings()?;
         // the same march twice: once to the end of a step, to see its stages, and once to its beginning
-        let marched = |steps: u64| {
+        let mut marched = |steps: u64| {
             let formulation = registry::by_name(&contender.request.formulation, system, rank, &options).ok()?;
             let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
             let t_end = place.t + steps as f64 * contender.step;
             let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
             let settings = Settings { t_end, options: fixed, ..settings.clone() };
-            let (mut sink, mut watch) = (|_: &Output| Ok(()), |_: f64| ControlFlow::Continue(()));
-            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut watch).ok()?;
+            let (mut sink, mut ask) = (|_: &Output| Ok(()), |_: f64| watch());
+            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut ask).ok()?;
             (end.status == Status::Finished).then_some(noted)
         };
         let (Some(ahead), Some(here)) = (marched(BEFORE + 1), marched(BEFORE)) else { return Ok(None) };
@@ -129,14 +130,14 @@ impl<'s> Trial<'s> {
         if stages.len() < 2 || stages.iter().any(|x| x.1.len() != dy.len()) {
             return Ok(None);
         }
-        let count = 2 * stages.len();
-        let mut trial = Self { formulation, stages, dy, count, next: 0, used: 0.0, fastest: f64::INFINITY };
-        if !trial.batch() {
+        let mut trial = Self { formulation, stages, dy, count: 2, next: 0, used: 0.0, fastest: f64::INFINITY };
+        // plans may be made in the first
+        if !(trial.batch() && trial.batch()) {
             return Ok(None);
         }
         let count = (BATCH / trial.fastest).ceil();
         trial.count = (count as usize).clamp(2, 100_000);
-        trial.fastest = f64::INFINITY; // plans may have been made in the first
+        trial.fastest = f64::INFINITY;
         Ok(Some(trial))
     }
 
@@ -177,7 +178,7 @@ pub fn evaluation_costs<S: ConstrainedSystem<Scratch: Send>>(
     for place in places {
         let mut trials = Vec::with_capacity(contenders.len());
         for contender in contenders {
-            trials.push(Trial::new(system, rank, contender, place)?);
+            trials.push(Trial::new(system, rank, contender, place, watch)?);
             if watch().is_break() {
                 return Ok(None);
             }
