@@ -35,6 +35,10 @@ FORMULATIONS = (
     "proximal",
     "baumgarte",
 )
+TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
+"""Formulations with tangent velocities that are frozen, or made anew at each step."""
+WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
+"""Formulations that integrate all velocities."""
 SELECTIONS = (
     "collective",
     "greedy",

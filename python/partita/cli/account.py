@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..naming import listed
-from ..options import SELECTIONS
+from ..options import SELECTIONS, TANGENTS, WHOLE
 
 if TYPE_CHECKING:
     from ..results import Result
@@ -17,9 +17,8 @@ LINES = 12
 BY_MEASURE = ("collective", "greedy", "individual")
 _TANGENT, _WHOLE = "none independent, tangent velocities integrated", "none independent, all accelerations integrated"
 INTEGRATED = {
-    **dict.fromkeys(("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt"), _TANGENT),
-    **dict.fromkeys(("tangent-space", "user-tangent"), _TANGENT),
-    **dict.fromkeys(("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte"), _WHOLE),
+    **dict.fromkeys((*TANGENTS, "tangent-space", "user-tangent"), _TANGENT),
+    **dict.fromkeys(WHOLE, _WHOLE),
 }
 """What formulations without independent coordinates integrate, in words."""
 

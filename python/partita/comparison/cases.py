@@ -8,12 +8,10 @@ from typing import Any
 
 from ..errors import ArgumentError
 from ..numeric import shown
-from ..options import CORRECTIONS, FORMULATIONS, SELECTIONS, one_of
+from ..options import CORRECTIONS, FORMULATIONS, SELECTIONS, TANGENTS, one_of
 
 DEFAULT = "projective"
 EACH_STEP = "each step"
-TANGENTS = ("zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt")
-"""Formulations with tangent velocities that are frozen, or made anew at each step."""
 # What runs only with something that no one but the user can know: option of `simulate`, and how to give it.
 _NEEDS = {
     "baumgarte": ("baumgarte", "it needs baumgarte=(alpha, beta) [1/s]; no value fits every mechanism"),

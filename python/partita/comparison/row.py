@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..options import TANGENTS, WHOLE
 from .bench import Array, Bench
-from .cases import TANGENTS, Case
+from .cases import Case
 
 if TYPE_CHECKING:
     from ..results import Result
@@ -18,7 +19,6 @@ NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
 # Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.
 _CHOOSING = ("projective", "fixed", "wehage-haug", "explicit-closing")
-_WHOLE = ("multipliers", "sparse-multipliers", "range-space", "proximal", "baumgarte")
 _RENEWING = (*TANGENTS, "tangent-space")
 _NEWTON = ("wehage-haug", "explicit-closing", "tangent-space")
 # Multiply-adds spent on condition numbers of one run; n^3 each. Beyond it not every output is looked at.
@@ -118,8 +118,8 @@ def measured(case: Case, bench: Bench, result: Result, time: float, bare: float 
         energy_drift=result.energy.relative_balance if result.has_energy and len(result.t) else None,
         error=bench.error(result),
         condition=_condition(bench, result) if case.formulation in _CHOOSING else None,
-        sigma=None if case.formulation in _WHOLE else _smallest(result.sigma),
-        sqrt_mu=None if case.formulation in _WHOLE else _smallest(result.sqrt_mu),
+        sigma=None if case.formulation in WHOLE else _smallest(result.sigma),
+        sqrt_mu=None if case.formulation in WHOLE else _smallest(result.sqrt_mu),
         time_without_outputs=bare,
         time=time,
     )
