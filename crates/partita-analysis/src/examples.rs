@@ -2,7 +2,7 @@
 
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
-use partita_model::spec::{Body, Drive, Joint, JointKind, Spec, Value, VERSION};
+use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, VERSION};
 use partita_model::value::NoFunctions;
 use partita_model::Model;
 use std::sync::Arc;
@@ -16,6 +16,7 @@ pub fn empty(name: &str) -> Spec {
         gravity: [0.0, -9.81, 0.0],
         bodies: vec![],
         joints: vec![],
+        couplings: vec![],
         drives: vec![],
         forces: vec![],
     }
@@ -41,7 +42,7 @@ pub fn joint(name: &str, kind: JointKind, parent: &str, child: &str, point: [f64
 pub fn drive(name: &str, joint: &str) -> Drive {
     let coefficients = vec![[0.0, 0.0, 1.0, 0.0]];
     let table = partita_model::spec::Table { breaks: vec![0.0, 1.0], coefficients };
-    Drive { name: name.into(), joint: joint.into(), coordinate: 0, motion: Value::Table(table) }
+    Drive { name: name.into(), measure: Measure::joint(joint, 0), motion: Value::Table(table), level: Level::Position }
 }
 
 /// Turn everything by the same generic rotation.

@@ -50,6 +50,10 @@ pub(crate) struct Geometry<'m> {
     /// The mechanism.
     pub(crate) model: &'m Model,
     pattern: Pattern,
+    /// Its rows as rows of the mechanism.
+    rows: Vec<usize>,
+    /// How many of them, the first ones, hold positions.
+    holonomic: usize,
     /// `s_i² = [M⁻¹]_ii`: the square of the reach of velocity i.
     scale2: Vec<f64>,
     /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
@@ -67,13 +71,11 @@ pub(crate) struct GeometryScratch {
 impl<'m> Geometry<'m> {
     /// All rows if `drives`, else those of the closings alone.
     pub(crate) fn new(model: &'m Model, drives: bool) -> Self {
-        let mut pattern = model.pattern().clone();
-        if !drives {
-            // the rows of the drives come last, with one entry each
-            pattern.rows = model.row_names.len();
-            pattern.row_ptr.truncate(pattern.rows + 1);
-            pattern.col_idx.truncate(pattern.row_ptr[pattern.rows]);
-        }
+        let all = model.pattern();
+        let rows: Vec<usize> = if drives { (0..all.rows).collect() } else { model.undriven().collect() };
+        let columns: Vec<Vec<usize>> = rows.iter().map(|&i| all.col_idx[all.row(i)].to_vec()).collect();
+        let pattern = Pattern::from_rows(all.cols, &columns);
+        let holonomic = rows.iter().filter(|&&i| i < model.size().holonomic).count();
         let mut scale2 = vec![1.0; model.placed.nv];
         for l in model.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Slide(_)) {
@@ -91,13 +93,17 @@ impl<'m> Geometry<'m> {
                 });
             row_reach.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
-        row_reach.extend(model.drives.iter().map(|d| scale2[d.v].sqrt()));
-        row_reach.truncate(pattern.rows);
-        Self { model, pattern, scale2, row_reach }
+        // conditions that are no closings say themselves what they measure; 0 where nothing is known
+        row_reach.extend((model.closing_rows..all.rows).map(|i| model.row_reach(i).unwrap_or(0.0)));
+        let row_reach = rows.iter().map(|&i| row_reach[i]).collect();
+        Self { model, pattern, rows, holonomic, scale2, row_reach }
     }
 
     /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
+        if self.row_reach[i] == 0.0 {
+            return 1.0;
+        }
         let square = |e: usize| c[e].powi(2) * self.scale2[self.pattern.col_idx[e]];
         self.pattern.row(i).map(square).sum::<f64>() / self.row_reach[i].powi(2)
     }
@@ -118,6 +124,11 @@ impl<'m> Geometry<'m> {
         Ok(c)
     }
 
+    /// Row `i` as a row of the mechanism.
+    pub(crate) fn row_of_model(&self, i: usize) -> usize {
+        self.rows[i]
+    }
+
     /// Reaches of all velocities.
     pub(crate) fn scales(&self) -> Vec<f64> {
         self.scale2.iter().map(|s2| s2.sqrt()).collect()
@@ -128,8 +139,8 @@ impl ConstrainedSystem for Geometry<'_> {
     type Scratch = GeometryScratch;
 
     fn size(&self) -> Size {
-        let rows = self.pattern.rows;
-        Size { nq: self.model.placed.nq, nv: self.model.placed.nv, rows, holonomic: rows }
+        let placed = &self.model.placed;
+        Size { nq: placed.nq, nv: placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
     }
     fn pattern(&self) -> &Pattern {
         &self.pattern
@@ -147,13 +158,13 @@ impl ConstrainedSystem for Geometry<'_> {
         self.model.velocity_name(i)
     }
     fn row_name(&self, i: usize) -> String {
-        self.model.row_name(i)
+        self.model.row_name(self.rows[i])
     }
     fn row_is_drive(&self, i: usize) -> bool {
-        self.model.row_is_drive(i)
+        self.model.row_is_drive(self.rows[i])
     }
     fn rheonomic(&self) -> bool {
-        self.pattern.rows > self.model.row_names.len() && self.model.rheonomic()
+        self.model.rheonomic()
     }
 
     fn position(
@@ -166,9 +177,14 @@ impl ConstrainedSystem for Geometry<'_> {
         a: &mut [f64],
     ) -> Result<(), SystemError> {
         self.model.position(t, q, &mut s.model, &mut s.phi, &mut s.c, &mut s.a)?;
-        phi.copy_from_slice(&s.phi[..phi.len()]);
-        c.copy_from_slice(&s.c[..c.len()]);
-        a.copy_from_slice(&s.a[..a.len()]);
+        let all = self.model.pattern();
+        for (i, &row) in self.rows.iter().enumerate() {
+            if i < phi.len() {
+                phi[i] = s.phi[row];
+            }
+            a[i] = s.a[row];
+            c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
+        }
         for i in 0..self.pattern.rows {
             if self.weight(i, c) < REDUNDANT {
                 c[self.pattern.row(i)].fill(0.0);
@@ -185,7 +201,7 @@ impl ConstrainedSystem for Geometry<'_> {
         b: &mut [f64],
     ) -> Result<(), SystemError> {
         self.model.velocity(t, q, v, &mut s.model, &mut s.phi)?;
-        b.copy_from_slice(&s.phi[..b.len()]);
+        b.iter_mut().zip(&self.rows).for_each(|(b, &row)| *b = s.phi[row]);
         Ok(())
     }
     fn dynamics(

@@ -61,20 +61,20 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let mut redundant = Vec::with_capacity(free.dropped.len());
     for (stress, &row) in stresses(&released, &pose, &free, t, &q)?.iter().zip(&free.dropped) {
         redundant.push(Redundant {
-            row: twin.row_name(row),
-            joint: twin.spec.joints[twin.joint_of_row(row)].name.clone(),
+            row: released.row_name(row),
+            joint: twin.row_names[released.row_of_model(row)].owner.name(&twin.spec).to_string(),
             why: reason(&pose, stress),
         });
     }
     let mut found = Mobility {
         mobility: nv - free.rank,
-        joint_rows: twin.placed.joints.iter().map(|p| p.shape.rows()).sum(),
+        joint_rows: twin.placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>() + twin.coupling_rows(),
         joint_rank: 6 * bodies + free.rank - nv,
-        closing_rows: twin.row_names.len(),
+        closing_rows: released.size().rows,
         closing_rank: free.rank,
         redundant,
         smallest: released.distance(&free, t, &q)?,
-        dropped: free.dropped,
+        dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
     if !twin.drives.is_empty() {
         let driven = Geometry::new(&twin, true);
@@ -93,7 +93,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
 fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility) -> Result<(), SystemError> {
     let (pattern, reach, model) = (driven.pattern(), driven.scales(), driven.model);
     let c = driven.jacobian(t, q)?;
-    let mut rows: Vec<usize> = (0..model.row_names.len()).filter(|i| found.dropped.binary_search(i).is_err()).collect();
+    let mut rows: Vec<usize> = model.undriven().filter(|i| found.dropped.binary_search(i).is_err()).collect();
     let mut before: Vec<&str> = Vec::new();
     let has_motion = found.mobility > 0;
     for d in &model.drives {
@@ -112,7 +112,7 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
             (true, []) => "the closed loops leave this coordinate no motion that could be driven".into(),
             (true, before) => format!("with {} driven, this coordinate follows already", names(before)),
         };
-        let joint = model.spec.joints[d.joint].name.clone();
+        let joint = d.joint.map_or(&d.name, |(j, _)| &model.spec.joints[j].name).clone();
         found.redundant.push(Redundant { row: driven.row_name(d.row), joint, why });
     }
     Ok(())

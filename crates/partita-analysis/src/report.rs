@@ -145,7 +145,7 @@ fn joint_line(model: &Model, j: usize) -> JointLine {
     let j = &model.spec.joints[j];
     JointLine {
         joint: j.name.clone(),
-        kind: format!("{:?}", j.kind).to_lowercase(),
+        kind: j.kind.words().into(),
         parent: j.parent.clone(),
         child: j.child.clone(),
     }
@@ -158,7 +158,7 @@ fn count(n: usize, one: &str, many: &str) -> String {
 fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     let mut notes = Vec::new();
     let k = found.mobility;
-    let drives: Vec<&str> = model.spec.drives.iter().map(|d| d.joint.as_str()).collect();
+    let drives: Vec<&str> = model.spec.drives.iter().map(|d| d.measure.of_joint().unwrap_or(&d.name)).collect();
     notes.push(match (k, drives.is_empty()) {
         (0, true) => "no motion left: the joints make a structure of the bodies; free a joint to move it".into(),
         (0, false) => format!("no motion left to integrate: the drives of {} prescribe all of it", names(&drives)),

@@ -85,7 +85,7 @@ impl<'m> Pose<'m> {
         closings.sort_unstable();
         closings.dedup();
         lambda.iter().for_each(|&(row, x)| dense[row] = x);
-        let origin = self.points[self.model.joint_of_row(first)];
+        let origin = self.model.joint_of_row(first).map_or_else(Vec3::zero, |j| self.points[j]);
         let mut sums: BTreeMap<usize, Wrench> = BTreeMap::new();
         for &i in &closings {
             let k = &full.closings[i];

@@ -3,22 +3,14 @@
 use crate::joint::{LockedSlides, Motion};
 use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
+use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Planar, Space, Vec3};
 
-/// A closing row as the user may see it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RowName {
-    /// Joint.
-    pub joint: usize,
-    /// Name of the row.
-    pub name: String,
-}
-
 /// Compile for the space G; also the names of the rows.
-pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> (Tree<G>, Vec<RowName>) {
+pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> (Tree<G>, Vec<Row>) {
     let reference = &numbers.reference;
     let vec = |x: Vec3<f64>| G::vec_from(x.0);
     let mut links = vec![Link {
@@ -78,7 +70,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
                 (_, true) => format!("slide{}", i + 1),
                 _ => format!("turn{}", i - slides + 1),
             };
-            names.push(RowName { joint: j, name: format!("{}.{what}", spec.joints[j].name) });
+            names.push(Row { owner: Owner::Joint(j), name: format!("{}.{what}", spec.joints[j].name) });
         }
         tree.rows += closing.rows();
         tree.entries += closing.entries();
@@ -97,7 +89,7 @@ pub(crate) fn origins<S: Scalar>(placed: &Placed, numbers: &Numbers<S>) -> Vec<V
 }
 
 /// A point as an anchor of its link, and the origin it counts from. On the ground the point is the origin itself.
-fn anchor<G: Space>(
+pub(crate) fn anchor<G: Space>(
     link: usize,
     at: Vec3<G::S>,
     reference: &[Vec3<G::S>],

@@ -7,40 +7,49 @@
 //! Nothing here looks at a value: a derivative goes through, eight lanes go side by side, a recorder writes it all down.
 
 use crate::clusters::{self, Given, Tangents};
-use crate::compile::{self, RowName};
+use crate::compile;
+use crate::coupling;
 use crate::error::DescriptionError;
 use crate::force::Element;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
+use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::{Spec, Value};
+use crate::spec::{Level, Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
-use crate::value::{self, Callers, Instant};
+use crate::value::{Callers, Instant};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Planar, Quaternion, Spatial, Vec3};
+use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
 
-/// A prescribed coordinate: the row `q_i − f(t)`.
+/// A prescribed motion and its row.
 #[derive(Clone, Debug)]
 pub struct DriveRow {
     /// Name of the drive.
     pub name: String,
-    /// Driven joint.
-    pub joint: usize,
-    /// Which of its velocities.
-    pub coordinate: usize,
-    /// Coordinate.
-    pub q: usize,
-    /// Velocity.
-    pub v: usize,
-    /// Motion.
+    /// Number of the drive in the description.
+    pub number: usize,
+    /// Driven joint, and which of its velocities.
+    pub joint: Option<(usize, usize)>,
+    /// Coordinate and velocity, where its joint stands in the tree.
+    pub tree: Option<(usize, usize)>,
+    /// Motion: position, or rate.
     pub motion: Value,
+    /// Which of them.
+    pub level: Level,
     /// Row.
     pub row: usize,
+}
+
+impl DriveRow {
+    /// The velocity of the tree that it drives.
+    pub fn velocity(&self) -> Option<usize> {
+        self.tree.map(|(_, v)| v)
+    }
 }
 
 /// The tree in the space the evaluations run in.
@@ -101,19 +110,18 @@ impl<S: Scalar> Evaluator<S> {
         numbers: Numbers<S>,
         drives: Vec<DriveRow>,
         callers: Arc<Callers>,
-    ) -> Result<(Self, [Vec<RowName>; 2]), DescriptionError> {
+    ) -> Result<(Self, [Vec<Row>; 2]), DescriptionError> {
         let massive = massive(&placed);
-        let (tree, full_rows) = compile::compile::<Spatial<S>>(spec, &placed, &numbers);
-        let full = Mechanics::new(tree, Element::all(spec, &placed, &numbers)?, &massive);
+        let (full, full_rows) = mechanics::<Spatial<S>>(spec, &placed, &numbers, &massive)?;
         if let (false, Some(name)) = (S::CALLS, full.elements.iter().find_map(Element::calls)) {
             return Err(uncallable("force", name));
         }
-        if let (false, Some(d)) = (S::CALLS, drives.iter().find(|d| matches!(d.motion, Value::Function(_)))) {
-            return Err(uncallable("drive", &d.name));
+        if let (false, Some(c)) = (S::CALLS, full.conditions.iter().find(|c| c.calls())) {
+            return Err(uncallable(if matches!(c.owner, Owner::Drive(_)) { "drive" } else { "coupling" }, &c.name));
         }
         let (engine, rows) = if placed.planar {
-            let (tree, rows) = compile::compile::<Planar<S>>(spec, &placed, &numbers);
-            (Engine::Flat(Mechanics::new(tree, Element::all(spec, &placed, &numbers)?, &massive)), rows)
+            let (flat, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
+            (Engine::Flat(flat), rows)
         } else {
             (Engine::Full, full_rows.clone())
         };
@@ -148,32 +156,30 @@ impl<S: Scalar> Evaluator<S> {
         a: &mut [S],
     ) -> Result<(), SystemError> {
         s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
+        let mut room = std::mem::take(&mut s.room);
+        let at = self.instant(t, q, &[]);
+        let held = with_engine!(self, s, |tree, x| {
             tree.poses(q, x);
             tree.inertias(x);
             tree.close(x, phi, c);
+            tree.hold(&at, x, &mut room, phi, c, a)
         });
-        let entries = c.len() - self.drives.len();
-        for (i, d) in self.drives.iter().enumerate() {
-            let [p, u, _] = value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?;
-            phi[d.row] = q[d.q] - p;
-            a[d.row] = -u;
-            c[entries + i] = S::one();
-        }
-        Ok(())
+        s.room = room;
+        held
     }
 
     /// Velocity level, at the `(t, q)` of the last [`position`](Self::position): b.            (S5)
-    pub fn velocity(&self, t: S, v: &[S], s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
+    pub fn velocity(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
         s.forces_at = false;
-        with_engine!(self, s, |tree, x| {
+        let mut room = std::mem::take(&mut s.room);
+        let at = self.instant(t, q, v);
+        let held = with_engine!(self, s, |tree, x| {
             tree.twists(v, x);
             tree.bias(x, b);
+            tree.hold_rates(&at, x, &mut room, b)
         });
-        for d in self.drives.iter() {
-            b[d.row] = -value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?[2];
-        }
-        Ok(())
+        s.room = room;
+        held
     }
 
     /// Applied forces at the last [`velocity`](Self::velocity), gathered once.
@@ -400,6 +406,19 @@ impl<S: Scalar> Evaluator<S> {
             q[l.q..l.q + 4].copy_from_slice(&p.normalised().0);
         }
     }
+}
+
+/// Tree, conditions and forces in one space; also the names of the rows.
+fn mechanics<G: Space>(
+    spec: &Spec,
+    placed: &Placed,
+    numbers: &Numbers<G::S>,
+    massive: &[bool],
+) -> Result<(Mechanics<G>, Vec<Row>), DescriptionError> {
+    let (tree, mut rows) = compile::compile::<G>(spec, placed, numbers);
+    let conditions = coupling::all(spec, placed, numbers, &tree)?;
+    rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
+    Ok((Mechanics::new(tree, conditions, Element::all(spec, placed, numbers)?, massive), rows))
 }
 
 /// Links with mass or inertia.

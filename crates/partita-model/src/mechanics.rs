@@ -1,5 +1,6 @@
 //! The tree in one space with everything that acts on it: what an evaluation needs.
 
+use crate::coupling::Condition;
 use crate::force::{At, Element};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::Instant;
@@ -14,6 +15,8 @@ pub struct Mechanics<G: Space> {
     tree: Tree<G>,
     /// Applied forces, springs between points first.
     pub elements: Vec<Element<G>>,
+    /// Conditions that are no closings of joints, in the order of their rows.
+    pub conditions: Vec<Condition<G>>,
 }
 
 impl<G: Space> Deref for Mechanics<G> {
@@ -25,7 +28,12 @@ impl<G: Space> Deref for Mechanics<G> {
 
 impl<G: Space> Mechanics<G> {
     /// Put forces on a tree. `massive` says which links have mass or inertia, a matter of structure.
-    pub(crate) fn new(mut tree: Tree<G>, elements: Vec<Element<G>>, massive: &[bool]) -> Self {
+    pub(crate) fn new(
+        mut tree: Tree<G>,
+        conditions: Vec<Condition<G>>,
+        elements: Vec<Element<G>>,
+        massive: &[bool],
+    ) -> Self {
         tree.idle = massive.iter().map(|m| !m).collect();
         tree.efforts.clear();
         for e in &elements {
@@ -35,7 +43,41 @@ impl<G: Space> Mechanics<G> {
         }
         tree.efforts.sort_unstable();
         tree.efforts.dedup();
-        Self { tree, elements }
+        Self { tree, elements, conditions }
+    }
+
+    /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)
+    pub(crate) fn hold(
+        &self,
+        at: &Instant<G::S>,
+        s: &TreeScratch<G>,
+        room: &mut Vec<f64>,
+        phi: &mut [G::S],
+        c: &mut [G::S],
+        a: &mut [G::S],
+    ) -> Result<(), SystemError> {
+        self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, (phi, c, a)))
+    }
+
+    /// b of all conditions at the last twists.                                            (S5)
+    pub(crate) fn hold_rates(
+        &self,
+        at: &Instant<G::S>,
+        s: &TreeScratch<G>,
+        room: &mut Vec<f64>,
+        b: &mut [G::S],
+    ) -> Result<(), SystemError> {
+        self.conditions.iter().try_for_each(|x| x.velocity(&self.tree, s, at, room, b))
+    }
+
+    /// Rows of C, those of positions among them, and entries.
+    pub fn sizes(&self) -> (usize, usize, usize) {
+        let rows = |x: &Condition<G>| x.rows();
+        let (all, entries) = self.conditions.iter().fold((self.tree.rows, self.tree.entries), |(n, e), x| {
+            (n + rows(x), e + rows(x) * x.columns.len())
+        });
+        let of_rates: usize = self.conditions.iter().filter(|x| !x.holonomic).map(rows).sum();
+        (all, all - of_rates, entries)
     }
 
     /// Gather all applied forces at the last twists. A user's function is called once for each force that names it.

@@ -1,16 +1,20 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
 use crate::clusters::{self, Preference};
-use crate::compile::{self, RowName};
+use crate::compile;
+use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
 use crate::force::{self, Element};
-use crate::joint::Motion;
+use crate::gauge::{self, Quantity};
+use crate::joint::{Motion, Own};
+use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
 use crate::place::{Coordinates, Placed};
+use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::Spec;
+use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::{LinkMotion, Tree};
 use crate::validate;
 use crate::value::{Callers, Functions};
@@ -55,10 +59,14 @@ pub struct Model {
     own: Evaluator<f64>,
     /// The description it was made from.
     pub spec: Arc<Spec>,
-    /// Closing rows.
-    pub row_names: Vec<RowName>,
+    /// All rows: closings, couplings, drives.
+    pub row_names: Vec<Row>,
+    /// How many of them, the first ones, hold positions.
+    holonomic: usize,
+    /// How many of them, the first ones, close joints.
+    pub closing_rows: usize,
     /// Rows of the spatial closings that the plane makes superfluous.
-    pub out_of_plane: Vec<RowName>,
+    pub out_of_plane: Vec<Row>,
     pattern: Pattern,
     /// Where M is not zero, found when it is first asked for.
     mass_layout: OnceLock<MassLayout>,
@@ -76,7 +84,7 @@ pub struct Model {
     /// Large move of each velocity.
     reach: Vec<f64>,
     /// What a large move can open each row by.
-    row_reach: Vec<f64>,
+    row_reach: Vec<Option<f64>>,
     /// Rows that close directions.
     row_is_angle: Vec<bool>,
 }
@@ -145,10 +153,14 @@ impl Model {
         let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
         let placed = Arc::new(placed);
         let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
-        let (mut columns, mut row_reach, mut row_is_angle) = match &own.engine {
-            Engine::Flat(tree) => (compile::columns(tree), closing_reaches(tree, &placed), closing_angles(tree)),
+        let look = Look { spec: &spec, placed: &placed };
+        let (columns, row_reach, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
+            Engine::Flat(tree) => {
+                (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows)
+            }
             Engine::Full => {
-                (compile::columns(&own.full), closing_reaches(&own.full, &placed), closing_angles(&own.full))
+                let tree = &own.full;
+                (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows)
             }
         };
         let out_of_plane = if placed.planar {
@@ -157,9 +169,6 @@ impl Model {
         } else {
             Vec::new()
         };
-        columns.extend(drives.iter().map(|d| vec![d.v]));
-        row_reach.extend(drives.iter().map(|d| links.reach[d.v]));
-        row_is_angle.extend(drives.iter().map(|d| links.is_turn[d.v]));
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
@@ -171,7 +180,11 @@ impl Model {
         if elements.iter().any(Element::sees_coordinates) {
             turns.fill(false);
         }
-        for q in elements.iter().filter_map(Element::counted).chain(drives.iter().map(|d| d.q)) {
+        let coupled = own.full.conditions.iter().flat_map(Condition::readings).filter_map(|r| match r.quantity {
+            Quantity::Coordinate { q, .. } => Some(q),
+            _ => None,
+        });
+        for q in elements.iter().filter_map(Element::counted).chain(coupled) {
             turns[q] = false;
         }
         let mut model = Self {
@@ -186,6 +199,8 @@ impl Model {
             dense_projection: false,
             spec: Arc::new(spec),
             row_names,
+            holonomic,
+            closing_rows,
             out_of_plane,
             pattern,
             mass_layout: OnceLock::new(),
@@ -259,12 +274,22 @@ impl Model {
         q
     }
 
-    /// Joint of a row: a closing or a drive.
-    pub fn joint_of_row(&self, row: usize) -> usize {
-        match self.row_names.get(row) {
-            Some(r) => r.joint,
-            None => self.drives[row - self.row_names.len()].joint,
+    /// Joint of a row, if it is one's own.
+    pub fn joint_of_row(&self, row: usize) -> Option<usize> {
+        match self.row_names[row].owner {
+            Owner::Joint(j) => Some(j),
+            Owner::Coupling(_) | Owner::Drive(_) => None,
         }
+    }
+
+    /// Rows of couplings.
+    pub fn coupling_rows(&self) -> usize {
+        self.row_names.iter().filter(|r| matches!(r.owner, Owner::Coupling(_))).count()
+    }
+
+    /// What prescribes no motion: rows that are no drives'.
+    pub fn undriven(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.row_names.len()).filter(|&i| !matches!(self.row_names[i].owner, Owner::Drive(_)))
     }
 
     /// Kinetic and potential energy at the last `velocity`.
@@ -285,8 +310,6 @@ struct Links {
     turns: Vec<bool>,
     reach: Vec<f64>,
     q_reach: Vec<f64>,
-    /// Does the velocity turn?
-    is_turn: Vec<bool>,
 }
 
 impl Links {
@@ -297,7 +320,6 @@ impl Links {
             turns: vec![false; placed.nq],
             reach: vec![1.0; placed.nv],
             q_reach: vec![1.0; placed.nq],
-            is_turn: vec![false; placed.nv],
         };
         for l in placed.links.iter().skip(1) {
             match l.motion {
@@ -306,7 +328,6 @@ impl Links {
                     new.coordinates_of[l.v] = l.q..l.q + 1;
                     new.velocity_of[l.q] = Some(l.v);
                     new.turns[l.q] = true;
-                    new.is_turn[l.v] = true;
                 }
                 Motion::Slide(_) => {
                     new.velocity_of[l.q] = Some(l.v);
@@ -323,28 +344,34 @@ impl Links {
 /// The rows of the drives, behind `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
-    let mut driven = HashSet::new();
-    for d in &spec.drives {
-        let (q, v) = force::tree_coordinate(placed, "drive", &d.name, &d.joint, d.coordinate)?;
-        let q = q.ok_or_else(|| {
-            DescriptionError::new(
-                "drive",
-                &d.name,
-                "a turn in space has no single coordinate to drive; drive joints with one axis in its place",
-            )
-        })?;
-        if !driven.insert(v) {
-            return Err(DescriptionError::new("drive", &d.name, format!("joint \"{}\" is driven twice", d.joint)));
+    let mut driven: Vec<&Measure> = Vec::new();
+    let mut row = first;
+    for place in coupling::order(spec, placed)? {
+        if let Owner::Drive(i) = place.owner {
+            let d = &spec.drives[i];
+            if driven.contains(&&d.measure) {
+                let what = match &d.measure {
+                    Measure::Joint { joint, .. } => format!("joint \"{joint}\""),
+                    _ => "what it drives".into(),
+                };
+                return Err(DescriptionError::new("drive", &d.name, format!("{what} is driven twice")));
+            }
+            driven.push(&d.measure);
+            let joint = match &d.measure {
+                Measure::Joint { joint, coordinate } => Some((force::joint_index(placed, joint), *coordinate)),
+                _ => None,
+            };
+            let held = joint.filter(|(j, _)| placed.joints[*j].links.is_some());
+            let tree = match held {
+                Some((j, c)) => match force::tree_coordinate(placed, "drive", &d.name, &spec.joints[j].name, c)? {
+                    (Some(q), v) => Some((q, v)),
+                    (None, _) => None,
+                },
+                None => None,
+            };
+            drives.push(DriveRow { name: d.name.clone(), number: i, joint, tree, motion: d.motion.clone(), level: d.level, row });
         }
-        drives.push(DriveRow {
-            name: d.name.clone(),
-            joint: force::joint_index(placed, &d.joint),
-            coordinate: d.coordinate,
-            q,
-            v,
-            motion: d.motion.clone(),
-            row: first + drives.len(),
-        });
+        row += place.rows;
     }
     Ok(drives)
 }
@@ -352,6 +379,72 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
 /// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as the
 /// mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each other.
 const LEAST_REACH: f64 = 1e-3;
+
+/// Columns of every row.
+fn all_columns<G: Space>(tree: &Mechanics<G>) -> Vec<Vec<usize>> {
+    let mut columns = compile::columns(tree);
+    columns.extend(tree.conditions.iter().flat_map(|c| vec![c.columns.clone(); c.rows()]));
+    columns
+}
+
+/// What rows measure, and how much of it a large move makes.
+struct Look<'a> {
+    spec: &'a Spec,
+    placed: &'a Placed,
+}
+
+impl Look<'_> {
+    /// What a large move of a reading is: a length, or 1 for angles and cosines.
+    fn reach(&self, m: &Measure) -> f64 {
+        match gauge::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
+            true => 1.0,
+            false => self.placed.length,
+        }
+    }
+
+    /// What a large move can open each row by; not known of functions of the user's.
+    fn reaches<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
+        let mut reaches: Vec<Option<f64>> = closing_reaches(tree, self.placed).into_iter().map(Some).collect();
+        for c in &tree.conditions {
+            let of = match (c.owner, &c.says) {
+                (_, Says::Rolling(..)) => Some(self.placed.length),
+                (Owner::Joint(j), _) => Some(match self.placed.joints[j].shape.own {
+                    Some(Own::Advance(_)) => self.placed.length,
+                    _ => 1.0,
+                }),
+                (Owner::Drive(i), _) => Some(self.reach(&self.spec.drives[i].measure)),
+                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
+                    Coupling::Linear { terms, factors, .. } => {
+                        Some(terms.iter().zip(factors).fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.reach(t))))
+                    }
+                    Coupling::Curve { terms, .. } => Some(self.reach(&terms[0])),
+                    Coupling::Function { .. } | Coupling::Roll { .. } => None,
+                },
+            };
+            reaches.extend(vec![of; c.rows()]);
+        }
+        reaches
+    }
+
+    /// Which rows close directions.
+    fn angles<G: Space>(&self, tree: &Mechanics<G>) -> Vec<bool> {
+        let mut angles = closing_angles(tree);
+        let angle = |m: &Measure| gauge::is_angle(self.placed, m);
+        for c in &tree.conditions {
+            let of = match (c.owner, &c.says) {
+                (_, Says::Rolling(..)) => false,
+                (Owner::Joint(j), _) => self.placed.joints[j].shape.own == Some(Own::Twist),
+                (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
+                (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
+                    Coupling::Curve { terms, .. } => angle(&terms[0]),
+                    other => other.terms().iter().all(angle),
+                },
+            };
+            angles.extend(vec![of; c.rows()]);
+        }
+        angles
+    }
+}
 
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
 /// closing point and the joints of its loop, or the characteristic length where something slides.

@@ -173,7 +173,8 @@ impl<S: Scalar> Numbers<S> {
             shifts[e.to] = shifts[e.from];
             let (point, child_point) = given.joints[j];
             let far = child_point.unwrap_or(point);
-            if spec.joints[j].child_point.is_some() || spec.joints[j].child_axis.is_some() {
+            let said = &spec.joints[j];
+            if said.child_point.is_some() || said.child_axis.is_some() || said.child_frame.is_some() {
                 let (near, far) = if e.reversed { (far, point) } else { (point, far) };
                 shifts[e.to] = turns[e.from].apply(near) + shifts[e.from] - turns[e.to].apply(far);
             }

@@ -4,6 +4,7 @@
 //! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
+use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
 
@@ -20,6 +21,8 @@ pub struct Part {
     pub(crate) elements: Vec<usize>,
     /// Closings on these nodes, and those asked for themselves.
     pub(crate) closings: Vec<usize>,
+    /// Conditions on these nodes, and those that belong to what is asked for.
+    pub(crate) conditions: Vec<usize>,
 }
 
 impl Part {
@@ -47,8 +50,17 @@ impl Part {
             links.extend(sides(k).map(|n| model.placed.link_of(n)));
             links.extend([full.closings[k].a.link, full.closings[k].b.link]);
         }
+        let owned = |owner: Owner| match owner {
+            Owner::Joint(j) => asked(j),
+            Owner::Drive(i) => model.drives.iter().any(|d| d.number == i && d.joint.is_some_and(|(j, _)| asked(j))),
+            Owner::Coupling(_) => false,
+        };
+        let all = &full.conditions;
+        let conditions: Vec<usize> =
+            (0..all.len()).filter(|&k| owned(all[k].owner) || all[k].nodes().any(&on)).collect();
+        links.extend(conditions.iter().flat_map(|&k| all[k].links()));
         let nodes = edges.iter().map(|&e| tree[e].to).collect();
-        Self { links: with_ancestors(model, links), nodes, edges, elements, closings }
+        Self { links: with_ancestors(model, links), nodes, edges, elements, closings, conditions }
     }
 }
 
@@ -75,6 +87,7 @@ impl<S: Scalar> Evaluator<S> {
         let mut part = Part::new(self, &nodes, |_| true, &[]);
         part.links = (1..self.full.links.len()).collect();
         part.elements = (0..self.full.elements.len()).collect();
+        part.conditions = (0..self.full.conditions.len()).collect();
         part
     }
 

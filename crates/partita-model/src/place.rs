@@ -6,8 +6,8 @@
 
 use crate::error::DescriptionError;
 use crate::joint::{self, Motion, Shape};
-use crate::spec::{Body, Cut, Force, Joint, Spec};
-use crate::topology::{Edge, Topology, TreeEdge};
+use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
+use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
 use partita_math::spatial::{Mat3, Vec3};
 use std::collections::{HashMap, HashSet};
@@ -124,13 +124,14 @@ pub struct Placed {
     pub length: f64,
 }
 
-/// Names of the joints that are driven or loaded along a coordinate.
+/// Names of the joints that are driven, coupled or loaded along a coordinate.
 fn loaded(spec: &Spec) -> HashSet<&str> {
+    let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
     let by_forces = spec.forces.iter().filter_map(|f| match f {
         Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
         _ => None,
     });
-    spec.drives.iter().map(|d| d.joint.as_str()).chain(by_forces).collect()
+    measures.filter_map(Measure::of_joint).chain(by_forces).collect()
 }
 
 fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
@@ -143,6 +144,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
             parent: nodes[j.parent.as_str()],
             child: nodes[j.child.as_str()],
             class: match j.cut {
+                _ if shape.is_always_cut() => CUT,
                 Cut::Always => 2,
                 Cut::Never => 0,
                 Cut::Auto if loaded.contains(j.name.as_str()) => 0,
@@ -155,6 +157,10 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
 
 /// How far the child's joint axis in the drawing is turned from the parent's.
 fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
+    if let Some(child) = joint.child_frame {
+        let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
+        return Ok(frame.mul(&Mat3(child).transpose()));
+    }
     match (joint.axis, joint.child_axis) {
         (Some(axis), Some(child)) => match (Vec3(child).unit(), Vec3(axis).unit()) {
             (Some(c), Some(a)) => Ok(Mat3::between(c, a)),
@@ -236,12 +242,18 @@ impl Placed {
             motions.extend(closers.iter().flat_map(|(s, r)| s.motions.iter().map(|m| turned(m, r))));
         }
         let size = typical_length(spec);
-        let mut plane = if !allow_plane || floats { None } else { plane(&motions, &closers) };
+        let leaves = |c: &Coupling| match c {
+            Coupling::Roll { .. } => true,
+            c => c.terms().iter().any(|m| matches!(m, Measure::Cosine { .. })),
+        };
+        let spatial = shapes.iter().any(Shape::is_always_cut) || spec.couplings.iter().any(leaves);
+        let mut plane = if !allow_plane || floats || spatial { None } else { plane(&motions, &closers) };
         if let Some(basis) = plane {
             // closings must fit out of the plane too; if they do not, the spatial rows say so
             let fits = topology.cuts.iter().all(|&j| {
                 let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
-                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && spec.joints[j].child_axis.is_none()
+                let turned = spec.joints[j].child_axis.is_some() || spec.joints[j].child_frame.is_some();
+                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && !turned
             });
             let flat =
                 (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
@@ -317,7 +329,7 @@ impl Placed {
             } else {
                 (align, joint.point, child_point)
             };
-            if joint.child_point.is_none() && joint.child_axis.is_none() {
+            if joint.child_point.is_none() && joint.child_axis.is_none() && joint.child_frame.is_none() {
                 moved[e.to] = moved[e.from];
                 continue;
             }

@@ -44,11 +44,11 @@ pub struct Reduced<S> {
 impl<S: Scalar> Evaluator<S> {
     /// Rows of C and entries in them.
     fn sizes(&self) -> (usize, usize) {
-        let (rows, entries) = match &self.engine {
-            Engine::Flat(tree) => (tree.rows, tree.entries),
-            Engine::Full => (self.full.rows, self.full.entries),
+        let (rows, _, entries) = match &self.engine {
+            Engine::Flat(tree) => tree.sizes(),
+            Engine::Full => self.full.sizes(),
         };
-        (rows + self.drives.len(), entries + self.drives.len())
+        (rows, entries)
     }
 
     /// Everything that follows from `(t, q, v_I)` for the choice of a reduction in plain numbers, made near there; `plan` is the
@@ -95,7 +95,7 @@ impl<S: Scalar> Evaluator<S> {
         choice.tangent(&x.factors, &x.c, &x.a, &mut x.rhs, &mut x.a_matrix, &mut x.dt, &mut x.gamma);
         let tangent = (&x.dt[..], &x.gamma[..]);
         choice.spread(&x.factors, &x.c, &x.a, tangent, v_independent, &mut x.work, &mut x.v);
-        self.velocity(t, &x.v, s, &mut x.b)?;
+        self.velocity(t, q, &x.v, s, &mut x.b)?;
         choice.bias(&x.factors, &x.b, &mut x.work, &mut x.delta);
         match plan {
             Some(plan) => {

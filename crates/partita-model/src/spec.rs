@@ -21,6 +21,9 @@ pub struct Spec {
     /// Joints between them and the ground.
     #[serde(default)]
     pub joints: Vec<Joint>,
+    /// Conditions between joints and bodies that are no joints.
+    #[serde(default)]
+    pub couplings: Vec<Coupling>,
     /// Prescribed joint motions.
     #[serde(default)]
     pub drives: Vec<Drive>,
@@ -52,7 +55,7 @@ pub struct Body {
 
 /// Kinds of joints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum JointKind {
     /// One turn about an axis.
     Revolute,
@@ -72,6 +75,44 @@ pub enum JointKind {
     Free,
     /// Any subset of three slides and three turns.
     Generic,
+    /// A turn about an axis and the advance along it that goes with it.
+    Screw,
+    /// Two bends that pass a spin on unchanged.
+    ConstantVelocity,
+    /// A point on a line that turns as it likes.
+    PointOnLine,
+    /// A point in a plane.
+    PointOnPlane,
+    /// Axes that stay parallel.
+    Parallel,
+    /// Axes that stay at a right angle.
+    Perpendicular,
+    /// All axes stay parallel.
+    Orientation,
+}
+
+impl JointKind {
+    /// Its name for people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Revolute => "revolute",
+            Self::Prismatic => "prismatic",
+            Self::Cylindrical => "cylindrical",
+            Self::Universal => "universal",
+            Self::Spherical => "spherical",
+            Self::Planar => "planar",
+            Self::Fixed => "fixed",
+            Self::Free => "free",
+            Self::Generic => "generic",
+            Self::Screw => "screw",
+            Self::ConstantVelocity => "constant velocity",
+            Self::PointOnLine => "point on line",
+            Self::PointOnPlane => "point on plane",
+            Self::Parallel => "parallel",
+            Self::Perpendicular => "perpendicular",
+            Self::Orientation => "orientation",
+        }
+    }
 }
 
 /// May this joint be cut when loops are opened?
@@ -114,12 +155,19 @@ pub struct Joint {
     /// Free directions (generic): x, y, z, rx, ry, rz.
     #[serde(default)]
     pub free: Option<Vec<String>>,
+    /// Advance for a whole turn (m), positive for a right-hand thread (screw).
+    #[serde(default)]
+    pub pitch: Option<f64>,
     /// Where it sits on the child in an open drawing.
     #[serde(default)]
     pub child_point: Option<[f64; 3]>,
     /// Its axis on the child in an open drawing.
     #[serde(default)]
     pub child_axis: Option<[f64; 3]>,
+    /// Joint axes on the child in an open drawing, as columns: those of the joint lie along these when all its coordinates
+    /// are 0.
+    #[serde(default)]
+    pub child_frame: Option<[[f64; 3]; 3]>,
     /// May it be cut?
     #[serde(default)]
     pub cut: Cut,
@@ -138,8 +186,10 @@ impl Joint {
             axis2: None,
             frame: None,
             free: None,
+            pitch: None,
             child_point: None,
             child_axis: None,
+            child_frame: None,
             cut: Cut::Auto,
         }
     }
@@ -167,19 +217,189 @@ pub struct Table {
     pub coefficients: Vec<[f64; 4]>,
 }
 
-/// A prescribed joint coordinate.
+/// What is read off a mechanism.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "of", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Measure {
+    /// A coordinate of a joint: a slide (m) or a turn (rad).
+    Joint {
+        /// Joint.
+        joint: String,
+        /// Which of its coordinates.
+        #[serde(default)]
+        coordinate: usize,
+    },
+    /// Distance of two points (m).
+    Distance {
+        /// First body or `ground`.
+        body1: String,
+        /// Point on it, body axes.
+        point1: [f64; 3],
+        /// Second body or `ground`.
+        body2: String,
+        /// Point on it, body axes.
+        point2: [f64; 3],
+    },
+    /// Displacement of a point of the second body from one of the first along an axis of the first (m).
+    Along {
+        /// First body or `ground`.
+        body1: String,
+        /// Point on it, body axes.
+        point1: [f64; 3],
+        /// Axis on it, body axes.
+        axis: [f64; 3],
+        /// Second body or `ground`.
+        body2: String,
+        /// Point on it, body axes.
+        point2: [f64; 3],
+    },
+    /// Cosine of the angle between an axis of each of two bodies.
+    Cosine {
+        /// First body or `ground`.
+        body1: String,
+        /// Axis on it, body axes.
+        axis1: [f64; 3],
+        /// Second body or `ground`.
+        body2: String,
+        /// Axis on it, body axes.
+        axis2: [f64; 3],
+    },
+}
+
+impl Measure {
+    /// A coordinate of a joint.
+    pub fn joint(joint: impl Into<String>, coordinate: usize) -> Self {
+        Self::Joint { joint: joint.into(), coordinate }
+    }
+    /// The joint whose coordinate it is.
+    pub fn of_joint(&self) -> Option<&str> {
+        match self {
+            Self::Joint { joint, .. } => Some(joint),
+            _ => None,
+        }
+    }
+}
+
+/// Does a condition hold positions, or their rates alone?
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Positions.
+    #[default]
+    Position,
+    /// Rates alone: nonholonomic.
+    Velocity,
+}
+
+/// A prescribed motion.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
     /// Name.
     pub name: String,
-    /// Which joint.
-    pub joint: String,
-    /// Which of its coordinates.
-    #[serde(default)]
-    pub coordinate: usize,
-    /// Its position over time.
+    /// What is prescribed.
+    pub measure: Measure,
+    /// Its position over time, or its rate.
     pub motion: Value,
+    /// Which of them.
+    #[serde(default)]
+    pub level: Level,
+}
+
+/// A condition between what is read off a mechanism.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Coupling {
+    /// `Σ factor · reading = offset`.
+    Linear {
+        /// Name.
+        name: String,
+        /// What people call it: gear, rack, distance, ...
+        word: String,
+        /// Readings.
+        terms: Vec<Measure>,
+        /// Their factors.
+        factors: Vec<f64>,
+        /// The sum.
+        offset: f64,
+    },
+    /// `first reading = f(second reading)`, piecewise cubic.
+    Curve {
+        /// Name.
+        name: String,
+        /// What people call it: cam, coupler, ...
+        word: String,
+        /// The two readings.
+        terms: Vec<Measure>,
+        /// The curve.
+        curve: Table,
+        /// Does it repeat itself after its last break?
+        #[serde(default)]
+        periodic: bool,
+    },
+    /// `F(t, readings) = 0`, or at the level of velocities `Σ F_i(t, readings) · rate_i + F_t = 0`.
+    Function {
+        /// Name.
+        name: String,
+        /// What people call it.
+        word: String,
+        /// Readings.
+        terms: Vec<Measure>,
+        /// Function number i of those handed along.
+        function: usize,
+        /// Level.
+        #[serde(default)]
+        level: Level,
+    },
+    /// A disc or a ball that rolls on a plane.
+    Roll {
+        /// Name.
+        name: String,
+        /// The body that rolls.
+        body: String,
+        /// Its centre, body axes.
+        center: [f64; 3],
+        /// Axis of the disc, body axes; none for a ball.
+        #[serde(default)]
+        axis: Option<[f64; 3]>,
+        /// Radius (m).
+        radius: f64,
+        /// Body or `ground` that carries the plane.
+        on: String,
+        /// A point of the plane, axes of that body.
+        point: [f64; 3],
+        /// Its normal, towards the centre, axes of that body.
+        normal: [f64; 3],
+        /// May it slip? Then it only touches.
+        #[serde(default)]
+        slips: bool,
+    },
+}
+
+impl Coupling {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Linear { name, .. }
+            | Self::Curve { name, .. }
+            | Self::Function { name, .. }
+            | Self::Roll { name, .. } => name,
+        }
+    }
+    /// What people call it.
+    pub fn word(&self) -> &str {
+        match self {
+            Self::Linear { word, .. } | Self::Curve { word, .. } | Self::Function { word, .. } => word,
+            Self::Roll { .. } => "rolling contact",
+        }
+    }
+    /// What it reads.
+    pub fn terms(&self) -> &[Measure] {
+        match self {
+            Self::Linear { terms, .. } | Self::Curve { terms, .. } | Self::Function { terms, .. } => terms,
+            Self::Roll { .. } => &[],
+        }
+    }
 }
 
 /// Three components, or one function for all.

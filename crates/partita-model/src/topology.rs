@@ -6,6 +6,9 @@
 
 use std::collections::BTreeSet;
 
+/// Class of a joint that can only close loops: a body that nothing else holds floats.
+pub const CUT: u8 = 3;
+
 /// One edge of the graph. Node 0 is the ground, body i is node i + 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Edge {
@@ -13,7 +16,7 @@ pub struct Edge {
     pub parent: usize,
     /// Child node as described.
     pub child: usize,
-    /// 0: must stay, 1: as it suits, 2: should be cut.
+    /// 0: must stay, 1: as it suits, 2: should be cut, [`CUT`]: is cut whatever it holds.
     pub class: u8,
     /// Velocities the joint allows.
     pub freedoms: usize,
@@ -60,7 +63,7 @@ impl Topology {
         loop {
             for &i in &incident[newest] {
                 let e = &edges[i];
-                if depth[e.parent] == usize::MAX || depth[e.child] == usize::MAX {
+                if e.class < CUT && (depth[e.parent] == usize::MAX || depth[e.child] == usize::MAX) {
                     open.insert((e.class, e.freedoms, depth[newest], i));
                 }
             }
@@ -178,7 +181,7 @@ mod tests {
             let edges: Vec<Edge> = (0..rng.usize(0..20))
                 .filter_map(|_| {
                     let (a, b) = (rng.usize(0..nodes), rng.usize(0..nodes));
-                    (a != b).then(|| Edge { parent: a, child: b, class: rng.u8(0..3), freedoms: rng.usize(0..4) })
+                    (a != b).then(|| Edge { parent: a, child: b, class: rng.u8(0..4), freedoms: rng.usize(0..4) })
                 })
                 .collect();
             check(nodes, &edges, &Topology::new(nodes, &edges));

@@ -1,7 +1,7 @@
 //! What a description must satisfy before it is compiled, whoever wrote it.
 
 use crate::error::DescriptionError;
-use crate::spec::{Body, Force, Spec, VectorValue, VERSION};
+use crate::spec::{Body, Coupling, Force, Measure, Spec, Value, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -67,21 +67,34 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
             ));
         }
     }
-    let r = &b.orientation;
+    rotation(&b.orientation, "body", &b.name, "orientation")
+}
+
+/// Refuse what turns nothing.
+fn rotation(r: &[[f64; 3]; 3], element: &'static str, name: &str, what: &str) -> Result<(), DescriptionError> {
+    let fail = |m: String| Err(DescriptionError::new(element, name, m));
     for a in 0..3 {
         for c in 0..3 {
             let dot: f64 = (0..3).map(|k| r[k][a] * r[k][c]).sum();
             if (dot - f64::from(u8::from(a == c))).abs() > 1e-9 {
-                return fail(format!("orientation is no rotation: columns {a} and {c} have the product {dot:.12}"));
+                return fail(format!("{what} is no rotation: columns {a} and {c} have the product {dot:.12}"));
             }
         }
     }
     let det = r[0][0] * (r[1][1] * r[2][2] - r[1][2] * r[2][1]) - r[0][1] * (r[1][0] * r[2][2] - r[1][2] * r[2][0])
         + r[0][2] * (r[1][0] * r[2][1] - r[1][1] * r[2][0]);
     if det < 0.0 {
-        return fail(format!("orientation is a reflection (determinant {det:.3})"));
+        return fail(format!("{what} is a reflection (determinant {det:.3})"));
     }
     Ok(())
+}
+
+/// Refuse what lies between a body and itself.
+fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), DescriptionError> {
+    match a == b {
+        true => Err(DescriptionError::new(element, name, "its two bodies are the same; name two different ones")),
+        false => Ok(()),
+    }
 }
 
 /// Everything that can be said without compiling.
@@ -121,13 +134,83 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 finite(&x, "joint", &j.name, what)?;
             }
         }
+        for (x, what) in [(j.frame, "frame"), (j.child_frame, "child_frame")] {
+            if let Some(x) = x {
+                finite(&x.concat(), "joint", &j.name, what)?;
+                rotation(&x, "joint", &j.name, what)?;
+            }
+        }
+        if j.child_frame.is_some() && j.child_axis.is_some() {
+            return fail("child_axis and child_frame both say how it sits on its child; give one of them".into());
+        }
     }
     let joint = |element: &'static str, name: &str, joint: &str| match names.get(joint) {
         Some(_) => Ok(()),
         None => Err(DescriptionError::new(element, name, format!("there is no joint \"{joint}\""))),
     };
+    let measure = |m: &Measure, element: &'static str, name: &str| -> Result<(), DescriptionError> {
+        match m {
+            Measure::Joint { joint: j, .. } => joint(element, name, j),
+            Measure::Distance { body1, point1, body2, point2 } => {
+                finite(&[*point1, *point2].concat(), element, name, "point1, point2")?;
+                two(known(element, name, body1)?, known(element, name, body2)?, element, name)
+            }
+            Measure::Along { body1, point1, axis, body2, point2 } => {
+                finite(&[*point1, *point2, *axis].concat(), element, name, "point1, point2, axis")?;
+                two(known(element, name, body1)?, known(element, name, body2)?, element, name)
+            }
+            Measure::Cosine { body1, axis1, body2, axis2 } => {
+                finite(&[*axis1, *axis2].concat(), element, name, "axis1, axis2")?;
+                two(known(element, name, body1)?, known(element, name, body2)?, element, name)
+            }
+        }
+    };
+    let mut couplings: HashMap<&str, usize> = HashMap::new();
+    for (i, c) in spec.couplings.iter().enumerate() {
+        let fail = |m: String| Err(DescriptionError::new("coupling", c.name(), m));
+        if c.name().trim().is_empty() {
+            return fail(format!("coupling number {} has no name", i + 1));
+        }
+        if couplings.insert(c.name(), i).is_some() {
+            return fail("two couplings have this name; rename one".into());
+        }
+        c.terms().iter().try_for_each(|m| measure(m, "coupling", c.name()))?;
+        let count = c.terms().len();
+        match c {
+            Coupling::Linear { factors, offset, .. } => {
+                finite(factors, "coupling", c.name(), "factors")?;
+                finite(&[*offset], "coupling", c.name(), "offset")?;
+                if count == 0 || factors.len() != count || factors.contains(&0.0) || count > value::READINGS {
+                    return fail(format!(
+                        "it needs a factor other than 0 for each of its {count} terms, {} at the most; there are {factors:?}",
+                        value::READINGS
+                    ));
+                }
+            }
+            Coupling::Curve { curve, .. } => {
+                if count != 2 {
+                    return fail(format!("a curve joins two readings, {count} are given"));
+                }
+                value::check(&Value::Table(curve.clone()), functions, "coupling", c.name())?;
+            }
+            Coupling::Function { function, .. } => {
+                if count == 0 || count > value::READINGS {
+                    return fail(format!("a function looks at 1 to {} readings, {count} are given", value::READINGS));
+                }
+                value::check(&Value::Function(*function), functions, "coupling", c.name())?;
+            }
+            Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
+                two(known("coupling", c.name(), body)?, known("coupling", c.name(), on)?, "coupling", c.name())?;
+                let axis = axis.unwrap_or([0.0, 0.0, 1.0]);
+                finite(&[*center, axis, *point, *normal].concat(), "coupling", c.name(), "center, axis, point, normal")?;
+                if !(radius.is_finite() && *radius > 0.0) {
+                    return fail(format!("radius = {radius} m: a wheel has a positive radius"));
+                }
+            }
+        }
+    }
     for d in &spec.drives {
-        joint("drive", &d.name, &d.joint)?;
+        measure(&d.measure, "drive", &d.name)?;
         value::check(&d.motion, functions, "drive", &d.name)?;
     }
     for f in &spec.forces {

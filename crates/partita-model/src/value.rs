@@ -7,6 +7,11 @@ use partita_math::spatial::Vec3;
 use partita_system::SystemError;
 use std::sync::Arc;
 
+/// Readings of a user's law at the most.
+pub const READINGS: usize = 12;
+/// Numbers of a user's law: F, F_t, F'', and the gradient.
+pub const LAW: usize = 3 + READINGS;
+
 /// The functions handed along with a description.
 pub trait Functions: Send + Sync {
     /// Number of functions.
@@ -23,6 +28,16 @@ pub trait Functions: Send + Sync {
     ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
+    /// Law number `i` at t, readings x and their rates: F, F_t, F'' for x'' = 0, and the gradient.
+    fn law(
+        &self,
+        i: usize,
+        _t: f64,
+        _x: &[f64],
+        _rates: &[f64],
+    ) -> Result<[f64; LAW], Box<dyn std::error::Error + Send + Sync>> {
+        Err(format!("function {i} is no law of readings").into())
+    }
 }
 
 /// No functions.
@@ -100,13 +115,19 @@ pub fn table_at<S: Scalar>(table: &Table, t: S, what: &str) -> Result<[S; 3], Sy
     if let Some(t) = t.outside(from - slack, to + slack) {
         return Err(SystemError::OutsideTable { what: what.into(), t, from, to });
     }
-    let (start, [a, b, c, d]) = t.interval(&table.breaks, &table.coefficients);
-    let x = t - start;
-    let position = ((a * x + b) * x + c) * x + d;
-    Ok([position, (a.scale(3.0) * x + b.scale(2.0)) * x + c, a.scale(6.0) * x + b.scale(2.0)])
+    Ok(cubic_at(table, t))
 }
 
-fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], SystemError> {
+/// Value, first and second derivative of a piecewise cubic at x; the outer pieces go on outside.
+#[inline(always)]
+pub(crate) fn cubic_at<S: Scalar>(table: &Table, x: S) -> [S; 3] {
+    let (start, [a, b, c, d]) = x.interval(&table.breaks, &table.coefficients);
+    let x = x - start;
+    let position = ((a * x + b) * x + c) * x + d;
+    [position, (a.scale(3.0) * x + b.scale(2.0)) * x + c, a.scale(6.0) * x + b.scale(2.0)]
+}
+
+pub(crate) fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], SystemError> {
     if x.iter().all(|x| x.is_finite()) {
         Ok(x)
     } else {
@@ -114,7 +135,7 @@ fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], S
     }
 }
 
-fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync>) -> SystemError {
+pub(crate) fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync>) -> SystemError {
     SystemError::Function { what: what.into(), source }
 }
 

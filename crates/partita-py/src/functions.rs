@@ -2,7 +2,7 @@
 
 use crate::arrays::entries;
 use numpy::ToPyArray;
-use partita_model::value::Functions;
+use partita_model::value::{Functions, LAW};
 use pyo3::prelude::*;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
@@ -40,6 +40,18 @@ impl Functions for Callables {
             None => x.extract::<Vec<f64>>(),
         })?;
         x.try_into().map_err(|x: Vec<f64>| format!("a force needs three components, {} came", x.len()).into())
+    }
+    fn law(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; LAW], Fault> {
+        let found = self.call(i, t, x, rates, |x| match entries(x) {
+            Some(x) => Ok(x),
+            None => x.extract::<Vec<f64>>(),
+        })?;
+        let mut law = [0.0; LAW];
+        if found.len() != 3 + x.len() {
+            return Err(format!("a law of {} readings gives {} numbers, {} came", x.len(), 3 + x.len(), found.len()).into());
+        }
+        law[..found.len()].copy_from_slice(&found);
+        Ok(law)
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {

@@ -52,6 +52,18 @@ pub enum SystemError {
         /// End of the table.
         to: f64,
     },
+    /// A curve over a coordinate was left.
+    #[error("{what}: its curve is asked for at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
+    OutsideCurve {
+        /// Which element.
+        what: String,
+        /// Coordinate asked for.
+        x: f64,
+        /// Start of the curve.
+        from: f64,
+        /// End of the curve.
+        to: f64,
+    },
     /// A user's function failed.
     #[error("{what}: {source}")]
     Function {

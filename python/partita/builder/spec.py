@@ -86,8 +86,7 @@ class Writer:
     def _drive(self, record: DriveRecord) -> dict[str, Any]:
         return {
             "name": record.name,
-            "joint": record.joint,
-            "coordinate": record.coordinate,
+            "measure": {"of": "joint", "joint": record.joint, "coordinate": record.coordinate},
             "motion": self._value(record.motion),
         }
 

@@ -6,7 +6,7 @@ use partita_math::spatial::Quaternion;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
-use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
+use partita_model::spec::{Level, Measure, Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
@@ -30,6 +30,7 @@ pub fn drawing(name: &str) -> Drawing {
         gravity: [0.0, -9.81, 0.0],
         bodies: vec![],
         joints: vec![],
+        couplings: vec![],
         drives: vec![],
         forces: vec![],
     })
@@ -87,8 +88,8 @@ impl Drawing {
         self
     }
     pub fn drive(mut self, joint: &str, motion: Value) -> Self {
-        let (name, joint) = (format!("drive of {joint}"), joint.to_string());
-        self.0.drives.push(Drive { name, joint, coordinate: 0, motion });
+        let (name, measure) = (format!("drive of {joint}"), Measure::joint(joint, 0));
+        self.0.drives.push(Drive { name, measure, motion, level: Level::Position });
         self
     }
     /// Without gravity.

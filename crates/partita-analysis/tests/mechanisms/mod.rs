@@ -4,7 +4,7 @@
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, VERSION};
+use partita_model::spec::{Level, Measure, Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, VERSION};
 use partita_model::value::Functions;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
@@ -75,6 +75,7 @@ pub fn empty(name: &str) -> Spec {
         gravity,
         bodies: vec![],
         joints: vec![],
+        couplings: vec![],
         drives: vec![],
         forces: vec![],
     }
@@ -245,9 +246,9 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
             let motion = Value::Function(0);
             spec.drives.push(Drive {
                 name: format!("drive {name}"),
-                joint: name,
-                coordinate: rng.usize(0..motions),
+                measure: Measure::joint(name, rng.usize(0..motions)),
                 motion,
+                level: Level::Position,
             });
         }
     }

@@ -5,7 +5,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Drive, JointKind, Spec, Value};
+use partita_model::spec::{Level, Measure, Drive, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
@@ -97,7 +97,12 @@ fn driven_four_bar(loose: bool) -> Spec {
     if loose {
         pin(&mut spec, "E", "rocker", "pendulum", [3.1, 1.8, 0.0]);
     }
-    spec.drives.push(Drive { name: "motor".into(), joint: "A".into(), coordinate: 0, motion: Value::Function(0) });
+    spec.drives.push(Drive {
+        name: "motor".into(),
+        measure: Measure::joint("A", 0),
+        motion: Value::Function(0),
+        level: Level::Position,
+    });
     spec
 }
 
@@ -111,7 +116,7 @@ fn a_driven_crank() {
         let m = Moment { t: 0.0, q, v: vec![0.0; n], vdot: vec![0.0; n], lambda: vec![], rank };
         let at: Vec<f64> = (0..=20).map(|i| 0.1 * f64::from(i)).collect();
         let samples = march(&model, &m, &at).unwrap();
-        let crank = model.drives[0].q;
+        let crank = model.drives[0].tree.unwrap().0;
         for s in &samples {
             // the drive is a constraint: kept to round-off, also in its speed
             let (sin, cos) = (1.7 * s.t).sin_cos();

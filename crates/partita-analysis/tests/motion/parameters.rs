@@ -18,7 +18,7 @@ fn everything<S: Scalar>(e: &Evaluator<S>, nnz: usize, rows: usize, m: &Moment) 
     let (mut s, mut phi, mut c, mut a, mut b) = (e.scratch(), room(rows), room(nnz), room(rows), room(rows));
     let (mut mass, mut h) = (room(nv * nv), room(nv));
     e.position(t, &q, &mut s, &mut phi, &mut c, &mut a).unwrap();
-    e.velocity(t, &v, &mut s, &mut b).unwrap();
+    e.velocity(t, &q, &v, &mut s, &mut b).unwrap();
     e.dynamics(t, &q, &v, &mut s, &mut mass, &mut h).unwrap();
     let energies = e.energies(t, &q, &v, &s).unwrap().to_vec();
     let r = e.reactions(t, &q, &v, &lift(&m.vdot), &lift(&m.lambda), &mut s).unwrap();

@@ -183,7 +183,7 @@ impl Layout {
         e.position(t, q, &mut s, &mut phi, &mut c, &mut a).unwrap();
         let mut diagonal = room(self.nv);
         e.inverse_mass_diagonal(&mut s, &mut diagonal);
-        e.velocity(t, v, &mut s, &mut b).unwrap();
+        e.velocity(t, q, v, &mut s, &mut b).unwrap();
         let (mut mass, mut h) = (room(self.nv * self.nv), room(self.nv));
         e.dynamics(t, q, v, &mut s, &mut mass, &mut h).unwrap();
         let (mut md, mut hd) = (room(self.k * self.k), room(self.k));

@@ -115,6 +115,10 @@ impl<S: Scalar> Space for Planar<S> {
     fn lock_bias(_: &S, _: &PlanarRotation<S>, _: &PlanarRotation<S>, _: S, _: S) -> S {
         S::zero()
     }
+    #[inline(always)]
+    fn turned(axis: S, _: [S; 2], a: &PlanarRotation<S>, b: &PlanarRotation<S>) -> S {
+        axis * (b.angle - a.angle)
+    }
     /// `u · w = 0` with `w` a quarter turn ahead of `u` when closed: the angle that B must keep from A.
     fn lock_from(u: [f64; 3], w: [f64; 3], _: f64) -> S {
         let ahead = (u[0] * w[1] - u[1] * w[0]).atan2(u[0] * w[0] + u[1] * w[1]);

@@ -97,6 +97,9 @@ pub trait Space: Copy + Clone + Debug + Default + Send + Sync + 'static {
     fn lock_axis(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot) -> Self::Ang;
     /// Rate of that axis times the relative angular velocity.
     fn lock_bias(lock: &Self::Lock, a: &Self::Rot, b: &Self::Rot, wa: Self::Ang, wb: Self::Ang) -> Self::S;
+    /// Angle by which B is turned from A about the unit `axis` (world axes), read off a direction that coincides on both
+    /// when it is 0; in space in (−π, π], in the plane not wrapped.
+    fn turned(axis: Self::Ang, probe: [Self::Ang; 2], a: &Self::Rot, b: &Self::Rot) -> Self::S;
     /// The forbidden turn `u · w = const` of the axes `u` (on A) and `w` (on B), both given in body axes.
     fn lock_from(u: [f64; 3], w: [f64; 3], residual: f64) -> Self::Lock;
 

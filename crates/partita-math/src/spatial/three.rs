@@ -122,6 +122,11 @@ impl<S: Scalar> Space for Spatial<S> {
         let (u, w) = (a.apply(l.u), b.apply(l.w));
         (wb - wa).dot(wb.cross(w).cross(u) + w.cross(wa.cross(u)))
     }
+    #[inline(always)]
+    fn turned(axis: Vec3<S>, probe: [Vec3<S>; 2], a: &Mat3<S>, b: &Mat3<S>) -> S {
+        let (p, q) = (a.apply(probe[0]), b.apply(probe[1]));
+        axis.dot(p.cross(q)).atan2(p.dot(q) - axis.dot(p) * axis.dot(q))
+    }
     fn lock_from(u: [f64; 3], w: [f64; 3], c: f64) -> Lock3<S> {
         Lock3 { u: Vec3::from_f64(u), w: Vec3::from_f64(w), c: S::from_f64(c) }
     }

@@ -22,6 +22,7 @@ pub use plan::{Plan, Preference, Way};
 pub(crate) use sweep::Given;
 pub use sweep::Tangents;
 
+use crate::mechanics::Mechanics;
 use crate::tree::{LinkMotion, Tree};
 use partita_math::elimination::Pattern;
 use partita_math::spatial::Space;
@@ -37,13 +38,16 @@ pub(crate) fn freedoms<G: Space>(motion: &LinkMotion<G>) -> usize {
 
 /// Clusters of a tree whose C has this pattern: all links on the path of a closing belong together, so that a cluster is a
 /// connected part of the tree below one link.
-pub fn clusters<G: Space>(tree: &Tree<G>, pattern: &Pattern) -> Clusters {
+pub fn clusters<G: Space>(tree: &Mechanics<G>, pattern: &Pattern) -> Clusters {
     let mut together: Vec<Vec<usize>> = Vec::new();
     for l in tree.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Ball)) {
         together.push((l.v..l.v + 3).collect());
     }
     for k in &tree.closings {
         together.push(k.path.iter().map(|p| tree.links[p.link].v).collect());
+    }
+    for c in &tree.conditions {
+        together.push(c.cluster(tree).iter().map(|&l| tree.links[l].v).collect());
     }
     Clusters::new(pattern, together.iter().map(Vec::as_slice))
 }

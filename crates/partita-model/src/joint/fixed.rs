@@ -5,5 +5,5 @@ use partita_math::spatial::Mat3;
 
 pub(super) fn shape() -> Shape {
     let frame = Mat3::identity();
-    Shape { motions: vec![], names: vec![], slides: LockedSlides::All, locks: parallel(&frame), frame }
+    Shape { motions: vec![], names: vec![], slides: LockedSlides::All, locks: parallel(&frame), frame, own: None }
 }

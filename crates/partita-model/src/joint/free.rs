@@ -11,5 +11,6 @@ pub(super) fn shape() -> Shape {
         slides: LockedSlides::Along(vec![]),
         locks: vec![],
         frame: Mat3::identity(),
+        own: None,
     }
 }

@@ -59,5 +59,5 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         }
     }
     let slides = if locked.len() == 3 { LockedSlides::All } else { LockedSlides::Along(locked) };
-    Ok(Shape { motions, names, slides, locks, frame })
+    Ok(Shape { motions, names, slides, locks, frame, own: None })
 }

@@ -2,14 +2,17 @@
 //!
 //! A joint in the tree becomes its motions, a joint that closes a loop becomes its locks.
 
+mod constant_velocity;
 mod coordinates;
 mod cylindrical;
 mod fixed;
 mod free;
 mod generic;
 mod planar;
+mod primitive;
 mod prismatic;
 mod revolute;
+mod screw;
 mod spherical;
 mod universal;
 
@@ -58,6 +61,15 @@ pub enum LockedSlides {
     Along(Vec<Vec3<f64>>),
 }
 
+/// A condition of a joint's own besides what it locks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Own {
+    /// The first coordinate (a slide) is so many times the second (a turn).
+    Advance(f64),
+    /// The child is not twisted about z of the joint's axes.
+    Twist,
+}
+
 /// A joint, ready for either use. Axes in the drawing.
 #[derive(Clone, Debug)]
 pub struct Shape {
@@ -71,10 +83,20 @@ pub struct Shape {
     pub locks: Vec<(Vec3<f64>, Vec3<f64>)>,
     /// Joint axes, columns.
     pub frame: Mat3<f64>,
+    /// A condition of its own.
+    pub own: Option<Own>,
 }
 
 impl Shape {
-    /// Rows it brings when it closes a loop.
+    /// Must it close a loop? Its motions are not those of links in a tree.
+    pub fn is_always_cut(&self) -> bool {
+        self.own == Some(Own::Twist)
+    }
+    /// Conditions it puts on its two bodies, in space.
+    pub fn conditions(&self) -> usize {
+        self.rows() + usize::from(self.own.is_some())
+    }
+    /// Rows it brings when it closes a loop, but for a condition of its own.
     pub fn rows(&self) -> usize {
         self.locks.len()
             + match &self.slides {
@@ -91,7 +113,7 @@ impl Shape {
 /// The axis of a joint as a unit vector, or an error that names the joint.
 fn axis_of(joint: &Joint, axis: Option<[f64; 3]>, which: &str) -> Result<Vec3<f64>, DescriptionError> {
     let given = axis.ok_or_else(|| {
-        DescriptionError::new("joint", &joint.name, format!("a {:?} joint needs {which}", joint.kind).to_lowercase())
+        DescriptionError::new("joint", &joint.name, format!("a {} joint needs {which}", joint.kind.words()))
     })?;
     Vec3(given).unit().ok_or_else(|| {
         let message = format!("{which} = {given:?} has no direction; give a vector of finite length");
@@ -117,6 +139,13 @@ pub fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         JointKind::Fixed => Ok(fixed::shape()),
         JointKind::Free => Ok(free::shape()),
         JointKind::Generic => generic::shape(joint),
+        JointKind::Screw => screw::shape(joint),
+        JointKind::ConstantVelocity => constant_velocity::shape(joint),
+        JointKind::PointOnLine => primitive::point_on_line(joint),
+        JointKind::PointOnPlane => primitive::point_on_plane(joint),
+        JointKind::Parallel => primitive::parallel(joint),
+        JointKind::Perpendicular => primitive::perpendicular(joint),
+        JointKind::Orientation => primitive::orientation(joint),
     }
 }
 

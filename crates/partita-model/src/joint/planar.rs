@@ -14,5 +14,6 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         slides: LockedSlides::Along(vec![z]),
         locks: vec![(x, z), (y, z)],
         frame,
+        own: None,
     })
 }

@@ -13,5 +13,6 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         slides: LockedSlides::Along(vec![frame.column(0), frame.column(1)]),
         locks: parallel(&frame),
         frame,
+        own: None,
     })
 }

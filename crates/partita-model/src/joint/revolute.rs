@@ -13,5 +13,6 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         slides: LockedSlides::All,
         locks: vec![(frame.column(0), z), (frame.column(1), z)],
         frame,
+        own: None,
     })
 }

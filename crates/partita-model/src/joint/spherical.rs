@@ -10,5 +10,6 @@ pub(super) fn shape() -> Shape {
         slides: LockedSlides::All,
         locks: vec![],
         frame: Mat3::identity(),
+        own: None,
     }
 }

@@ -21,5 +21,6 @@ pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
         slides: LockedSlides::All,
         locks: vec![(a, b)],
         frame: Mat3::from_columns(a, z.cross(a), z),
+        own: None,
     })
 }

@@ -2,7 +2,10 @@
 
 use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
+use crate::evaluator::DriveRow;
 use crate::model::Model;
+use crate::rows::Owner;
+use crate::spec::Level;
 use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -61,6 +64,7 @@ impl Model {
     /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
     /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
     pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
+        self.refuse_conditions()?;
         let at = Instant::new(self, t, q)?;
         let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
         let mut sorted = inputs.to_vec();
@@ -76,6 +80,23 @@ impl Model {
         let mut plan = LoopClosing::new(&at, q, &sorted)?;
         plan.close(t, &mut q.to_vec())?;
         Ok(plan)
+    }
+
+    /// Closing by inverse kinematics knows joints and drives of coordinates, no other conditions.
+    fn refuse_conditions(&self) -> Result<(), SystemError> {
+        let given = |d: &DriveRow| d.tree.is_some() && d.level == Level::Position;
+        let is_given = |owner| matches!(owner, Owner::Drive(i) if self.drives.iter().any(|d| d.number == i && given(d)));
+        match self.full.conditions.iter().find(|c| !is_given(c.owner)) {
+            None => Ok(()),
+            Some(c) => {
+                let message = format!(
+                    "{} is no joint whose position follows from inverse kinematics: loops with it are closed by Newton's \
+                     method; use another formulation (\"projective\")",
+                    c.owner.words(&self.spec)
+                );
+                Err(SystemError::argument("formulation", message))
+            }
+        }
     }
 
     /// All positions that close for the input values in the closed position q: every combination of branches, those

@@ -95,7 +95,9 @@ impl LoopClosing<'_> {
                 let room = &mut self.scratch.room;
                 let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, room)?;
                 self.pose.x[*edge] = p;
-                q[drive.q] = p;
+                if let Some((i, _)) = drive.tree {
+                    q[i] = p;
+                }
                 return Ok(());
             }
             Work::Implicit(block) => {
@@ -200,7 +202,7 @@ impl LoopClosing<'_> {
                 for p in &k.path {
                     let link = &tree.links[p.link];
                     let LinkMotion::Turn(axis) = link.motion else { continue };
-                    if self.inputs.binary_search(&link.v).is_ok() || self.model.drives.iter().any(|d| d.v == link.v) {
+                    if self.inputs.binary_search(&link.v).is_ok() || self.model.drives.iter().any(|d| d.velocity() == Some(link.v)) {
                         continue;
                     }
                     let by = turns * if p.on_b { axis } else { -axis };

@@ -3,6 +3,7 @@
 use super::arm::turn_of;
 use crate::joint::Motion;
 use crate::model::Model;
+use crate::rows::Owner;
 use crate::numbers::Numbers;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
@@ -133,7 +134,7 @@ impl Graph {
             });
         }
         for &j in &placed.topology.cuts {
-            if model.row_names.iter().any(|r| r.joint == j) {
+            if model.row_names[..model.closing_rows].iter().any(|r| r.owner == Owner::Joint(j)) {
                 graph.add_cut(model, j);
             }
         }

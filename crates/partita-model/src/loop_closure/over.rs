@@ -70,7 +70,9 @@ impl LoopClosing<'_> {
                     let motion =
                         value::motion_at(&drive.motion, &e.callers, t, &drive.name, &mut straight.scratch.room);
                     pose.x[*edge] = motion?[0];
-                    q[drive.q] = pose.x[*edge];
+                    if let Some((i, _)) = drive.tree {
+                        q[i] = pose.x[*edge];
+                    }
                     continue;
                 }
                 Work::Plane(p, joints) => {

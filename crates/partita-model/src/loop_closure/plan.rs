@@ -9,6 +9,7 @@ use super::order::Order;
 use super::polygon::{Freedom, Polygon};
 use super::{planar, LoopClosing, Step, Work};
 use crate::joint;
+use crate::evaluator::DriveRow;
 use crate::model::Model;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -31,7 +32,7 @@ pub(super) struct Task {
 impl Task {
     pub fn new(model: &Model, graph: &Graph, inputs: &[usize]) -> Self {
         let is_input = |v: usize| inputs.binary_search(&v).is_ok();
-        let driven = |e: &Edge| model.drives.iter().any(|d| e.velocities().contains(&d.v));
+        let driven = |e: &Edge| model.drives.iter().filter_map(DriveRow::velocity).any(|v| e.velocities().contains(&v));
         let given = graph.edges.iter().map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e))).collect();
         let ball_inputs = graph
             .edges
@@ -46,7 +47,7 @@ impl Task {
             })
             .collect();
         let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
-        Self { given, ball_inputs, drives: model.drives.iter().map(|d| edge_of(d.v)).collect() }
+        Self { given, ball_inputs, drives: model.drives.iter().filter_map(DriveRow::velocity).map(edge_of).collect() }
     }
 }
 
@@ -56,8 +57,9 @@ impl<'m> LoopClosing<'m> {
         let model = at.model;
         let size = model.size();
         let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
-        if let Some(d) = model.drives.iter().find(|d| inputs.binary_search(&d.v).is_ok()) {
-            let name = model.velocity_name(d.v);
+        let driven = |d: &&DriveRow| d.velocity().is_some_and(|v| inputs.binary_search(&v).is_ok());
+        if let Some((d, v)) = model.drives.iter().find(driven).and_then(|d| Some((d, d.velocity()?))) {
+            let name = model.velocity_name(v);
             return Err(SystemError::argument(
                 "independent",
                 format!("{name} is driven by \"{}\": it cannot be an input; leave it out", d.name),

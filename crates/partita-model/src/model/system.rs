@@ -3,8 +3,9 @@
 use super::{Dense, Model, ModelScratch};
 use crate::clusters::{Plan, Preference, Tangents, Way};
 use crate::evaluator::{with_engine, Engine};
-use crate::joint::Motion;
-use crate::spec::Value;
+use crate::coupling::Condition;
+use crate::joint::{Motion, Own};
+use crate::rows::Owner;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -49,8 +50,7 @@ impl ConstrainedSystem for Model {
     type Scratch = ModelScratch;
 
     fn size(&self) -> Size {
-        let rows = self.pattern.rows;
-        Size { nq: self.placed.nq, nv: self.placed.nv, rows, holonomic: rows }
+        Size { nq: self.placed.nq, nv: self.placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
     }
     fn pattern(&self) -> &Pattern {
         &self.pattern
@@ -62,31 +62,17 @@ impl ConstrainedSystem for Model {
         self.placed.velocity_names[i].clone()
     }
     fn row_name(&self, i: usize) -> String {
-        match self.row_names.get(i) {
-            Some(r) => r.name.clone(),
-            None => format!("drive {}", self.drives[i - self.row_names.len()].name),
-        }
+        self.row_names[i].name.clone()
     }
     fn row_words(&self, i: usize) -> String {
-        let Some(row) = self.row_names.get(i) else { return self.row_owner(i) };
-        match row.name.rsplit_once('.') {
-            Some((joint, what)) => format!("joint \"{joint}\" in {what}"),
-            None => row.name.clone(),
+        let row = &self.row_names[i];
+        match (row.owner, row.name.rsplit_once('.')) {
+            (Owner::Joint(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
+            _ => self.row_owner(i),
         }
     }
     fn row_owner(&self, i: usize) -> String {
-        match self.row_names.get(i) {
-            Some(r) => format!("joint \"{}\"", self.spec.joints[r.joint].name),
-            None => {
-                let d = &self.drives[i - self.row_names.len()];
-                let (usual, joint) =
-                    (format!("drive of {}", self.spec.joints[d.joint].name), &self.spec.joints[d.joint].name);
-                match d.name == usual {
-                    true => format!("the {usual}"),
-                    false => format!("drive \"{}\" of {joint}", d.name),
-                }
-            }
-        }
+        self.row_names[i].owner.words(&self.spec)
     }
     fn horizon(&self) -> Option<(f64, String)> {
         crate::horizon::horizon(&self.spec)
@@ -95,10 +81,10 @@ impl ConstrainedSystem for Model {
         crate::horizon::corners(&self.spec)
     }
     fn row_is_drive(&self, i: usize) -> bool {
-        i >= self.row_names.len()
+        matches!(self.row_names[i].owner, Owner::Drive(_))
     }
     fn rheonomic(&self) -> bool {
-        self.drives.iter().any(|d| !matches!(d.motion, Value::Constant(_)))
+        self.full.conditions.iter().any(Condition::is_rheonomic)
     }
     fn has_power(&self) -> bool {
         self.has_power
@@ -116,8 +102,8 @@ impl ConstrainedSystem for Model {
         self.own.position(t, q, s, phi, c, a)
     }
 
-    fn velocity(&self, t: f64, _q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
-        self.own.velocity(t, v, s, b)
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
+        self.own.velocity(t, q, v, s, b)
     }
 
     fn dynamics(
@@ -358,7 +344,7 @@ impl ConstrainedSystem for Model {
     }
 
     fn row_reach(&self, i: usize) -> Option<f64> {
-        Some(self.row_reach[i])
+        self.row_reach[i]
     }
 
     fn row_is_angle(&self, i: usize) -> bool {
@@ -377,6 +363,7 @@ impl ConstrainedSystem for Model {
             let r = axes(p.parent, &p.on_parent).transpose().mul(&axes(p.child, &p.on_child));
             let turns: Vec<_> = p.shape.motions.iter().filter(|m| !matches!(m, Motion::Slide(_))).collect();
             match turns.as_slice() {
+                [] if p.shape.own == Some(Own::Twist) => r.apply(p.shape.frame.column(2)).dot(p.shape.frame.column(2)) < 0.0,
                 // other roots of three perpendicular pairs are turned by 120 degrees and more
                 [] => r.0[0][0] + r.0[1][1] + r.0[2][2] < 1.0,
                 [Motion::Turn(a)] => a.dot(r.apply(*a)) < 0.0,

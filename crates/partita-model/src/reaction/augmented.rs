@@ -29,7 +29,7 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
-        let Known { mut joints, needed, .. } = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
+        let Known { mut joints, needed, own, .. } = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);
@@ -48,8 +48,8 @@ impl Model {
                 joints[j].add(&w.across());
                 continue;
             }
-            let drives = self.drive_of(j, lambda);
-            joints[j] = with_along(&free, &w, |i| drives[i]);
+            let velocities = self.velocities_of(j);
+            joints[j] = with_along(&free, &w, |i| own[velocities[i]]);
         }
         joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
         Ok(joints)

@@ -9,6 +9,7 @@ mod augmented;
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::joint::Motion;
 use crate::part::Part;
+use crate::rows::Owner;
 use crate::topology::TreeEdge;
 use applied::Applied;
 use partita_math::dense;
@@ -82,6 +83,8 @@ struct Known<S> {
     needed: Vec<Wrench<S>>,
     /// Applied along each velocity of the tree.
     efforts: Vec<S>,
+    /// Along each velocity of the tree: what its joint's own conditions and drives do.
+    own: Vec<S>,
     /// The largest force that enters a body's balance, moments over the mechanism's size.
     largest: S,
 }
@@ -167,6 +170,16 @@ impl<S: Scalar> Evaluator<S> {
         axes
     }
 
+    /// Velocities of a joint of the tree, in the order of its motions.
+    fn velocities_of(&self, j: usize) -> Vec<usize> {
+        let p = &self.placed.joints[j];
+        let of = |(&l, m): (&usize, &Motion)| {
+            let v = self.placed.links[l].v;
+            v..v + m.velocities()
+        };
+        p.links.iter().flatten().zip(&p.shape.motions).flat_map(of).collect()
+    }
+
     /// Wrench of closing `k` for the multipliers λ on its child about the joint's point there, and its joint.
     fn closing_reaction(&self, k: usize, s: &Scratch<S>, lambda: &[S]) -> (usize, Wrench<S>) {
         match (&self.engine, &s.flat) {
@@ -247,7 +260,56 @@ impl<S: Scalar> Evaluator<S> {
             largest = largest.max(force).max(w.force.norm()).max(couple * per_length);
             *w = Wrench { moment: moment - w.moment, force: a.times(b.mass) - w.force };
         }
-        Ok(Known { joints: Vec::new(), needed, efforts, largest })
+        Ok(Known { joints: Vec::new(), needed, efforts, own: Vec::new(), largest })
+    }
+
+    /// First row of condition `k` in the space of the engine.
+    fn row_of_condition(&self, k: usize) -> usize {
+        match &self.engine {
+            Engine::Flat(tree) => tree.conditions[k].row,
+            Engine::Full => self.full.conditions[k].row,
+        }
+    }
+
+    /// What the conditions of `part` do for the multipliers λ at (t, q), taken off what each body needs; a joint's own and
+    /// its drives go to its wrench where it is cut, else to `own` along each velocity; others along velocities to
+    /// `efforts`.
+    fn hold_with(
+        &self,
+        part: &Part,
+        (t, q, lambda): (S, &[S], &[S]),
+        s: &Scratch<S>,
+        known: &mut Known<S>,
+    ) -> Result<(), SystemError> {
+        let at = self.instant(t, q, &[]);
+        for &k in &part.conditions {
+            let c = &self.full.conditions[k];
+            let first = self.row_of_condition(k);
+            let joint = match c.owner {
+                Owner::Joint(j) => Some(j),
+                Owner::Drive(i) => self.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
+                Owner::Coupling(_) => None,
+            };
+            let Known { joints, needed, efforts, own, .. } = known;
+            let along = if joint.is_some() { own } else { efforts };
+            c.acts(
+                &self.full,
+                &s.full,
+                &at,
+                &lambda[first..first + c.rows()],
+                |x, pushed| {
+                    let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
+                    let [a, b] = pushed.nodes;
+                    self.put(s, needed, b, &w.opposite(), pushed.unit.place);
+                    self.put(s, needed, a, &w, pushed.unit.place);
+                    if let Some(j) = joint {
+                        joints[j].add(&w.about(pushed.unit.place - self.joint_point_now(s, j)));
+                    }
+                },
+                |v, x| along[v] += x,
+            )?;
+        }
+        Ok(())
     }
 
     /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
@@ -279,14 +341,19 @@ impl<S: Scalar> Evaluator<S> {
         self.look_at(part, q, v, s);
         let mut known = self.needed(part, t, q, v, vdot, s)?;
         known.joints = self.close_with(part, lambda, s, &mut known.needed);
+        known.own = vec![S::zero(); self.placed.nv];
+        self.hold_with(part, (t, q, lambda), s, &mut known)?;
         Ok(known)
     }
 
     /// Efforts of the drives along the velocities of joint `j`.
     pub fn drive_of(&self, j: usize, lambda: &[S]) -> Vec<S> {
         let mut efforts = vec![S::zero(); self.placed.joints[j].shape.freedoms()];
-        for d in self.drives.iter().filter(|d| d.joint == j) {
-            efforts[d.coordinate] = lambda[d.row];
+        for d in &self.drives {
+            match d.joint {
+                Some((joint, coordinate)) if joint == j => efforts[coordinate] = lambda[d.row],
+                _ => {}
+            }
         }
         efforts
     }
@@ -306,15 +373,15 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Wrench<S>, SystemError> {
-        let Known { joints, needed, .. } = self.known(part, t, q, v, vdot, lambda, s)?;
+        let Known { joints, needed, own, .. } = self.known(part, t, q, v, vdot, lambda, s)?;
         let tree = &self.placed.carrying;
         let held = part.edges.iter().map(|&e| &tree[e]).find(|e| e.joint == Some(j));
         let w = match held {
             Some(e) => {
                 let w = self.passed_on(e, j, &self.inward(part, s, needed), s);
                 if self.placed.joints[j].links.is_some() {
-                    let drives = self.drive_of(j, lambda);
-                    with_along(&self.free_axes(j, s), &w, |i| drives[i])
+                    let velocities = self.velocities_of(j);
+                    with_along(&self.free_axes(j, s), &w, |i| own[velocities[i]])
                 } else {
                     let mut whole = joints[j];
                     whole.add(&w.across());
@@ -350,10 +417,12 @@ impl<S: Scalar> Evaluator<S> {
         lambda: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Reactions<S>, SystemError> {
-        let Known { joints, needed, efforts, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
+        let Known { joints, needed, efforts, own, largest } = self.known(whole, t, q, v, vdot, lambda, s)?;
         let mut drives: Vec<Vec<S>> = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.freedoms()]).collect();
         for d in &self.drives {
-            drives[d.joint][d.coordinate] = lambda[d.row];
+            if let Some((joint, coordinate)) = d.joint {
+                drives[joint][coordinate] = lambda[d.row];
+            }
         }
         let mut result = Reactions { joints, drives, residual: S::zero() };
         let transmitted = self.inward(whole, s, needed.clone());
@@ -374,20 +443,11 @@ impl<S: Scalar> Evaluator<S> {
                 continue;
             }
             let axes = self.free_axes(j, s);
-            let velocities: Vec<usize> = p
-                .links
-                .iter()
-                .flatten()
-                .zip(&p.shape.motions)
-                .flat_map(|(&l, m)| {
-                    let v = self.placed.links[l].v;
-                    v..v + m.velocities()
-                })
-                .collect();
-            let drives = &result.drives[j];
-            // along a free direction only a drive can be a reaction; what is applied there is not one
-            let reaction = with_along(&axes, &w, |i| drives[i]);
-            let acting = with_along(&axes, &w, |i| drives[i] + efforts[velocities[i]]);
+            let velocities = self.velocities_of(j);
+            // along a free direction only a drive or a condition of the joint's own can be a reaction; what is applied there
+            // is not one
+            let reaction = with_along(&axes, &w, |i| own[velocities[i]]);
+            let acting = with_along(&axes, &w, |i| own[velocities[i]] + efforts[velocities[i]]);
             result.joints[j] = reaction;
             self.put(s, &mut left, child, &acting.opposite(), point);
             self.put(s, &mut left, parent, &acting, point);

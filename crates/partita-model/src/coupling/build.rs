@@ -1,0 +1,160 @@
+//! The conditions of a description.
+
+use super::{order, Condition, Contact, Law, Place, Rolling, Says, MOST};
+use crate::error::DescriptionError;
+use crate::gauge::{Maker, Mover, Quantity, Reading};
+use crate::joint::Own;
+use crate::numbers::Numbers;
+use crate::place::Placed;
+use crate::rows::Owner;
+use crate::spec::{Coupling, Level, Measure, Spec};
+use crate::tree::{LinkMotion, Tree};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Space, Vec3};
+
+/// All conditions, in the order of their rows, behind the closings of a tree.
+pub(crate) fn all<G: Space>(
+    spec: &Spec,
+    placed: &Placed,
+    numbers: &Numbers<G::S>,
+    tree: &Tree<G>,
+) -> Result<Vec<Condition<G>>, DescriptionError> {
+    let places = order(spec, placed)?;
+    if places.is_empty() {
+        return Ok(Vec::new());
+    }
+    let gauges = Maker::<G>::new(spec, placed, numbers, tree)?;
+    let (mut row, mut entry) = (tree.rows, tree.entries);
+    let mut conditions = Vec::with_capacity(places.len());
+    for place in places {
+        let (name, says) = match place.owner {
+            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, &place, &gauges)),
+            Owner::Coupling(i) => (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &gauges)?),
+            Owner::Drive(i) => {
+                let d = &spec.drives[i];
+                let law = match d.level {
+                    Level::Position => Law::Motion { motion: d.motion.clone(), period: place.period },
+                    Level::Velocity => Law::Rate(d.motion.clone()),
+                };
+                (d.name.clone(), Says::Law(law, vec![gauges.reading(&d.measure, "drive", &d.name)?]))
+            }
+        };
+        let mut c =
+            Condition { name, owner: place.owner, row, entry, columns: Vec::new(), holonomic: place.holonomic, says };
+        c.lay_out(tree);
+        (row, entry) = (row + c.rows(), entry + c.rows() * c.columns.len());
+        conditions.push(c);
+    }
+    Ok(conditions)
+}
+
+fn own<G: Space>(j: usize, placed: &Placed, place: &Place, gauges: &Maker<G>) -> Says<G> {
+    let linear = |factors: Vec<G::S>| Law::Linear { factors, offset: G::S::zero(), period: place.period };
+    match placed.joints[j].shape.own {
+        Some(Own::Advance(per_radian)) => {
+            let factors = vec![G::S::one(), G::S::from_f64(-per_radian)];
+            Says::Law(linear(factors), vec![gauges.coordinate(j, 0), gauges.coordinate(j, 1)])
+        }
+        Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()]), vec![gauges.twist(j)]),
+    }
+}
+
+fn coupling<G: Space>(
+    spec: &Spec,
+    i: usize,
+    placed: &Placed,
+    numbers: &Numbers<G::S>,
+    place: &Place,
+    gauges: &Maker<G>,
+) -> Result<Says<G>, DescriptionError> {
+    let c = &spec.couplings[i];
+    let read = |terms: &[Measure]| -> Result<Vec<Reading<G>>, DescriptionError> {
+        debug_assert!(terms.len() <= MOST);
+        terms.iter().map(|m| gauges.reading(m, "coupling", c.name())).collect()
+    };
+    Ok(match c {
+        Coupling::Linear { terms, factors, offset, .. } => {
+            let factors = factors.iter().map(|f| G::S::from_f64(*f)).collect();
+            Says::Law(Law::Linear { factors, offset: G::S::from_f64(*offset), period: place.period }, read(terms)?)
+        }
+        Coupling::Curve { terms, curve, periodic, .. } => {
+            let law = Law::Curve { curve: curve.clone(), periodic: *periodic, period: place.period };
+            Says::Law(law, read(terms)?)
+        }
+        Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),
+        Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
+            let [a, b] = [gauges.node(on), gauges.node(body)];
+            let points = [numbers.point_on(placed, a, Vec3::from_f64(*point)), numbers.point_on(placed, b, Vec3::from_f64(*center))];
+            let rot = |node: usize| if node == 0 { placed.basis } else { placed.bodies[node - 1].rot };
+            let unit = |x: &[f64; 3], node: usize, what: &str| -> Result<Vec3<f64>, DescriptionError> {
+                let message = || format!("{what} = {x:?} has no direction; give a vector of finite length");
+                let unit = Vec3(*x).unit().ok_or_else(|| DescriptionError::new("coupling", c.name(), message()))?;
+                Ok(rot(node).apply(unit))
+            };
+            let n = unit(normal, a, "normal")?;
+            let (t1, t2) = n.complement();
+            let axis = axis.as_ref().map(|x| unit(x, b, "axis")).transpose()?;
+            let ends = gauges.ends([a, b], points);
+            // any quantity of displacements has the links between the two
+            let between = gauges.between([a, b], Quantity::Along(ends, G::Vec::default()));
+            let rolling = Rolling {
+                ends,
+                axis: axis.map(|x| G::vec_from(x.0)),
+                frame: [n, t1, t2].map(|x| G::vec_from(x.0)),
+                radius: G::S::from_f64(*radius),
+                links: between.links,
+                nodes: between.nodes,
+                movers: between.movers,
+            };
+            Says::Rolling(rolling, if place.holonomic { Contact::Touches } else { Contact::Rolls })
+        }
+    })
+}
+
+impl<G: Space> Condition<G> {
+    fn movers_mut(&mut self) -> impl Iterator<Item = &mut Mover> {
+        let (readings, rolling) = match &mut self.says {
+            Says::Law(_, readings) => (readings.as_mut_slice(), None),
+            Says::Rolling(rolling, _) => (&mut [][..], Some(rolling)),
+        };
+        readings.iter_mut().flat_map(|r| &mut r.movers).chain(rolling.into_iter().flat_map(|r| &mut r.movers))
+    }
+
+    /// Give every link that moves it its columns.
+    fn lay_out(&mut self, tree: &Tree<G>) {
+        let own = |link: usize| match tree.links[link].motion {
+            LinkMotion::Ball => 3,
+            _ => 1,
+        };
+        let mut columns: Vec<usize> =
+            self.movers_mut().flat_map(|m| tree.links[m.link].v..tree.links[m.link].v + own(m.link)).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        for m in self.movers_mut() {
+            m.column = columns.partition_point(|&v| v < tree.links[m.link].v);
+        }
+        self.columns = columns;
+    }
+
+    /// Links that belong to one cluster because of it: those that move it, and what carries them up to where they part.
+    pub(crate) fn cluster(&self, tree: &Tree<G>) -> Vec<usize> {
+        let movers: Vec<&Mover> = match &self.says {
+            Says::Law(_, readings) => readings.iter().flat_map(|r| &r.movers).collect(),
+            Says::Rolling(rolling, _) => rolling.movers.iter().collect(),
+        };
+        let mut links: Vec<usize> = movers.iter().map(|m| m.link).collect();
+        links.sort_unstable();
+        links.dedup();
+        loop {
+            let tops: Vec<usize> =
+                links.iter().map(|&l| tree.links[l].parent).filter(|p| links.binary_search(p).is_err()).collect();
+            // parents have smaller numbers: the largest cannot carry the others
+            let (Some(&largest), Some(&least)) = (tops.iter().max(), tops.iter().min()) else { return links };
+            if largest == least {
+                return links;
+            }
+            links.insert(links.partition_point(|&l| l < largest), largest);
+        }
+    }
+}
+

@@ -1,0 +1,209 @@
+//! Laws over readings `r`: `F(t, r) = 0`, with `F_i = ∂F/∂r_i`, `F_t`, and the second derivative along the motion.
+//!
+//! ```text
+//! Φ = F     C = Σ F_i C_i     a = F_t     b = Σ F_i b_i + F''|r''=0
+//! ```
+
+use crate::gauge::Reading;
+use crate::spec::{Table, Value};
+use crate::tree::{Tree, TreeScratch};
+use crate::value::{self, failed, finite, Callers, Instant};
+use partita_math::scalar::{Arguments, Scalar};
+use partita_math::spatial::Space;
+use partita_system::SystemError;
+
+/// Readings of a law at the most.
+pub const MOST: usize = value::READINGS;
+
+/// A law.
+#[derive(Clone, Debug)]
+pub enum Law<S> {
+    /// `Σ factor · r = offset`; up to multiples of a period where whole turns are not known.
+    Linear {
+        /// Factors.
+        factors: Vec<S>,
+        /// Sum.
+        offset: S,
+        /// Period.
+        period: Option<f64>,
+    },
+    /// `r_0 = f(r_1)`.
+    Curve {
+        /// f.
+        curve: Table,
+        /// Does it repeat itself after its last break?
+        periodic: bool,
+        /// Period of what r_0 is known up to.
+        period: Option<f64>,
+    },
+    /// `r_0 = f(t)`.
+    Motion {
+        /// f.
+        motion: Value,
+        /// Period of what r_0 is known up to.
+        period: Option<f64>,
+    },
+    /// `r_0' = f(t)`: a condition on rates alone.
+    Rate(Value),
+    /// A function of the user's.
+    Function(usize),
+}
+
+/// A law at one position.
+pub(crate) struct Found<S> {
+    /// F.
+    pub value: S,
+    /// F_t.
+    pub rate: S,
+    /// F_i.
+    pub gradient: [S; MOST],
+}
+
+/// What is left of x up to multiples of a period.
+#[inline(always)]
+fn up_to<S: Scalar>(x: S, period: Option<f64>) -> S {
+    match period {
+        Some(period) => x - x.scale(1.0 / period).round().scale(period),
+        None => x,
+    }
+}
+
+/// Value and derivatives of a curve at x.
+#[inline(always)]
+fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &str) -> Result<[S; 3], SystemError> {
+    let (first, last) = (curve.breaks[0], curve.breaks[curve.breaks.len() - 1]);
+    let x = if periodic {
+        // the nearest whole number of periods around the middle
+        let middle = S::from_f64(0.5 * (first + last));
+        middle + up_to(x - middle, Some(last - first))
+    } else if let Some(x) = x.outside(first - 1e-9 * (last - first), last + 1e-9 * (last - first)) {
+        return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
+    } else {
+        x
+    };
+    Ok(value::cubic_at(curve, x))
+}
+
+impl<S: Scalar> Law<S> {
+    /// F, F_t and F_i at the last poses.
+    #[inline(always)]
+    pub(crate) fn position<G: Space<S = S>>(
+        &self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        at: &Instant<S>,
+        readings: &[Reading<G>],
+        name: &str,
+        room: &mut Vec<f64>,
+    ) -> Result<Found<S>, SystemError> {
+        let (o, one) = (S::zero(), S::one());
+        let read = |i: usize| readings[i].value(tree, s, at.q);
+        let mut gradient = [o; MOST];
+        match self {
+            Self::Linear { factors, offset, period } => {
+                let mut value = -*offset;
+                for (i, &factor) in factors.iter().enumerate() {
+                    value += factor * read(i);
+                    gradient[i] = factor;
+                }
+                Ok(Found { value: up_to(value, *period), rate: o, gradient })
+            }
+            Self::Curve { curve, periodic, period } => {
+                let [y, slope, _] = curve_at(curve, *periodic, read(1), name)?;
+                (gradient[0], gradient[1]) = (one, -slope);
+                Ok(Found { value: up_to(read(0) - y, *period), rate: o, gradient })
+            }
+            Self::Motion { motion, period } => {
+                let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
+                gradient[0] = one;
+                Ok(Found { value: up_to(read(0) - p, *period), rate: -u, gradient })
+            }
+            Self::Rate(motion) => {
+                let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
+                gradient[0] = one;
+                Ok(Found { value: o, rate: -p, gradient })
+            }
+            Self::Function(k) => {
+                let mut x = [o; MOST];
+                readings.iter().enumerate().for_each(|(i, _)| x[i] = read(i));
+                let n = readings.len();
+                let found = called(*k, at.callers, at.t, &x[..n], &[o; MOST][..n], name, room)?;
+                gradient.copy_from_slice(&found[3..]);
+                Ok(Found { value: found[0], rate: found[1], gradient })
+            }
+        }
+    }
+
+    /// b at the last twists.
+    #[inline(always)]
+    pub(crate) fn velocity<G: Space<S = S>>(
+        &self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        at: &Instant<S>,
+        readings: &[Reading<G>],
+        name: &str,
+        room: &mut Vec<f64>,
+    ) -> Result<S, SystemError> {
+        let bias = |i: usize| readings[i].bias(tree, s);
+        match self {
+            Self::Linear { factors, .. } => {
+                Ok(factors.iter().enumerate().fold(S::zero(), |sum, (i, &factor)| sum + factor * bias(i)))
+            }
+            Self::Curve { curve, periodic, .. } => {
+                let [_, slope, bend] = curve_at(curve, *periodic, readings[1].value(tree, s, at.q), name)?;
+                let rate = readings[1].rate(tree, s, at.v);
+                Ok(bias(0) - slope * bias(1) - bend * rate * rate)
+            }
+            Self::Motion { motion, .. } => {
+                Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2])
+            }
+            Self::Rate(motion) => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[1]),
+            Self::Function(k) => {
+                let (mut x, mut rates) = ([S::zero(); MOST], [S::zero(); MOST]);
+                for (i, reading) in readings.iter().enumerate() {
+                    (x[i], rates[i]) = (reading.value(tree, s, at.q), reading.rate(tree, s, at.v));
+                }
+                let n = readings.len();
+                let found = called(*k, at.callers, at.t, &x[..n], &rates[..n], name, room)?;
+                Ok((0..n).fold(found[2], |sum, i| sum + found[3 + i] * bias(i)))
+            }
+        }
+    }
+
+    /// Does it depend on time by itself?
+    pub fn is_rheonomic(&self) -> bool {
+        match self {
+            Self::Motion { motion, .. } => !matches!(motion, Value::Constant(_)),
+            Self::Rate(motion) => !matches!(motion, Value::Constant(x) if *x == 0.0),
+            Self::Function(_) => true,
+            Self::Linear { .. } | Self::Curve { .. } => false,
+        }
+    }
+
+    /// Does it call a function of the user's?
+    pub fn calls(&self) -> bool {
+        match self {
+            Self::Motion { motion, .. } | Self::Rate(motion) => matches!(motion, Value::Function(_)),
+            Self::Function(_) => true,
+            Self::Linear { .. } | Self::Curve { .. } => false,
+        }
+    }
+}
+
+/// The numbers of a function of the user's at readings and rates.
+fn called<S: Scalar>(
+    k: usize,
+    callers: &Callers,
+    t: S,
+    x: &[S],
+    rates: &[S],
+    name: &str,
+    room: &mut Vec<f64>,
+) -> Result<[S; value::LAW], SystemError> {
+    let arguments = Arguments { t, q: x, v: rates, q_sizes: &[], v_sizes: &[] };
+    S::call(arguments, room, |t, x, rates| {
+        let found = callers.functions.law(k, t, x, rates).map_err(|e| failed(name, e))?;
+        finite(found, name, t)
+    })
+}

@@ -1,0 +1,207 @@
+//! Conditions that are no joints: couplings (gear, rack, distance, cam, rolling, the user's own), drives, and the conditions
+//! that joints have besides what they lock.
+//!
+//! ```text
+//! C rows:  closings of joints │ couplings  │ drives     │ couplings of rates │ drives of rates
+//!                             │  as positions (S3, S4)  │   as rates alone (S4: nonholonomic)
+//! ```
+//!
+//! A condition is a law over readings ([`crate::gauge`]): gradient and bias of the readings are theirs, the law adds its own
+//! derivatives. What rolls has a geometry of its own.
+
+mod build;
+mod law;
+mod order;
+mod rolling;
+
+pub(crate) use build::all;
+pub use law::{Law, MOST};
+pub use order::{order, Place};
+pub use rolling::{Contact, Rolling};
+
+use crate::gauge::{Reading, Unit};
+use crate::rows::{Owner, Row};
+use crate::spec::Spec;
+use crate::tree::{Tree, TreeScratch};
+use crate::value::Instant;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::Space;
+use partita_system::SystemError;
+
+/// What a condition says.
+#[derive(Clone, Debug)]
+pub enum Says<G: Space> {
+    /// A law over readings.
+    Law(Law<G::S>, Vec<Reading<G>>),
+    /// A disc or a ball touches a plane, or rolls on it.
+    Rolling(Rolling<G>, Contact),
+}
+
+/// One condition: one row of C, or two.
+#[derive(Clone, Debug)]
+pub struct Condition<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// What it belongs to.
+    pub owner: Owner,
+    /// First row.
+    pub row: usize,
+    /// First entry in the values of C.
+    pub entry: usize,
+    /// Velocities of every row, ascending.
+    pub columns: Vec<usize>,
+    /// Does it hold positions? Else rates alone.
+    pub holonomic: bool,
+    /// What it says.
+    pub says: Says<G>,
+}
+
+/// Two links pushed by a condition: a wrench on B and its opposite on A.
+pub struct Pushed<G: Space> {
+    /// Nodes of A and B.
+    pub nodes: [usize; 2],
+    /// What acts on B, for a multiplier 1.
+    pub unit: Unit<G>,
+}
+
+impl<G: Space> Condition<G> {
+    /// Rows of C.
+    pub fn rows(&self) -> usize {
+        match &self.says {
+            Says::Law(..) => 1,
+            Says::Rolling(_, contact) => contact.rows(),
+        }
+    }
+
+    /// Φ, C and a at the last poses.                                                       (S3, S4)
+    pub(crate) fn position(
+        &self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        at: &Instant<G::S>,
+        room: &mut Vec<f64>,
+        (phi, c, a): (&mut [G::S], &mut [G::S], &mut [G::S]),
+    ) -> Result<(), SystemError> {
+        let width = self.columns.len();
+        let rows = &mut c[self.entry..self.entry + self.rows() * width];
+        rows.fill(G::S::zero());
+        match &self.says {
+            Says::Law(law, readings) => {
+                let found = law.position(tree, s, at, readings, &self.name, room)?;
+                for (reading, factor) in readings.iter().zip(found.gradient) {
+                    reading.columns(factor, tree, s, rows);
+                }
+                if self.holonomic {
+                    phi[self.row] = found.value;
+                }
+                a[self.row] = found.rate;
+            }
+            Says::Rolling(rolling, contact) => {
+                rolling.columns(*contact, tree, s, width, rows);
+                if self.holonomic {
+                    phi[self.row] = rolling.height(tree, s);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// b at the last twists.                                                               (S5)
+    pub(crate) fn velocity(
+        &self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        at: &Instant<G::S>,
+        room: &mut Vec<f64>,
+        b: &mut [G::S],
+    ) -> Result<(), SystemError> {
+        match &self.says {
+            Says::Law(law, readings) => {
+                b[self.row] = law.velocity(tree, s, at, readings, &self.name, room)?;
+            }
+            Says::Rolling(rolling, contact) => rolling.bias(*contact, tree, s, &mut b[self.row..]),
+        }
+        Ok(())
+    }
+
+    /// What the multipliers of its own rows do: `put(multiplier, wrench)` for each pair of bodies pushed, `along(velocity, effort)`
+    /// for coordinates of the tree.
+    pub(crate) fn acts(
+        &self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        at: &Instant<G::S>,
+        lambda: &[G::S],
+        mut put: impl FnMut(G::S, &Pushed<G>),
+        mut along: impl FnMut(usize, G::S),
+    ) -> Result<(), SystemError> {
+        match &self.says {
+            Says::Law(law, readings) => {
+                let found = law.position(tree, s, at, readings, &self.name, &mut Vec::new())?;
+                for (reading, factor) in readings.iter().zip(found.gradient) {
+                    let effort = lambda[0] * factor;
+                    match (reading.unit(tree, s), &reading.quantity) {
+                        (Some(unit), _) => put(effort, &Pushed { nodes: reading.nodes, unit }),
+                        (None, crate::gauge::Quantity::Coordinate { v, .. }) => along(*v, effort),
+                        (None, _) => {}
+                    }
+                }
+            }
+            Says::Rolling(rolling, contact) => {
+                for (i, unit) in rolling.units(*contact, tree, s).iter().enumerate().take(contact.rows()) {
+                    put(lambda[i], &Pushed { nodes: rolling.nodes, unit: *unit });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Its rows as people see them.
+    pub fn named(&self, spec: &Spec) -> Vec<Row> {
+        let row = |name: String| Row { owner: self.owner, name };
+        let name = self.owner.name(spec);
+        match (self.owner, &self.says) {
+            (Owner::Drive(_), _) => vec![row(format!("drive {name}"))],
+            (_, Says::Rolling(_, Contact::Touches)) => vec![row(format!("{name}.touch"))],
+            (_, Says::Rolling(_, Contact::Rolls)) => [1, 2].map(|i| row(format!("{name}.roll{i}"))).into(),
+            (Owner::Joint(_), Says::Law(_, readings)) if readings.len() == 2 => vec![row(format!("{name}.advance"))],
+            (Owner::Joint(_), _) => vec![row(format!("{name}.twist"))],
+            (Owner::Coupling(i), _) => vec![row(format!("{} {name}", spec.couplings[i].word()))],
+        }
+    }
+
+    /// Does it depend on time by itself?
+    pub fn is_rheonomic(&self) -> bool {
+        matches!(&self.says, Says::Law(law, _) if law.is_rheonomic())
+    }
+
+    /// Does it call a function of the user's?
+    pub fn calls(&self) -> bool {
+        matches!(&self.says, Says::Law(law, _) if law.calls())
+    }
+
+    /// Pairs of nodes that it pushes.
+    pub(crate) fn nodes(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let rolling = match &self.says {
+            Says::Rolling(rolling, _) => Some(rolling.nodes),
+            Says::Law(..) => None,
+        };
+        self.readings().iter().map(|r| r.nodes).chain(rolling)
+    }
+
+    /// Links that it looks at.
+    pub(crate) fn links(&self) -> Vec<usize> {
+        match &self.says {
+            Says::Rolling(rolling, _) => rolling.links.to_vec(),
+            Says::Law(_, readings) => readings.iter().flat_map(|r| r.links).collect(),
+        }
+    }
+
+    /// What it reads.
+    pub fn readings(&self) -> &[Reading<G>] {
+        match &self.says {
+            Says::Law(_, readings) => readings,
+            Says::Rolling(..) => &[],
+        }
+    }
+}

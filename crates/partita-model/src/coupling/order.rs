@@ -1,0 +1,109 @@
+//! Which conditions there are, and the order of their rows.
+
+use crate::error::DescriptionError;
+use crate::gauge;
+use crate::joint::Own;
+use crate::place::Placed;
+use crate::rows::Owner;
+use crate::spec::{Coupling, Level, Measure, Spec};
+
+/// A condition in the order of the rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// What it belongs to.
+    pub owner: Owner,
+    /// Does it hold positions?
+    pub holonomic: bool,
+    /// Rows.
+    pub rows: usize,
+    /// What its readings are known up to, where whole turns are not known.
+    pub period: Option<f64>,
+}
+
+/// Two angles whose whole turns nothing counts agree up to multiples of a common part of their factors; smaller parts than
+/// this (rad) are not told from errors, and the rates alone are held.
+const SMALLEST_PERIOD: f64 = 0.1;
+
+/// The largest number of which all are multiples, up to rounding; 0 for none.
+fn common(numbers: &[f64]) -> f64 {
+    let largest = numbers.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    numbers.iter().fold(0.0, |a: f64, b| {
+        let (mut a, mut b) = (a, b.abs());
+        // ratios are given with nine digits and more
+        while b > 1e-9 * largest {
+            (a, b) = (b, a % b);
+        }
+        a
+    })
+}
+
+/// Is the reading an angle whose whole turns nothing counts?
+fn wraps(placed: &Placed, m: &Measure) -> bool {
+    let Some(joint) = m.of_joint() else { return false };
+    let in_tree = placed.joint_numbers.get(joint).is_some_and(|&j| placed.joints[j].links.is_some());
+    gauge::is_angle(placed, m) && !in_tree && !placed.planar
+}
+
+/// All conditions in the order of their rows behind those of the closings.
+///
+/// # Errors
+/// Readings that there are not, numbers that do not fit.
+pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionError> {
+    let mut places: Vec<Place> = Vec::new();
+    let turn = std::f64::consts::TAU;
+    for (j, p) in placed.joints.iter().enumerate() {
+        let period = match p.shape.own {
+            None => continue,
+            Some(Own::Advance(per_radian)) => (p.links.is_none()).then_some((per_radian * turn).abs()),
+            Some(Own::Twist) => None,
+        };
+        places.push(Place { owner: Owner::Joint(j), holonomic: true, rows: 1, period });
+    }
+    for (i, c) in spec.couplings.iter().enumerate() {
+        let (owner, name) = (Owner::Coupling(i), c.name());
+        c.terms().iter().try_for_each(|m| gauge::known(m, placed, "coupling", name))?;
+        let one = Place { owner, holonomic: true, rows: 1, period: None };
+        match c {
+            Coupling::Linear { terms, factors, .. } => {
+                let uncounted: Vec<f64> =
+                    terms.iter().zip(factors).filter(|(m, _)| wraps(placed, m)).map(|(_, f)| f * turn).collect();
+                let period = common(&uncounted);
+                let largest = uncounted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+                let told = uncounted.is_empty() || period > SMALLEST_PERIOD / turn * largest;
+                places.push(Place { holonomic: told, period: (period > 0.0 && told).then_some(period), ..one });
+            }
+            Coupling::Curve { terms, periodic, curve, .. } => {
+                if wraps(placed, &terms[1]) && !periodic {
+                    let span = curve.breaks.last().unwrap_or(&0.0) - curve.breaks.first().unwrap_or(&0.0);
+                    if span > turn * (1.0 + 1e-9) {
+                        let joint = terms[1].of_joint().unwrap_or_default();
+                        let message = format!(
+                            "its curve counts turns of joint \"{joint}\", which closes a loop, so that whole turns of it \
+                             are not known; keep the joint in the tree (cut = \"never\"), or give a periodic curve"
+                        );
+                        return Err(DescriptionError::new("coupling", name, message));
+                    }
+                }
+                let period = wraps(placed, &terms[0]).then_some(turn);
+                places.push(Place { period, ..one });
+            }
+            Coupling::Function { level, .. } => {
+                places.push(Place { holonomic: *level == Level::Position, ..one });
+            }
+            Coupling::Roll { slips, .. } => {
+                places.push(one);
+                if !slips {
+                    places.push(Place { holonomic: false, rows: 2, ..one });
+                }
+            }
+        }
+    }
+    for (i, d) in spec.drives.iter().enumerate() {
+        gauge::known(&d.measure, placed, "drive", &d.name)?;
+        let period = wraps(placed, &d.measure).then_some(turn);
+        places.push(Place { owner: Owner::Drive(i), holonomic: d.level == Level::Position, rows: 1, period });
+    }
+    // conditions on rates alone come last, each kind in the order of description
+    places.sort_by_key(|p| !p.holonomic);
+    Ok(places)
+}

@@ -1,0 +1,18 @@
+//! Two shafts that meet in a point at any angle and turn equally fast: three locked displacements and one condition, that
+//! the child is not twisted about the axis. It closes a loop always: the bends are no turns about axes of a tree.
+
+use super::{axis_of, frame_about, LockedSlides, Own, Shape};
+use crate::error::DescriptionError;
+use crate::spec::Joint;
+
+pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let axis = axis_of(joint, joint.axis, "an axis: that of the shafts in line")?;
+    Ok(Shape {
+        motions: vec![],
+        names: vec![],
+        slides: LockedSlides::All,
+        locks: vec![],
+        frame: frame_about(axis),
+        own: Some(Own::Twist),
+    })
+}

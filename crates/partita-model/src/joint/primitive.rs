@@ -1,0 +1,56 @@
+//! Single conditions: a point on a line or in a plane, axes parallel or at a right angle, all axes parallel.
+
+use super::{axis_of, frame_about, generic, LockedSlides, Motion, Shape};
+use crate::error::DescriptionError;
+use crate::spec::{Joint, JointKind};
+use partita_math::spatial::Mat3;
+
+/// Cosine up to which two axes of a drawing stand at a right angle: what six digits can be off.
+const SQUARE: f64 = 1e-6;
+
+/// The same joint with these directions free in a frame.
+fn freeing(joint: &Joint, free: &[&str], frame: &Mat3<f64>) -> Result<Shape, DescriptionError> {
+    let free = Some(free.iter().map(|f| f.to_string()).collect());
+    generic::shape(&Joint { kind: JointKind::Generic, free, frame: Some(frame.0), ..joint.clone() })
+}
+
+pub(super) fn point_on_line(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let axis = axis_of(joint, joint.axis, "an axis: the direction of the line")?;
+    freeing(joint, &["z", "rx", "ry", "rz"], &frame_about(axis))
+}
+
+pub(super) fn point_on_plane(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let normal = axis_of(joint, joint.axis, "a normal")?;
+    freeing(joint, &["x", "y", "rx", "ry", "rz"], &frame_about(normal))
+}
+
+pub(super) fn parallel(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let axis = axis_of(joint, joint.axis, "an axis")?;
+    freeing(joint, &["x", "y", "z", "rz"], &frame_about(axis))
+}
+
+pub(super) fn perpendicular(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let first = axis_of(joint, joint.axis, "an axis on the parent")?;
+    let second = axis_of(joint, joint.axis2, "an axis on the child")?;
+    let cosine = first.dot(second);
+    if cosine.abs() > SQUARE {
+        let angle = cosine.acos().to_degrees();
+        let message = format!("its axes are drawn at {angle:.4} deg; draw them at a right angle");
+        return Err(DescriptionError::new("joint", &joint.name, message));
+    }
+    let frame = frame_about(first);
+    let [x, y, z] = [0, 1, 2].map(|i| frame.column(i));
+    Ok(Shape {
+        motions: [x, y, z].map(Motion::Slide).into_iter().chain([first, second].map(Motion::Turn)).collect(),
+        names: vec!["x", "y", "z", "turn1", "turn2"],
+        slides: LockedSlides::Along(vec![]),
+        locks: vec![(first, second)],
+        frame,
+        own: None,
+    })
+}
+
+pub(super) fn orientation(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
+    freeing(joint, &["x", "y", "z"], &frame)
+}

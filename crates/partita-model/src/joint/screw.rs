@@ -1,0 +1,19 @@
+//! A turn about an axis and the advance along it that goes with it: a cylindrical joint with a condition of its own.
+
+use super::{cylindrical, Own, Shape};
+use crate::error::DescriptionError;
+use crate::spec::Joint;
+
+pub(super) fn shape(joint: &Joint) -> Result<Shape, DescriptionError> {
+    let fail = |message: String| Err(DescriptionError::new("joint", &joint.name, message));
+    match joint.pitch {
+        None => fail("a screw needs a pitch: its advance (m) for a whole turn".into()),
+        Some(pitch) if !pitch.is_finite() || pitch == 0.0 => {
+            fail(format!("pitch = {pitch} m: a screw advances; use a revolute joint for one that does not"))
+        }
+        Some(pitch) => {
+            let own = Some(Own::Advance(pitch / std::f64::consts::TAU));
+            Ok(Shape { own, ..cylindrical::shape(joint)? })
+        }
+    }
+}

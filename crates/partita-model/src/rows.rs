@@ -1,0 +1,49 @@
+//! Rows of C: what each belongs to and is called.
+
+use crate::spec::Spec;
+
+/// What a row belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// Joint number i: its closing, or a condition of its own.
+    Joint(usize),
+    /// Coupling number i.
+    Coupling(usize),
+    /// Drive number i.
+    Drive(usize),
+}
+
+impl Owner {
+    /// Itself, in words.
+    pub fn words(self, spec: &Spec) -> String {
+        match self {
+            Self::Joint(j) => format!("joint \"{}\"", spec.joints[j].name),
+            Self::Coupling(i) => format!("{} \"{}\"", spec.couplings[i].word(), spec.couplings[i].name()),
+            Self::Drive(i) => {
+                let d = &spec.drives[i];
+                match d.measure.of_joint() {
+                    Some(joint) if d.name == format!("drive of {joint}") => format!("the {}", d.name),
+                    Some(joint) => format!("drive \"{}\" of {joint}", d.name),
+                    None => format!("drive \"{}\"", d.name),
+                }
+            }
+        }
+    }
+    /// Its name.
+    pub fn name(self, spec: &Spec) -> &str {
+        match self {
+            Self::Joint(j) => &spec.joints[j].name,
+            Self::Coupling(i) => spec.couplings[i].name(),
+            Self::Drive(i) => &spec.drives[i].name,
+        }
+    }
+}
+
+/// A row as the user may see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// What it belongs to.
+    pub owner: Owner,
+    /// Its name.
+    pub name: String,
+}
