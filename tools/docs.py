@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import re
 import sys
 from collections.abc import Callable, Mapping
@@ -141,7 +142,7 @@ def form(rule: Mapping[str, Any]) -> str:
     """The kind of value in words."""
     rule = {**resolved(rule), **{key: value for key, value in rule.items() if key != "$ref"}}
     if "enum" in rule:
-        return ", ".join(f'`"{value}"`' for value in rule["enum"])
+        return ", ".join(f"`{json.dumps(value)}`" for value in rule["enum"])
     words = {"number": "a number", "integer": "an integer", "string": "text", "object": "a table"}
     return str(rule.get("title") or words[rule["type"]])
 

@@ -270,17 +270,17 @@ ERRORS = (
     Error(
         "drive-rate",
         "sign of a, how fast a drive moves its row (S4)",
-        f"{MODEL}/evaluator.rs",
-        "a[d.row] = -u;",
-        "a[d.row] = u;",
+        f"{MODEL}/coupling/law.rs",
+        "Ok(Found { value: up_to(read(0) - p, *period), rate: -u, gradient })",
+        "Ok(Found { value: up_to(read(0) - p, *period), rate: u, gradient })",
         ("motion model_identities",),
     ),
     Error(
         "drive-acceleration",
         "the bias b of a drive is half of what it should be (S5)",
-        f"{MODEL}/evaluator.rs",
-        "b[d.row] = -value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?[2];",
-        "b[d.row] = value::motion_at(&d.motion, &self.callers, t, &d.name, &mut s.room)?[2].scale(-0.5);",
+        f"{MODEL}/coupling/law.rs",
+        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2])",
+        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2].scale(0.5))",
         ("motion model_identities",),
     ),
     Error(

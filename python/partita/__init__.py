@@ -16,6 +16,7 @@ from typing import Any
 
 from . import errors, partition, units
 from ._core import version as _version
+from .builder import Along, Coordinate, Cosine, Distance
 from .comparison import compare
 from .mechanism import Mechanism, load
 from .state import State
@@ -25,6 +26,10 @@ from .tangent import TangentVelocities
 __version__ = _version()
 
 __all__ = [
+    "Along",
+    "Coordinate",
+    "Cosine",
+    "Distance",
     "Mechanism",
     "State",
     "System",

@@ -73,6 +73,11 @@ def loop() -> pt.Mechanism:
     return pt.catalogue.load("four-bar")
 
 
+def driven(measure: Any) -> Any:
+    """A drive of what is read."""
+    return mechanism().add_drive(measure, velocity=1.0)
+
+
 def ring(**change: Any) -> pt.System:
     functions: dict[str, Any] = {
         "n": 2,
@@ -109,6 +114,64 @@ def built() -> dict[str, Callable[[], Call]]:
         "add_fixed": {**two, "child_point": X, "cut": "auto"},
         "add_free": {**two, "cut": "auto"},
         "add_joint": {**two, "free": ("x", "rz"), "frame": np.eye(3), "child_point": X, "cut": "auto"},
+        "add_screw": {**two, **axis, "pitch": 0.1},
+        "add_constant_velocity": {**two, "axis": X, "child_point": X, "child_axis": X},
+        "add_point_on_line": {**two, **axis},
+        "add_point_on_plane": {**two, "normal": Z, "child_point": X, "child_axis": Z, "cut": "auto"},
+        "add_parallel": {**two, "axis": Z, "child_frame": np.eye(3), "cut": "auto"},
+        "add_perpendicular": {**two, "axis1": X, "axis2": Y, "child_frame": np.eye(3), "cut": "auto"},
+        "add_orientation": {**two, "child_frame": np.eye(3), "cut": "auto"},
+        "add_coupler": {"name": "c", "terms": ["A", "P"], "factors": (1.0, 2.0), "offset": 0.0, "word": "coupler"},
+        "add_gear": {"joint1": "A", "joint2": "P", "ratio": 2.0, "coordinate1": 0, "coordinate2": 2, "name": "g"},
+        "add_belt": {"pulley1": "A", "pulley2": "P", "radius1": 1.0, "radius2": 2.0, "crossed": True, "name": "b"},
+        "add_rack": {"pinion": "A", "slide": "P", "radius": 1.0, "coordinate1": 0, "coordinate2": 1, "name": "r"},
+        "add_distance": {
+            "name": "d",
+            "body1": "rod",
+            "point1": ORIGIN,
+            "body2": "box",
+            "point2": Y,
+            "length": 1.0,
+        },
+        "add_cam": {
+            "follower": "P",
+            "cam": "A",
+            "law": lambda x: 0.1 * np.sin(x),
+            "periodic": False,
+            "name": "c",
+            "word": "cam",
+        },
+        "add_point_on_curve": {
+            "name": "c",
+            "body1": "rod",
+            "body2": "box",
+            "point2": ORIGIN,
+            "curve": lambda x: 0.1 * x**2,
+            "origin": X,
+            "x_axis": X,
+            "y_axis": Y,
+            "polar": False,
+        },
+        "add_rolling": {
+            "name": "r",
+            "body": "box",
+            "radius": 1.0,
+            "center": ORIGIN,
+            "axis": Z,
+            "ball": False,
+            "on": "ground",
+            "point": (0.0, -1.0, 0.0),
+            "normal": Y,
+            "slips": False,
+        },
+        "add_constraint": {
+            "name": "c",
+            "function": lambda t, x, y: x - y,
+            "of": ["A", "P"],
+            "gradient": lambda t, x, y: (1.0, -1.0),
+            "level": "position",
+            "word": "constraint",
+        },
         "add_drive": {
             "joint": "A",
             "position": lambda t: 0.1 * np.sin(t),
@@ -220,6 +283,19 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "lengths": None,
                 "check_derivatives": True,
             },
+        ),
+        "Coordinate": (lambda **given: driven(pt.Coordinate(**given)), {"joint": "A", "coordinate": 0}),
+        "Distance": (
+            lambda **given: driven(pt.Distance(**given)),
+            {"body1": "rod", "point1": ORIGIN, "body2": "box", "point2": X},
+        ),
+        "Along": (
+            lambda **given: driven(pt.Along(**given)),
+            {"body1": "rod", "point1": ORIGIN, "axis": X, "body2": "box", "point2": X},
+        ),
+        "Cosine": (
+            lambda **given: driven(pt.Cosine(**given)),
+            {"body1": "rod", "axis1": X, "body2": "box", "axis2": X},
         ),
         "System.assemble": (s.assemble, {"q0": [1.0, 0.1], "v0": [0.0, 1.0], "t": 0.0, "tolerance": 1e-12}),
         "System.summary": (s.summary, {"t": 0.0, "q": [1.0, 0.0]}),

@@ -254,7 +254,10 @@ def test_a_function_that_ends_where_it_is_asked_needs_derivatives() -> None:
     [
         ({"position": 0.0, "velocity": lambda t: 0.0}, DescriptionError, "only where position is a function"),
         ({"position": lambda t: t, "velocity": 1.0}, DescriptionError, "must be a function of t"),
-        ({"position": ([0, 1, 2], [0, 1, 2])}, DescriptionError, "at least 4 times"),
+        ({"position": ([0], [0])}, DescriptionError, "at least two times"),
+        ({}, DescriptionError, "it prescribes nothing"),
+        ({"velocity": 1.0, "acceleration": 1.0}, DescriptionError, "not both"),
+        ({"velocity": 1.0, "rate": 1.0}, DescriptionError, "where an acceleration begins"),
         ({"position": lambda t: 0.0, "coordinate": 1}, DescriptionError, "an integer, 0"),
         ({"position": lambda t: "high"}, EvaluationError, "one number, not str"),
         ({"position": lambda t: np.zeros(3)}, EvaluationError, "shape (3,)"),

@@ -143,12 +143,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
 
 fn joint_line(model: &Model, j: usize) -> JointLine {
     let j = &model.spec.joints[j];
-    JointLine {
-        joint: j.name.clone(),
-        kind: j.kind.words().into(),
-        parent: j.parent.clone(),
-        child: j.child.clone(),
-    }
+    JointLine { joint: j.name.clone(), kind: j.kind.words().into(), parent: j.parent.clone(), child: j.child.clone() }
 }
 
 fn count(n: usize, one: &str, many: &str) -> String {

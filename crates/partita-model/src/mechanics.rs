@@ -73,9 +73,10 @@ impl<G: Space> Mechanics<G> {
     /// Rows of C, those of positions among them, and entries.
     pub fn sizes(&self) -> (usize, usize, usize) {
         let rows = |x: &Condition<G>| x.rows();
-        let (all, entries) = self.conditions.iter().fold((self.tree.rows, self.tree.entries), |(n, e), x| {
-            (n + rows(x), e + rows(x) * x.columns.len())
-        });
+        let (all, entries) = self
+            .conditions
+            .iter()
+            .fold((self.tree.rows, self.tree.entries), |(n, e), x| (n + rows(x), e + rows(x) * x.columns.len()));
         let of_rates: usize = self.conditions.iter().filter(|x| !x.holonomic).map(rows).sum();
         (all, all - of_rates, entries)
     }

@@ -155,9 +155,7 @@ impl Model {
         let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = Look { spec: &spec, placed: &placed };
         let (columns, row_reach, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
-            Engine::Flat(tree) => {
-                (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows)
-            }
+            Engine::Flat(tree) => (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows),
             Engine::Full => {
                 let tree = &own.full;
                 (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows)
@@ -369,7 +367,15 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
                 },
                 None => None,
             };
-            drives.push(DriveRow { name: d.name.clone(), number: i, joint, tree, motion: d.motion.clone(), level: d.level, row });
+            drives.push(DriveRow {
+                name: d.name.clone(),
+                number: i,
+                joint,
+                tree,
+                motion: d.motion.clone(),
+                level: d.level,
+                row,
+            });
         }
         row += place.rows;
     }

@@ -432,7 +432,33 @@ fn backwards(m: &Motion) -> Motion {
     }
 }
 
-/// Diagonal of the box around all joints and centres of mass; 1 for a mechanism in one point.
+/// Points of bodies that couplings and drives hold, in the drawing, each with its body.
+fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
+    let bodies: HashMap<&str, &Body> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
+    let drawn = |name: &str, p: [f64; 3]| match bodies.get(name) {
+        Some(b) => Vec3(b.position) + Mat3(b.orientation).apply(Vec3(p)),
+        None => Vec3(p),
+    };
+    let mut found = Vec::new();
+    for m in spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms)) {
+        if let Measure::Distance { body1, point1, body2, point2 }
+        | Measure::Along { body1, point1, body2, point2, .. } = m
+        {
+            found.extend([(body1, point1), (body2, point2)].map(|(b, p)| (b.as_str(), drawn(b, *p))));
+        }
+    }
+    for c in &spec.couplings {
+        if let Coupling::Roll { body, center, normal, radius, on, .. } = c {
+            // the centre, and as the point of contact one a radius off it
+            let centre = drawn(body, *center);
+            let down = (drawn(on, *normal) - drawn(on, [0.0; 3])).unit().unwrap_or(Vec3::zero());
+            found.extend([(body.as_str(), centre), (body.as_str(), centre - down.times(*radius))]);
+        }
+    }
+    found
+}
+
+/// Diagonal of the box around all joints, held points and centres of mass; 1 for a mechanism in one point.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
@@ -445,6 +471,7 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
     for j in &spec.joints {
         see(j.point);
     }
+    held_points(spec).iter().for_each(|(_, p)| see(p.0));
     for b in &spec.bodies {
         see((Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))).0);
     }
@@ -456,7 +483,8 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
     }
 }
 
-/// The median, over the bodies that have one, of the diameter of a body's joints and centre of mass about their mean.
+/// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
+/// their mean.
 pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -466,6 +494,11 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
             if let Some(&i) = index.get(name.as_str()) {
                 points[i].push(Vec3(point));
             }
+        }
+    }
+    for (name, point) in held_points(spec) {
+        if let Some(&i) = index.get(name) {
+            points[i].push(point);
         }
     }
     let extent = |points: &Vec<Vec3<f64>>| {

@@ -202,7 +202,12 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
                 two(known("coupling", c.name(), body)?, known("coupling", c.name(), on)?, "coupling", c.name())?;
                 let axis = axis.unwrap_or([0.0, 0.0, 1.0]);
-                finite(&[*center, axis, *point, *normal].concat(), "coupling", c.name(), "center, axis, point, normal")?;
+                finite(
+                    &[*center, axis, *point, *normal].concat(),
+                    "coupling",
+                    c.name(),
+                    "center, axis, point, normal",
+                )?;
                 if !(radius.is_finite() && *radius > 0.0) {
                     return fail(format!("radius = {radius} m: a wheel has a positive radius"));
                 }

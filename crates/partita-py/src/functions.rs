@@ -48,7 +48,9 @@ impl Functions for Callables {
         })?;
         let mut law = [0.0; LAW];
         if found.len() != 3 + x.len() {
-            return Err(format!("a law of {} readings gives {} numbers, {} came", x.len(), 3 + x.len(), found.len()).into());
+            return Err(
+                format!("a law of {} readings gives {} numbers, {} came", x.len(), 3 + x.len(), found.len()).into()
+            );
         }
         law[..found.len()].copy_from_slice(&found);
         Ok(law)

@@ -2,6 +2,7 @@
 
 use partita_analysis::mobility::Mobility;
 use partita_model::joint::Motion;
+use partita_model::rows::Owner;
 use partita_model::spec::JointKind;
 use partita_model::Model;
 use partita_system::ConstrainedSystem;
@@ -20,6 +21,7 @@ struct Summary<'m> {
     joint_rank: Option<usize>,
     bodies: Vec<Body<'m>>,
     joints: Vec<Joint<'m>>,
+    couplings: Vec<Coupling<'m>>,
     coordinates: &'m [String],
     velocities: &'m [String],
     rows_names: Vec<String>,
@@ -52,6 +54,14 @@ struct Joint<'m> {
 }
 
 #[derive(Serialize)]
+struct Coupling<'m> {
+    name: &'m str,
+    word: &'m str,
+    /// Rows of its multipliers.
+    rows: Vec<usize>,
+}
+
+#[derive(Serialize)]
 struct Removed<'m> {
     row: &'m str,
     why: &'m str,
@@ -73,6 +83,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         joint_rank: mobility.map(|x| x.joint_rank),
         bodies: m.spec.bodies.iter().map(|b| Body { name: &b.name }).collect(),
         joints: joints(m),
+        couplings: couplings(m),
         coordinates: &m.placed.coordinate_names,
         velocities: &m.placed.velocity_names,
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
@@ -80,6 +91,15 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         notes: note.into_iter().collect(),
     };
     serde_json::to_string(&summary)
+}
+
+fn couplings(m: &Model) -> Vec<Coupling<'_>> {
+    let rows = |i: usize| {
+        let own = m.row_names.iter().enumerate().filter(|(_, r)| r.owner == Owner::Coupling(i));
+        own.map(|(row, _)| row).collect()
+    };
+    let all = m.spec.couplings.iter().enumerate();
+    all.map(|(i, c)| Coupling { name: c.name(), word: c.word(), rows: rows(i) }).collect()
 }
 
 fn joints(m: &Model) -> Vec<Joint<'_>> {

@@ -1,6 +1,7 @@
 """The builder: what a user says about a mechanism becomes a checked description."""
 
 from .builder import Builder
-from .records import Body, Drive, Force, Joint
+from .measures import Along, Coordinate, Cosine, Distance
+from .records import Body, Coupling, Drive, Force, Joint
 
-__all__ = ["Body", "Builder", "Drive", "Force", "Joint"]
+__all__ = ["Along", "Body", "Builder", "Coordinate", "Cosine", "Coupling", "Distance", "Drive", "Force", "Joint"]

@@ -6,9 +6,11 @@ from typing import Any
 
 from ..state import Layout
 from . import bodies as body_room
+from . import couplings as coupling_room
 from . import drives as drive_room
 from . import forces as force_room
 from . import joints as joint_room
+from . import primitives as primitive_room
 from .drawing import Drawing
 from .spec import Writer
 
@@ -28,6 +30,24 @@ class Builder(Drawing):
     add_fixed = joint_room.add_fixed
     add_free = joint_room.add_free
     add_joint = joint_room.add_joint
+
+    add_screw = primitive_room.add_screw
+    add_constant_velocity = primitive_room.add_constant_velocity
+    add_point_on_line = primitive_room.add_point_on_line
+    add_point_on_plane = primitive_room.add_point_on_plane
+    add_parallel = primitive_room.add_parallel
+    add_perpendicular = primitive_room.add_perpendicular
+    add_orientation = primitive_room.add_orientation
+
+    add_coupler = coupling_room.add_coupler
+    add_gear = coupling_room.add_gear
+    add_belt = coupling_room.add_belt
+    add_rack = coupling_room.add_rack
+    add_distance = coupling_room.add_distance
+    add_cam = coupling_room.add_cam
+    add_point_on_curve = coupling_room.add_point_on_curve
+    add_rolling = coupling_room.add_rolling
+    add_constraint = coupling_room.add_constraint
 
     add_drive = drive_room.add_drive
     add_spring = force_room.add_spring

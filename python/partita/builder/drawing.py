@@ -43,6 +43,11 @@ class Drawing:
         return tuple(self._description.joints)
 
     @property
+    def couplings(self) -> tuple[str, ...]:
+        """Names of the couplings."""
+        return tuple(self._description.couplings)
+
+    @property
     def drives(self) -> tuple[str, ...]:
         """Names of the drives."""
         return tuple(self._description.drives)

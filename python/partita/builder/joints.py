@@ -3,7 +3,9 @@
 All share: `parent` and `child` are bodies or their names (or the ground), points and axes are world data of
 the drawn position, coordinates are zero there, and positive turns and slides move the child along the axis as
 seen from the parent. `child_point` and `child_axis` serve a rough drawing in which the loops are still open:
-they say where the same joint sits on the child; `assemble` closes the gap. `cut` says whether the joint may
+they say where the same joint sits on the child, `child_frame` (instead of `child_axis`) how it is turned there: the
+directions on the child that lie along the world's axes (along `frame` where a joint has one) when all coordinates are
+zero; `assemble` closes the gap. `cut` says whether the joint may
 close a loop instead of being part of the spanning tree: "auto" (chosen by Partita), "always" or "never".
 
 Every function raises `DescriptionError` for impossible data and `UnknownNameError` for a body that does not
@@ -38,7 +40,16 @@ _SPEEDS = {
     "spherical": 3,
     "fixed": 0,
     "free": 6,
+    "screw": 2,
+    "constant_velocity": 0,
+    "point_on_line": 4,
+    "point_on_plane": 5,
+    "parallel": 4,
+    "perpendicular": 5,
+    "orientation": 3,
 }
+# Leading coordinates that are slides, of kinds that turn in space.
+_SLIDES = {"spherical": 0, "free": 3, "point_on_line": 1, "point_on_plane": 2}
 
 
 def add_revolute(
@@ -51,6 +62,7 @@ def add_revolute(
     *,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a hinge: the child turns about `axis` through `point`. One coordinate, the angle [rad].
@@ -61,9 +73,11 @@ def add_revolute(
     >>> m.add_revolute("A", m.ground, rod, point=(0, 0, 0)).name
     'A'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     geometry = {"axis": direction(element, "axis", axis)}
-    return _store(self, element, "revolute", parent, child, point, geometry, cut, child_point, child_axis)
+    return store_joint(
+        self, element, "revolute", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
 
 
 def add_prismatic(
@@ -76,6 +90,7 @@ def add_prismatic(
     *,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a slide along `axis` without turning. One coordinate, the slide [m].
@@ -88,9 +103,11 @@ def add_prismatic(
     >>> m.add_prismatic("S", m.ground, block, axis=(0, 1, 0)).name
     'S'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     geometry = {"axis": direction(element, "axis", axis)}
-    return _store(self, element, "prismatic", parent, child, point, geometry, cut, child_point, child_axis)
+    return store_joint(
+        self, element, "prismatic", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
 
 
 def add_cylindrical(
@@ -103,6 +120,7 @@ def add_cylindrical(
     *,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a joint that slides along and turns about `axis` through `point`. Coordinates: slide [m], turn
@@ -114,9 +132,11 @@ def add_cylindrical(
     >>> m.add_cylindrical("C", m.ground, rod, point=(0, 0, 0)).name
     'C'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     geometry = {"axis": direction(element, "axis", axis)}
-    return _store(self, element, "cylindrical", parent, child, point, geometry, cut, child_point, child_axis)
+    return store_joint(
+        self, element, "cylindrical", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
 
 
 def add_spherical(
@@ -127,6 +147,7 @@ def add_spherical(
     point: ArrayLike,
     *,
     child_point: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a ball joint at `point`. Coordinates: a unit quaternion (w, x, y, z) of the child relative to the
@@ -141,7 +162,9 @@ def add_spherical(
     >>> m.add_spherical("S", m.ground, top, point=(0, 0, 0)).name
     'S'
     """
-    return _store(self, _element(self, name), "spherical", parent, child, point, {}, cut, child_point)
+    return store_joint(
+        self, joint_element(self, name), "spherical", parent, child, point, {}, cut, child_point, None, child_frame
+    )
 
 
 def add_universal(
@@ -154,6 +177,7 @@ def add_universal(
     axis2: ArrayLike,
     *,
     child_point: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a universal joint at `point`: a turn about `axis1`, fixed in the parent, then about `axis2`, fixed
@@ -167,7 +191,7 @@ def add_universal(
     >>> m.add_universal("U", m.ground, shaft, point=(0, 0, 0), axis1=(0, 1, 0), axis2=(0, 0, 1)).name
     'U'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     first, second = direction(element, "axis1", axis1), direction(element, "axis2", axis2)
     sine = np.linalg.norm(np.cross(first, second)) / float(np.linalg.norm(first) * np.linalg.norm(second))
     if sine < _PARALLEL:
@@ -175,7 +199,8 @@ def add_universal(
             f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes that "
             "cross, at best at a right angle"
         )
-    return _store(self, element, "universal", parent, child, point, {"axis1": first, "axis2": second}, cut, child_point)
+    axes = {"axis1": first, "axis2": second}
+    return store_joint(self, element, "universal", parent, child, point, axes, cut, child_point, None, child_frame)
 
 
 def add_planar(
@@ -188,6 +213,7 @@ def add_planar(
     *,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a joint that keeps `point` in the plane across `normal`. Coordinates: two slides [m], then the turn
@@ -202,9 +228,11 @@ def add_planar(
     >>> m.add_planar("P", m.ground, puck).name
     'P'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     geometry = {"normal": direction(element, "normal", normal)}
-    return _store(self, element, "planar", parent, child, point, geometry, cut, child_point, child_axis)
+    return store_joint(
+        self, element, "planar", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
 
 
 def add_fixed(
@@ -215,6 +243,7 @@ def add_fixed(
     point: ArrayLike | None = None,
     *,
     child_point: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Weld the child to the parent as drawn. No coordinate; its reaction is that of a section through the
@@ -228,7 +257,9 @@ def add_fixed(
     >>> m.add_fixed("weld", m.ground, frame).name
     'weld'
     """
-    return _store(self, _element(self, name), "fixed", parent, child, point, {}, cut, child_point)
+    return store_joint(
+        self, joint_element(self, name), "fixed", parent, child, point, {}, cut, child_point, None, child_frame
+    )
 
 
 def add_free(
@@ -252,7 +283,7 @@ def add_free(
     >>> m.add_free("flight", m.ground, stone).name
     'flight'
     """
-    return _store(self, _element(self, name), "free", parent, child, point, {}, cut)
+    return store_joint(self, joint_element(self, name), "free", parent, child, point, {}, cut)
 
 
 def add_joint(
@@ -265,6 +296,7 @@ def add_joint(
     frame: Any = None,
     *,
     child_point: ArrayLike | None = None,
+    child_frame: Any = None,
     cut: str = "auto",
 ) -> Joint:
     """Add a joint with any subset of the six directions free. Prefer a named joint where there is one.
@@ -282,13 +314,15 @@ def add_joint(
     >>> m.add_joint("slot", m.ground, plate, free=("x", "rz"), point=(0, 0, 0)).name
     'slot'
     """
-    element = _element(self, name)
+    element = joint_element(self, name)
     wanted = [choice(element, "free", item, DIRECTIONS) for item in _listed(element, free)]
     if len(set(wanted)) < len(wanted):
         element.fail(f"free names a direction twice: {', '.join(wanted)}")
     ordered = tuple(item for item in DIRECTIONS if item in wanted)
     geometry = {"frame": frames.rotation(element, "frame", frame)}
-    return _store(self, element, "generic", parent, child, point, geometry, cut, child_point, free=ordered)
+    return store_joint(
+        self, element, "generic", parent, child, point, geometry, cut, child_point, None, child_frame, ordered
+    )
 
 
 def _listed(element: Element, free: Any) -> list[Any]:
@@ -297,11 +331,11 @@ def _listed(element: Element, free: Any) -> list[Any]:
     return list(free)
 
 
-def _element(mechanism: Drawing, name: str) -> Element:
+def joint_element(mechanism: Drawing, name: str) -> Element:
     return name_of("joint", name, mechanism._description.joints)
 
 
-def _store(
+def store_joint(
     mechanism: Drawing,
     element: Element,
     kind: str,
@@ -312,12 +346,16 @@ def _store(
     cut: str,
     child_point: ArrayLike | None = None,
     child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
     free: tuple[str, ...] = (),
+    pitch: float | None = None,
 ) -> Joint:
     """Check what all joints have in common and keep the record."""
     first, second = resolve(mechanism, element, "parent", parent), resolve(mechanism, element, "child", child)
     if first == second:
         element.fail(f'parent and child are both "{first}"; a joint needs two different bodies')
+    if child_axis is not None and child_frame is not None:
+        element.fail("child_axis and child_frame both say how it sits on its child; give one of them")
     record = JointRecord(
         name=element.name,
         kind=kind,
@@ -328,6 +366,8 @@ def _store(
         free=free,
         child_point=None if child_point is None else vector(element, "child_point", child_point),
         child_axis=None if child_axis is None else direction(element, "child_axis", child_axis),
+        child_frame=None if child_frame is None else frames.rotation(element, "child_frame", child_frame),
+        pitch=pitch,
         cut=choice(element, "cut", cut, CUTS),
     )
     mechanism._description.store(mechanism._description.joints, record)
@@ -341,7 +381,7 @@ def speeds(joint: JointRecord) -> int:
 
 def scalars(joint: JointRecord) -> int:
     """Number of leading coordinates that are a slide or an angle, not part of a quaternion."""
-    if joint.kind in ("spherical", "free"):
-        return 0 if joint.kind == "spherical" else 3
+    if joint.kind in _SLIDES:
+        return _SLIDES[joint.kind]
     turns = sum(item.startswith("r") for item in joint.free)
     return len(joint.free) - 3 if turns == 3 else speeds(joint)

@@ -44,7 +44,11 @@ class Force(Handle):
 
 
 class Drive(Handle):
-    """The prescribed motion of one joint coordinate."""
+    """The prescribed motion of one joint coordinate, or of another measure."""
+
+
+class Coupling(Handle):
+    """A condition between joints or bodies that is no joint: a gear, a distance, a rolling contact, ..."""
 
 
 @dataclass(frozen=True)
@@ -78,17 +82,32 @@ class JointRecord:
     free: tuple[str, ...] = ()
     child_point: Array | None = None
     child_axis: Array | None = None
+    child_frame: Array | None = None
+    pitch: float | None = None
     cut: str = "auto"
 
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """Prescribed motion of coordinate number `coordinate` of `joint`."""
+    """Prescribed motion of a measure: its position, velocity or acceleration, as `level` says; `rate` is where an
+    acceleration begins."""
 
     name: str
-    joint: str
-    coordinate: int
+    measure: Mapping[str, Any]
     motion: Value
+    level: str = "position"
+    rate: float = 0.0
+
+
+@dataclass(frozen=True)
+class CouplingRecord:
+    """A coupling: `kind` is "linear", "curve", "function" or "roll", `terms` what it reads, `data` its numbers."""
+
+    name: str
+    kind: str
+    word: str
+    terms: tuple[Mapping[str, Any], ...]
+    data: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -151,7 +170,8 @@ class Description:
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
-    driven: dict[tuple[str, int], str] = field(default_factory=dict)  # (joint, coordinate) -> drive
+    driven: dict[str, str] = field(default_factory=dict)  # measure as text -> drive
+    couplings: dict[str, CouplingRecord] = field(default_factory=dict)
     forces: dict[str, ForceLike] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
     version: int = 0
@@ -159,7 +179,8 @@ class Description:
     def copy(self) -> Description:
         """As it is now, whatever is added to this one later; records never change and are shared."""
         tables = {
-            name: dict(getattr(self, name)) for name in ("bodies", "joints", "drives", "driven", "forces", "numbers")
+            name: dict(getattr(self, name))
+            for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "numbers")
         }
         return Description(self.name, self.gravity, version=self.version, **tables)
 

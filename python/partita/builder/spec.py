@@ -10,9 +10,11 @@ import numpy as np
 
 from ..state import Layout
 from .bodies import to_world
+from .integrals import rate_of
 from .records import (
     GROUND,
     BodyRecord,
+    CouplingRecord,
     Description,
     DriveRecord,
     ForceLike,
@@ -22,7 +24,7 @@ from .records import (
     TorqueRecord,
     TorsionSpringRecord,
 )
-from .values import Constant, Function, Table, Value
+from .values import Constant, Cubics, Function, Table, Value
 
 VERSION = 1
 # Joints keep the user's word for their direction; the core calls each of these "axis".
@@ -56,6 +58,7 @@ class Writer:
         return {
             "bodies": map(_body, d.bodies.values()),
             "joints": map(self._joint, d.joints.values()),
+            "couplings": map(self._coupling, d.couplings.values()),
             "drives": map(self._drive, d.drives.values()),
             "forces": map(self._force, d.forces.values()),
         }
@@ -77,17 +80,32 @@ class Writer:
             spec["child_point"] = record.child_point.tolist()
         if record.child_axis is not None:
             spec["child_axis"] = (record.child_axis / np.linalg.norm(record.child_axis)).tolist()
+        if record.child_frame is not None:
+            spec["child_frame"] = record.child_frame.tolist()
+        if record.pitch is not None:
+            spec["pitch"] = record.pitch
         return {**spec, "cut": record.cut}
 
     def _origin(self, child: str, parent: str) -> Any:
         """The child's origin as drawn (the parent's where the child is the ground)."""
         return to_world(self.description, parent if child == GROUND else child, np.zeros(3))
 
+    def _coupling(self, record: CouplingRecord) -> dict[str, Any]:
+        data = dict(record.data)
+        if record.kind == "curve":
+            data["curve"] = data["curve"].spec()["table"]
+        if record.kind == "function":
+            data["function"] = self._value(data["function"])["function"]
+        said = {} if record.kind == "roll" else {"word": record.word, "terms": [dict(term) for term in record.terms]}
+        return {"kind": record.kind, "name": record.name, **said, **data}
+
     def _drive(self, record: DriveRecord) -> dict[str, Any]:
+        is_rate = record.level == "acceleration"
         return {
             "name": record.name,
-            "measure": {"of": "joint", "joint": record.joint, "coordinate": record.coordinate},
-            "motion": self._value(record.motion),
+            "measure": dict(record.measure),
+            "motion": self._value(rate_of(record.motion, record.rate) if is_rate else record.motion),
+            "level": "position" if record.level == "position" else "velocity",
         }
 
     def _force(self, record: ForceLike) -> dict[str, Any]:
@@ -148,7 +166,7 @@ class Writer:
         match value:
             case Constant():
                 return {"constant": value.value}
-            case Table():
+            case Table() | Cubics():
                 return value.spec()
             case Function():
                 self.notes.append(value.call.notes)

@@ -48,6 +48,18 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Cubics:
+    """Cubics between breaks: (n+1,) and (n, 4), highest power of (t - break) first."""
+
+    breaks: Array
+    coefficients: Array
+
+    def spec(self) -> dict[str, Any]:
+        """Breaks and coefficients."""
+        return {"table": {"breaks": self.breaks.tolist(), "coefficients": self.coefficients.tolist()}}
+
+
+@dataclass(frozen=True)
 class Function:
     """A Python function, kept with what is needed to bring it into the form that the core calls."""
 
@@ -65,7 +77,7 @@ class Binding(Protocol):
         """The function as the core calls it. `layout` may be filled in later, but before it is needed."""
 
 
-Value = Constant | Table | Function
+Value = Constant | Table | Cubics | Function
 
 
 def scalar(

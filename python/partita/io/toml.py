@@ -52,7 +52,13 @@ Maker = Callable[..., Builder]
 SEAL = "# as saved by partita (delete this line after editing): "
 
 # Tables that are made together, in the order of the file.
-_STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
+_STAGES = (
+    ("body", "rod"),
+    ("joint",),
+    ("coupler", "cam", "rolling"),
+    ("drive",),
+    ("spring", "torsion_spring", "torque", "force"),
+)
 
 
 def read(path: Path, make: Maker) -> Any:
@@ -155,7 +161,10 @@ def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
 
 
 def _argument(value: Any) -> Any:
-    """A table {times, values} as the pair that the builder takes; all else as it is."""
+    """A table {times, values} or {x, y} as the pair that the builder takes; all else as it is."""
     if isinstance(value, dict):
-        return value["times"], value["values"]
+        for first, second in (("times", "values"), ("x", "y")):
+            if first in value:
+                return value[first], value[second]
+        return {key: _argument(item) for key, item in value.items()}
     return [_argument(item) for item in value] if isinstance(value, list) else value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..builder import Builder
 from ..builder.checks import Array, Element
 from ..builder.records import (
     BodyRecord,
+    CouplingRecord,
     DriveRecord,
     ForceLike,
     ForceRecord,
@@ -21,7 +22,7 @@ from ..builder.records import (
     TorsionSpringRecord,
 )
 from ..builder.spec import VERSION
-from ..builder.values import Constant, Function, Table, Value
+from ..builder.values import Constant, Cubics, Function, Table, Value
 
 _WIDTH = 110
 Entries = dict[str, Any]
@@ -40,6 +41,8 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         yield _table("[[body]]", _body(body)) if body.rod is None else _table("[[rod]]", _rod(body))
     for joint in d.joints.values():
         yield _table("[[joint]]", _joint(joint))
+    for coupling in d.couplings.values():
+        yield _coupling(coupling)
     for drive in d.drives.values():
         yield _table("[[drive]]", _drive(drive))
     for force in d.forces.values():
@@ -78,18 +81,36 @@ def _joint(record: JointRecord) -> Entries:
         **geometry,
         "child_point": record.child_point,
         "child_axis": record.child_axis,
+        "child_frame": record.child_frame,
+        "pitch": record.pitch,
         "cut": None if record.cut == "auto" else record.cut,
     }
 
 
 def _drive(record: DriveRecord) -> Entries:
     element = Element("drive", record.name)
-    return {
-        "name": record.name,
-        "joint": record.joint,
-        "coordinate": record.coordinate or None,
-        "position": _value(element, record.motion),
-    }
+    what = record.measure
+    said: Entries = {"joint": what}
+    if what["of"] == "joint":
+        said = {"joint": what["joint"], "coordinate": what["coordinate"] or None}
+    rate = record.rate or None
+    return {"name": record.name, **said, record.level: _value(element, record.motion), "rate": rate}
+
+
+def _coupling(record: CouplingRecord) -> str:
+    data, word = dict(record.data), {"word": record.word}
+    match record.kind:
+        case "linear":
+            return _table("[[coupler]]", {"name": record.name, "terms": list(record.terms), **data, **word})
+        case "curve":
+            curve = data["curve"]
+            ends = {"follower": record.terms[0], "cam": record.terms[1]}
+            law = {"law": {"x": curve.times, "y": curve.values}, "periodic": data["periodic"] or None}
+            return _table("[[cam]]", {"name": record.name, **ends, **law, **word})
+        case "roll":
+            ball, slips = (True if value else None for value in (data["axis"] is None, data["slips"]))
+            return _table("[[rolling]]", {"name": record.name, **data, "slips": slips, "ball": ball})
+    return str(_value(Element("coupling", record.name), data["function"]))
 
 
 def _force(record: ForceLike) -> str:
@@ -136,6 +157,8 @@ def _value(element: Element, value: Value) -> Any:
     match value:
         case Constant():
             return value.value
+        case Cubics():
+            element.fail("it was made by an integral, which a file cannot hold")
         case Table():
             return {"times": value.times, "values": value.values}
         case Function():
@@ -154,7 +177,9 @@ def _text(value: Any) -> str:
     """A value in TOML. `repr` of a float is the shortest text that gives the same number back."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, dict):
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_text(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | np.ndarray):
         return _list([_text(item) for item in _items(value)])

@@ -16,6 +16,7 @@ from ..errors import ArgumentError, DoubtfulResultWarning
 from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
+from .coupling import CouplingResult
 from .energy import EnergyResult
 from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
@@ -236,6 +237,14 @@ class Result:
         about = self.summary["joints"][j]
         data = AskedJoint(source, JointPlace(j, tuple(about["q"]), tuple(about["v"])))
         return JointResult(name, about["kind"], about["parent"], about["child"], data)
+
+    def coupling(self, name: str) -> CouplingResult:
+        """Effort of the coupling `name`: a gear, a distance, a rolling contact, ... `UnknownNameError` with the nearest
+        names."""
+        self._source_for("coupling", name)
+        known = self.summary.get("couplings", [])
+        about = known[index_of(name, [item["name"] for item in known], "coupling")]
+        return CouplingResult(name, about["word"], self.multipliers[:, about["rows"]])
 
     def body(self, name: str) -> BodyResult:
         """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""

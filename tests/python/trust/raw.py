@@ -51,20 +51,7 @@ def hinged(**change: Any) -> Any:
     return m.add_revolute("A", m.ground, rod, **{"point": (0, 0, 0), **change})
 
 
-def driven_absolutely() -> Any:
-    m = pendulum()
-    m.add_drive("A", position=lambda t: 0.3 * t)
-    return m.simulate(1.0, coordinates="absolute")
-
-
 CASES = [
-    asked(
-        "driven_absolutely",
-        "a driven joint in absolute coordinates",
-        DescriptionError,
-        "no coordinate in absolute coordinates",
-        driven_absolutely,
-    ),
     asked("inertia", "an inertia of 1e308", DescriptionError, "take other units", lambda: body(inertia=(1e308,) * 3)),
     asked(
         "impossible", "an inertia that no body can have", DescriptionError, "inertia", lambda: body(inertia=(1, 1, 3))

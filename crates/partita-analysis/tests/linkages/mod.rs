@@ -6,7 +6,7 @@ use partita_math::spatial::Quaternion;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
-use partita_model::spec::{Level, Measure, Body, Cut, Drive, Joint, JointKind, Spec, Value, VERSION};
+use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Level, Measure, Spec, Value, VERSION};
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
 use partita_model::Model;

@@ -5,7 +5,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Level, Measure, Drive, JointKind, Spec, Value};
+use partita_model::spec::{Drive, JointKind, Level, Measure, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;

@@ -29,7 +29,9 @@ pub(crate) fn all<G: Space>(
     for place in places {
         let (name, says) = match place.owner {
             Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, &place, &gauges)),
-            Owner::Coupling(i) => (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &gauges)?),
+            Owner::Coupling(i) => {
+                (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &gauges)?)
+            }
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
                 let law = match d.level {
@@ -84,7 +86,10 @@ fn coupling<G: Space>(
         Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),
         Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
             let [a, b] = [gauges.node(on), gauges.node(body)];
-            let points = [numbers.point_on(placed, a, Vec3::from_f64(*point)), numbers.point_on(placed, b, Vec3::from_f64(*center))];
+            let points = [
+                numbers.point_on(placed, a, Vec3::from_f64(*point)),
+                numbers.point_on(placed, b, Vec3::from_f64(*center)),
+            ];
             let rot = |node: usize| if node == 0 { placed.basis } else { placed.bodies[node - 1].rot };
             let unit = |x: &[f64; 3], node: usize, what: &str| -> Result<Vec3<f64>, DescriptionError> {
                 let message = || format!("{what} = {x:?} has no direction; give a vector of finite length");
@@ -157,4 +162,3 @@ impl<G: Space> Condition<G> {
         }
     }
 }
-

@@ -155,9 +155,7 @@ impl<S: Scalar> Law<S> {
                 let rate = readings[1].rate(tree, s, at.v);
                 Ok(bias(0) - slope * bias(1) - bend * rate * rate)
             }
-            Self::Motion { motion, .. } => {
-                Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2])
-            }
+            Self::Motion { motion, .. } => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2]),
             Self::Rate(motion) => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[1]),
             Self::Function(k) => {
                 let (mut x, mut rates) = ([S::zero(); MOST], [S::zero(); MOST]);

@@ -72,12 +72,7 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// The reading of a measure; `element` and `name` are who asks.
-    pub fn reading(
-        &self,
-        m: &Measure,
-        element: &'static str,
-        name: &str,
-    ) -> Result<Reading<G>, DescriptionError> {
+    pub fn reading(&self, m: &Measure, element: &'static str, name: &str) -> Result<Reading<G>, DescriptionError> {
         let node = |body: &str| match self.nodes.get(body) {
             Some(node) => Ok(*node),
             None => Err(DescriptionError::new(element, name, format!("there is no body \"{body}\""))),
@@ -156,7 +151,11 @@ impl<'a, G: Space> Maker<'a, G> {
         name: &str,
     ) -> Result<Vec3<f64>, DescriptionError> {
         let unit = Vec3(axis).unit().ok_or_else(|| {
-            DescriptionError::new(element, name, format!("axis = {axis:?} has no direction; give a vector of finite length"))
+            DescriptionError::new(
+                element,
+                name,
+                format!("axis = {axis:?} has no direction; give a vector of finite length"),
+            )
         })?;
         let rot = if node == 0 { self.placed.basis } else { self.placed.bodies[node - 1].rot };
         Ok(rot.apply(unit))

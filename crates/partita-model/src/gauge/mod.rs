@@ -182,7 +182,12 @@ impl<G: Space> Reading<G> {
         let (a, b) = (&s.links[self.links[0]].rot, &s.links[self.links[1]].rot);
         let push = |ends: &Ends<G>, direction: G::Vec| {
             let (_, pb, _) = ends.now(tree, s);
-            Unit { moment: G::Ang::default(), force: direction, point: [pb, pb + ends.offset], place: ends.origin_b + pb }
+            Unit {
+                moment: G::Ang::default(),
+                force: direction,
+                point: [pb, pb + ends.offset],
+                place: ends.origin_b + pb,
+            }
         };
         let turn = |moment: G::Ang| {
             let point = [s.links[self.links[1]].centre, s.links[self.links[0]].centre];
@@ -265,11 +270,8 @@ impl<G: Space> Reading<G> {
         match self.unit(tree, s) {
             None => row[self.movers[0].column] += factor,
             Some(unit) => {
-                let scaled = Unit {
-                    moment: G::scale_ang(unit.moment, factor),
-                    force: G::scale(unit.force, factor),
-                    ..unit
-                };
+                let scaled =
+                    Unit { moment: G::scale_ang(unit.moment, factor), force: G::scale(unit.force, factor), ..unit };
                 power_columns(&self.movers, &scaled, tree, s, row);
             }
         }

@@ -85,7 +85,8 @@ impl Model {
     /// Closing by inverse kinematics knows joints and drives of coordinates, no other conditions.
     fn refuse_conditions(&self) -> Result<(), SystemError> {
         let given = |d: &DriveRow| d.tree.is_some() && d.level == Level::Position;
-        let is_given = |owner| matches!(owner, Owner::Drive(i) if self.drives.iter().any(|d| d.number == i && given(d)));
+        let is_given =
+            |owner| matches!(owner, Owner::Drive(i) if self.drives.iter().any(|d| d.number == i && given(d)));
         match self.full.conditions.iter().find(|c| !is_given(c.owner)) {
             None => Ok(()),
             Some(c) => {

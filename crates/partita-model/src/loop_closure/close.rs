@@ -202,7 +202,9 @@ impl LoopClosing<'_> {
                 for p in &k.path {
                     let link = &tree.links[p.link];
                     let LinkMotion::Turn(axis) = link.motion else { continue };
-                    if self.inputs.binary_search(&link.v).is_ok() || self.model.drives.iter().any(|d| d.velocity() == Some(link.v)) {
+                    if self.inputs.binary_search(&link.v).is_ok()
+                        || self.model.drives.iter().any(|d| d.velocity() == Some(link.v))
+                    {
                         continue;
                     }
                     let by = turns * if p.on_b { axis } else { -axis };

@@ -3,8 +3,8 @@
 use super::arm::turn_of;
 use crate::joint::Motion;
 use crate::model::Model;
-use crate::rows::Owner;
 use crate::numbers::Numbers;
+use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 

@@ -2,8 +2,8 @@
 
 use super::{Dense, Model, ModelScratch};
 use crate::clusters::{Plan, Preference, Tangents, Way};
-use crate::evaluator::{with_engine, Engine};
 use crate::coupling::Condition;
+use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
 use crate::rows::Owner;
 use crate::tree::LinkMotion;
@@ -363,7 +363,9 @@ impl ConstrainedSystem for Model {
             let r = axes(p.parent, &p.on_parent).transpose().mul(&axes(p.child, &p.on_child));
             let turns: Vec<_> = p.shape.motions.iter().filter(|m| !matches!(m, Motion::Slide(_))).collect();
             match turns.as_slice() {
-                [] if p.shape.own == Some(Own::Twist) => r.apply(p.shape.frame.column(2)).dot(p.shape.frame.column(2)) < 0.0,
+                [] if p.shape.own == Some(Own::Twist) => {
+                    r.apply(p.shape.frame.column(2)).dot(p.shape.frame.column(2)) < 0.0
+                }
                 // other roots of three perpendicular pairs are turned by 120 degrees and more
                 [] => r.0[0][0] + r.0[1][1] + r.0[2][2] < 1.0,
                 [Motion::Turn(a)] => a.dot(r.apply(*a)) < 0.0,

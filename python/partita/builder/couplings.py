@@ -1,0 +1,428 @@
+"""Couplings: conditions between joints or bodies that are no joints: `Mechanism.add_gear` and its sisters.
+
+A coupling acts on the coordinates of joints wherever these stand: in the spanning tree, closing a loop, or in absolute
+coordinates. Coordinates are zero as drawn, so that a coupling drawn is a coupling closed. Its force is
+`result.coupling(name).effort`.
+
+Every function raises `DescriptionError` for impossible data, and `UnknownNameError` for a joint or body that does not
+exist.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .bodies import resolve
+from .checks import Element, choice, direction, name_of, number, vector
+from .drawing import Drawing
+from .laws import Law, Profile, RateLaw
+from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
+from .records import Coupling, CouplingRecord, Joint
+from .values import Function, is_table, table
+
+MOST = 12
+"""Readings of one coupling at the most."""
+_PERIOD_CLOSES = 1e-9
+
+
+def add_coupler(
+    self: Drawing,
+    name: str,
+    terms: Sequence[Any],
+    factors: ArrayLike,
+    offset: float = 0.0,
+    *,
+    word: str = "coupler",
+) -> Coupling:
+    """Hold a sum of coordinates: factors[0] x terms[0] + factors[1] x terms[1] + ... = offset.
+
+    The general form of gear, rack, belt and distance: a differential has three terms, a planetary gear too.
+
+    Args:
+        terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; up to 12.
+        factors: one number for each, none of them 0.
+        offset: the sum; coordinates of joints are zero as drawn.
+        word: what reports and messages call it.
+
+    In absolute coordinates, and for joints that close loops in space, whole turns are not known; where the factors
+    leave no common period, the condition then holds the rates alone, which keeps the same motion.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("differential")
+    >>> for shaft in ("left", "right", "cage"):
+    ...     wheel = m.add_body(shaft, mass=1.0, inertia=(1, 1, 2))
+    ...     joint = m.add_revolute(f"of {shaft}", m.ground, wheel, point=(0, 0, 0))
+    >>> m.add_coupler("gears", ["of left", "of right", "of cage"], [1, 1, -2]).name
+    'gears'
+    """
+    element = _element(self, name)
+    found = _terms(self, element, terms)
+    try:
+        weights = [number(element, "factors", f) for f in np.asarray(factors, dtype=float).ravel().tolist()]
+    except (TypeError, ValueError) as error:
+        element.fail(f"factors must be numbers, not {factors!r}", cause=error)
+    if len(weights) != len(found):
+        element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
+    if 0.0 in weights:
+        element.fail(f"factor {weights.index(0.0)} is 0; leave that term out")
+    data = {"factors": weights, "offset": number(element, "offset", offset)}
+    return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data))
+
+
+def add_gear(
+    self: Drawing,
+    joint1: Joint | str,
+    joint2: Joint | str,
+    ratio: float,
+    *,
+    coordinate1: int = 0,
+    coordinate2: int = 0,
+    name: str | None = None,
+) -> Coupling:
+    """Couple two joints: the rate of `joint2` is `ratio` times the rate of `joint1`.
+
+    Of two wheels on fixed axes that mesh outside, the ratio is minus the radius of the first over that of the second;
+    inside it is positive.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("gears")
+    >>> for i in (1, 2):
+    ...     wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(1, 1, 2), position=(i, 0, 0))
+    ...     joint = m.add_revolute(f"A{i}", m.ground, wheel, point=(i, 0, 0))
+    >>> m.add_gear("A1", "A2", ratio=-2.0).name
+    'gear A1 - A2'
+    """
+    name = f"gear {joint1} - {joint2}" if name is None else name
+    element = _element(self, name)
+    value = number(element, "ratio", ratio)
+    if value == 0.0:
+        element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
+    terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
+    return add_coupler(self, name, terms, [1.0, -value], word="gear")
+
+
+def add_belt(
+    self: Drawing,
+    pulley1: Joint | str,
+    pulley2: Joint | str,
+    radius1: float,
+    radius2: float,
+    *,
+    crossed: bool = False,
+    name: str | None = None,
+) -> Coupling:
+    """Couple two turning joints by a belt or chain that does not slip: radius1 x rate1 = radius2 x rate2.
+
+    The axes shall point the same way; a crossed belt turns the second pulley backwards.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("belt")
+    >>> for i in (1, 2):
+    ...     wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(1, 1, 2), position=(i, 0, 0))
+    ...     joint = m.add_revolute(f"A{i}", m.ground, wheel, point=(i, 0, 0))
+    >>> m.add_belt("A1", "A2", radius1=0.1, radius2=0.3).name
+    'belt A1 - A2'
+    """
+    name = f"belt {pulley1} - {pulley2}" if name is None else name
+    element = _element(self, name)
+    radii = [_positive(element, what, r) for what, r in (("radius1", radius1), ("radius2", radius2))]
+    ratio = radii[0] / radii[1] * (-1.0 if crossed else 1.0)
+    return add_coupler(self, name, [Coordinate(pulley2), Coordinate(pulley1)], [1.0, -ratio], word="belt")
+
+
+def add_rack(
+    self: Drawing,
+    pinion: Joint | str,
+    slide: Joint | str,
+    radius: float,
+    *,
+    coordinate1: int = 0,
+    coordinate2: int = 0,
+    name: str | None = None,
+) -> Coupling:
+    """Couple a turn and a slide: the rate of `slide` is `radius` times the rate of `pinion`; negative runs backwards.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("steering")
+    >>> wheel = m.add_body("pinion", mass=1.0, inertia=(1, 1, 2))
+    >>> rack = m.add_body("rack", mass=1.0, inertia=(1, 1, 2))
+    >>> turn = m.add_revolute("P", m.ground, wheel, point=(0, 0, 0))
+    >>> slide = m.add_prismatic("R", m.ground, rack, axis=(1, 0, 0))
+    >>> m.add_rack(turn, slide, radius=0.02).name
+    'rack P - R'
+    """
+    name = f"rack {pinion} - {slide}" if name is None else name
+    element = _element(self, name)
+    value = number(element, "radius", radius)
+    if value == 0.0:
+        element.fail("radius is 0 m: the rack would stand still")
+    terms = [Coordinate(slide, coordinate2), Coordinate(pinion, coordinate1)]
+    return add_coupler(self, name, terms, [1.0, -value], word="rack")
+
+
+def add_distance(
+    self: Drawing,
+    name: str,
+    body1: BodyLike,
+    point1: ArrayLike,
+    body2: BodyLike,
+    point2: ArrayLike,
+    length: float | None = None,
+) -> Coupling:
+    """Hold two points at a distance: a massless rod between two balls, whose spin is nobody's freedom.
+
+    Prefer it to a body where the rod's mass does not matter: a rod with ball joints at both ends spins idly. The force
+    in it is `result.coupling(name).tension`.
+
+    Args:
+        point1, point2: in body axes, of the ground in the world [m].
+        length: [m]; None: as drawn.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> bob = m.add_body("bob", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), position=(0, -1, 0))
+    >>> m.add_distance("wire", m.ground, (0, 0, 0), bob, (0, 0, 0)).name
+    'wire'
+    """
+    element = _element(self, name)
+    rod = Distance(body1, point1, body2, point2)
+    as_drawn = drawn(self, measure(self, element, rod))
+    if length is None and as_drawn == 0.0:
+        element.fail("its points coincide as drawn; a distance of 0 has no direction: use a spherical joint")
+    held = as_drawn if length is None else _positive(element, "length", length)
+    return add_coupler(self, name, [rod], [1.0], held, word="distance")
+
+
+def add_cam(
+    self: Drawing,
+    follower: Any,
+    cam: Any,
+    law: tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    *,
+    periodic: bool = False,
+    name: str | None = None,
+    word: str = "cam",
+) -> Coupling:
+    """Let one coordinate follow another: follower = law(cam).
+
+    Args:
+        follower, cam: joints (their first coordinates), or measures as in `add_coupler`.
+        law: a table (x, y), joined by a twice differentiable cubic spline and computed without Python; or a function of
+            one number (arithmetic, NumPy functions, `np.polynomial.Polynomial`).
+        periodic: the table repeats itself after its last x; first and last y are then equal.
+
+    >>> import numpy as np
+    >>> import partita as pt
+    >>> m = pt.Mechanism("valve")
+    >>> shaft = m.add_body("shaft", mass=1.0, inertia=(1, 1, 2))
+    >>> valve = m.add_body("valve", mass=0.1, inertia=(1, 1, 2))
+    >>> turn = m.add_revolute("A", m.ground, shaft, point=(0, 0, 0))
+    >>> lift = m.add_prismatic("V", m.ground, valve, axis=(0, 1, 0))
+    >>> m.add_cam(lift, turn, lambda x: 0.01 * (1.0 - np.cos(x))).name
+    'cam A - V'
+    """
+    name = f"cam {cam} - {follower}" if name is None else name
+    element = _element(self, name)
+    terms = _terms(self, element, [follower, cam])
+    if callable(law):
+        function = Function(Law(element, _Follows(law), None))
+        return _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), {"function": function}))
+    if not is_table(law):
+        element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
+    curve = table(element, "law", (law[0], law[1]), "smooth")
+    if periodic:
+        gap = abs(float(curve.values[-1] - curve.values[0]))
+        if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
+            element.fail(
+                f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last"
+            )
+    data = {"curve": curve, "periodic": bool(periodic)}
+    return _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))
+
+
+def add_point_on_curve(
+    self: Drawing,
+    name: str,
+    body1: BodyLike,
+    body2: BodyLike,
+    point2: ArrayLike,
+    curve: tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    *,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    x_axis: ArrayLike = (1.0, 0.0, 0.0),
+    y_axis: ArrayLike = (0.0, 1.0, 0.0),
+    polar: bool = False,
+) -> Coupling:
+    """Hold a point of `body2` on a curve of `body1`, seen along the normal of the curve's plane: a slot, a rail, a cam.
+
+    Across the plane it holds nothing; a joint or `add_point_on_plane` does.
+
+    Args:
+        point2: the point, in axes of `body2` [m].
+        curve: y over x: a table or a function; or, `polar`, a table (angle [rad], radius [m]) that closes after a whole
+            turn, as of a cam's outline.
+        origin, x_axis, y_axis: where the curve lies, in axes of `body1`.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("bead")
+    >>> bead = m.add_body("bead", mass=1.0, inertia=(1, 1, 1), position=(0, 1, 0))
+    >>> m.add_point_on_curve("wire", m.ground, bead, (0, 0, 0), lambda x: 1.0 + x**2).name
+    'wire'
+    """
+    element = _element(self, name)
+    x, y = (
+        Along(body1, origin, axis, body2, point2)
+        for axis in (direction(element, "x_axis", x_axis), direction(element, "y_axis", y_axis))
+    )
+    if not polar:
+        return add_cam(self, y, x, curve, name=name, word="curve")
+    if callable(curve) or not is_table(curve):
+        element.fail("a polar curve is a table (angles, radii)")
+    outline = table(element, "curve", (curve[0], curve[1]), "smooth")
+    span = float(outline.times[-1] - outline.times[0])
+    closes = abs(float(outline.values[-1] - outline.values[0])) <= 1e-9 * float(np.abs(outline.values).max())
+    if abs(span - 2.0 * math.pi) > 1e-9 or not closes:
+        element.fail(
+            f"a polar curve closes after a whole turn: angles span {span:g} rad, radii begin with "
+            f"{outline.values[0]:g} and end with {outline.values[-1]:g} m"
+        )
+    if float(outline.values.min()) <= 0.0:
+        element.fail(f"a radius is {outline.values.min():g} m; all must be positive")
+    values = np.append(outline.values[:-1], outline.values[0])
+    function = Function(Profile(outline.times, values))
+    terms = tuple(_terms(self, element, [x, y]))
+    return _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function}))
+
+
+def add_rolling(
+    self: Drawing,
+    name: str,
+    body: BodyLike,
+    radius: float,
+    *,
+    center: ArrayLike = (0.0, 0.0, 0.0),
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    ball: bool = False,
+    on: BodyLike | None = None,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    normal: ArrayLike = (0.0, 1.0, 0.0),
+    slips: bool = False,
+) -> Coupling:
+    """Let a disc (a wheel with a sharp edge) or a ball roll on a plane: it touches, and does not slip.
+
+    Touching is a condition on positions, rolling two conditions on rates (nonholonomic): they take no position away.
+
+    Args:
+        body: what rolls; `center` and `axis` of the disc in its axes [m].
+        ball: a ball, which has no axis.
+        radius: [m].
+        on: the body that carries the plane; None: the ground.
+        point, normal: a point of the plane, and its normal towards the centre, in axes of `on`.
+        slips: touches only.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("coin")
+    >>> coin = m.add_body("coin", mass=1.0, inertia=(1, 1, 2), position=(0, 0.5, 0))
+    >>> m.add_rolling("edge", coin, radius=0.5).name
+    'edge'
+    """
+    element = _element(self, name)
+    roller = resolve(self, element, "body", body, ground=False)
+    carrier = resolve(self, element, "on", self.ground if on is None else on)
+    if roller == carrier:
+        element.fail(f'"{roller}" cannot roll on itself; name two different bodies')
+    data = {
+        "body": roller,
+        "center": vector(element, "center", center).tolist(),
+        "axis": None if ball else direction(element, "axis", axis).tolist(),
+        "radius": _positive(element, "radius", radius),
+        "on": carrier,
+        "point": vector(element, "point", point).tolist(),
+        "normal": direction(element, "normal", normal).tolist(),
+        "slips": bool(slips),
+    }
+    return _store(self, CouplingRecord(element.name, "roll", "rolling contact", (), data))
+
+
+def add_constraint(
+    self: Drawing,
+    name: str,
+    function: Callable[..., Any],
+    of: Sequence[Any],
+    *,
+    gradient: Callable[..., Any] | None = None,
+    level: str = "position",
+    word: str = "constraint",
+) -> Coupling:
+    """Add a condition of your own: function(t, x1, x2, ...) = 0 of what is read off the mechanism.
+
+    Several of them between two bodies make a joint of your own.
+
+    Args:
+        function: returns one number. With level "velocity" it returns the coefficients g_i of a condition on rates,
+            g_1 x1' + g_2 x2' + ... = 0, and, if there is one number more, a drift that is added (nonholonomic).
+        of: what it sees, in order: joints (their first coordinates) or measures as in `add_coupler`; up to 12.
+        gradient: (t, x1, x2, ...) -> the partial derivatives; None: found exactly where the function takes numbers that
+            carry derivatives (arithmetic, NumPy functions), else by central differences, and a note says so.
+
+    Raises:
+        EvaluationError: the function returns anything but finite numbers (here or during a run).
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum on a parabola")
+    >>> bob = m.add_body("bob", mass=1.0, inertia=(1, 1, 1))
+    >>> x = pt.Along(m.ground, (0, 0, 0), (1, 0, 0), bob, (0, 0, 0))
+    >>> y = pt.Along(m.ground, (0, 0, 0), (0, 1, 0), bob, (0, 0, 0))
+    >>> m.add_constraint("parabola", lambda t, x, y: y - x**2, of=[x, y]).name
+    'parabola'
+    """
+    element = _element(self, name)
+    terms = _terms(self, element, of)
+    kind = choice(element, "level", level, ("position", "velocity"))
+    if not callable(function):
+        element.fail(f"function must be callable, not {function!r}")
+    if gradient is not None and (kind == "velocity" or not callable(gradient)):
+        element.fail("gradient is a function of (t, x1, x2, ...), of a condition on positions")
+    law = Law(element, function, gradient) if kind == "position" else RateLaw(element, function, None)
+    law(0.0, [drawn(self, term) for term in terms], [0.0] * len(terms))
+    data = {"function": Function(law), "level": kind}
+    return _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
+
+
+class _Follows:
+    """The condition of a follower: y - law(x)."""
+
+    def __init__(self, law: Callable[..., Any]) -> None:
+        self.law = law
+
+    def __call__(self, t: Any, y: Any, x: Any) -> Any:
+        return y - self.law(x)
+
+
+def _element(mechanism: Drawing, name: str) -> Element:
+    return name_of("coupling", name, mechanism._description.couplings)
+
+
+def _positive(element: Element, what: str, value: Any) -> float:
+    found = number(element, what, value)
+    if found <= 0.0:
+        element.fail(f"{what} = {found:g} m must be positive")
+    return found
+
+
+def _terms(mechanism: Drawing, element: Element, terms: Any) -> list[dict[str, Any]]:
+    if isinstance(terms, str | dict) or not isinstance(terms, Sequence):
+        element.fail(f"terms must be a list of joints or measures, not {terms!r}")
+    if not 1 <= len(terms) <= MOST:
+        element.fail(f"it needs 1 to {MOST} terms, not {len(terms)}")
+    return [measure(mechanism, element, term) for term in terms]
+
+
+def _store(mechanism: Drawing, record: CouplingRecord) -> Coupling:
+    mechanism._description.store(mechanism._description.couplings, record)
+    return Coupling(record.name, mechanism)

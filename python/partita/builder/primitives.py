@@ -1,0 +1,227 @@
+"""Joints of one condition or two, and joints with a condition of their own: `Mechanism.add_screw` and its sisters.
+
+What all joints share is said in `joints`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from . import frames
+from .checks import direction, number
+from .drawing import Drawing
+from .joints import BodyLike, joint_element, store_joint
+from .records import Joint
+
+
+def add_screw(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    pitch: float,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Add a screw: the child advances `pitch` [m] along `axis` for each turn about it; negative: a left-hand thread.
+
+    A cylindrical joint with a coupling of its own. Coordinates: slide [m], turn [rad].
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("jack")
+    >>> nut = m.add_body("nut", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_screw("thread", m.ground, nut, point=(0, 0, 0), axis=(0, 1, 0), pitch=0.005).name
+    'thread'
+    """
+    element = joint_element(self, name)
+    value = number(element, "pitch", pitch)
+    if value == 0.0:
+        element.fail("pitch = 0 m: a screw advances; use a revolute joint for one that does not")
+    geometry = {"axis": direction(element, "axis", axis)}
+    return store_joint(
+        self, element, "screw", parent, child, point, geometry, cut, child_point, child_axis, child_frame, pitch=value
+    )
+
+
+def add_constant_velocity(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis: ArrayLike = (1.0, 0.0, 0.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
+) -> Joint:
+    """Add a constant-velocity joint: two shafts in line along `axis` as drawn may bend, and turn equally fast.
+
+    Prefer it to two universal joints where the intermediate shaft does not matter. It always closes a loop and has no
+    coordinates: read the bodies.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("drive shaft")
+    >>> bodies = [m.add_rod(f"shaft {i}", start=(i, 0, 0), end=(i + 1, 0, 0), mass=1.0) for i in range(2)]
+    >>> m.add_constant_velocity("CV", *bodies, point=(1, 0, 0)).name
+    'CV'
+    """
+    element = joint_element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return store_joint(
+        self, element, "constant_velocity", parent, child, point, geometry, "auto", child_point, child_axis, child_frame
+    )
+
+
+def add_point_on_line(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    axis: ArrayLike = (1.0, 0.0, 0.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Hold a point of the child on a line of the parent along `axis`; all turns are free.
+
+    Coordinates: the slide [m], then a unit quaternion (w, x, y, z).
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("bead")
+    >>> bead = m.add_body("bead", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_point_on_line("wire", m.ground, bead, point=(0, 0, 0)).name
+    'wire'
+    """
+    element = joint_element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return store_joint(
+        self, element, "point_on_line", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
+
+
+def add_point_on_plane(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike,
+    normal: ArrayLike = (0.0, 0.0, 1.0),
+    *,
+    child_point: ArrayLike | None = None,
+    child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Hold a point of the child in a plane of the parent across `normal`; all turns are free.
+
+    Coordinates: two slides [m], then a unit quaternion (w, x, y, z).
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pen")
+    >>> pen = m.add_body("pen", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_point_on_plane("paper", m.ground, pen, point=(0, 0, 0)).name
+    'paper'
+    """
+    element = joint_element(self, name)
+    geometry = {"normal": direction(element, "normal", normal)}
+    return store_joint(
+        self, element, "point_on_plane", parent, child, point, geometry, cut, child_point, child_axis, child_frame
+    )
+
+
+def add_parallel(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    axis: ArrayLike,
+    point: ArrayLike | None = None,
+    *,
+    child_axis: ArrayLike | None = None,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Keep `axis` of the child parallel to the same axis of the parent. Coordinates: three slides [m], a turn [rad].
+
+    `point` is where the reaction, a moment, is told; None: the child's origin as drawn.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("tray")
+    >>> tray = m.add_body("tray", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_parallel("level", m.ground, tray, axis=(0, 1, 0)).name
+    'level'
+    """
+    element = joint_element(self, name)
+    geometry = {"axis": direction(element, "axis", axis)}
+    return store_joint(self, element, "parallel", parent, child, point, geometry, cut, None, child_axis, child_frame)
+
+
+def add_perpendicular(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    axis1: ArrayLike,
+    axis2: ArrayLike,
+    point: ArrayLike | None = None,
+    *,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Keep `axis2` of the child at a right angle to `axis1` of the parent. Coordinates: three slides [m], two turns
+    [rad] about these axes.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("vane")
+    >>> vane = m.add_body("vane", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_perpendicular("square", m.ground, vane, axis1=(1, 0, 0), axis2=(0, 1, 0)).name
+    'square'
+    """
+    element = joint_element(self, name)
+    axes = {"axis1": direction(element, "axis1", axis1), "axis2": direction(element, "axis2", axis2)}
+    return store_joint(self, element, "perpendicular", parent, child, point, axes, cut, None, None, child_frame)
+
+
+def add_orientation(
+    self: Drawing,
+    name: str,
+    parent: BodyLike,
+    child: BodyLike,
+    point: ArrayLike | None = None,
+    *,
+    child_frame: Any = None,
+    cut: str = "auto",
+) -> Joint:
+    """Keep the child turned as the parent, as drawn, wherever it goes. Coordinates: three slides [m].
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("carriage")
+    >>> carriage = m.add_body("carriage", mass=1.0, inertia=(1, 1, 1))
+    >>> m.add_orientation("upright", m.ground, carriage).name
+    'upright'
+    """
+    element = joint_element(self, name)
+    return store_joint(
+        self,
+        element,
+        "orientation",
+        parent,
+        child,
+        point,
+        {"frame": frames.rotation(element, "frame", None)},
+        cut,
+        None,
+        None,
+        child_frame,
+    )

@@ -1,0 +1,313 @@
+"""Couplings, drives and joints with conditions of their own: closed forms, in relative and in absolute coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.errors import DescriptionError, EvaluationError
+
+BOTH = pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+G = 9.81
+
+
+def run(m: pt.Mechanism, coordinates: str, duration: float = 2.0, **options: Any) -> Any:
+    r = m.simulate(duration, coordinates=coordinates, **{"rtol": 1e-11, "atol": 1e-12, **options})
+    assert r.success, r.message
+    # round-off of a metre
+    assert r.closure.max() < 1e-12
+    return r
+
+
+def wheels(*inertias: float) -> pt.Mechanism:
+    m = pt.Mechanism("wheels", gravity=(0, 0, 0))
+    for i, inertia in enumerate(inertias, 1):
+        wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(inertia, inertia, inertia), position=(i, 0, 0))
+        m.add_revolute(f"A{i}", m.ground, wheel, point=(i, 0, 0))
+    return m
+
+
+@BOTH
+@pytest.mark.parametrize("ratio", [-3.0, 0.37, 1e-3])
+def test_a_gear_pair_is_one_flywheel(coordinates: str, ratio: float) -> None:
+    m = wheels(2.0, 0.5)
+    m.add_gear("A1", "A2", ratio=ratio)
+    m.add_torque("A1", 1.0)
+    r = run(m, coordinates)
+    angle = 0.5 * r.t**2 / (2.0 + 0.5 * ratio**2)
+    assert np.allclose(r.joint("A1").position[:, 0], angle, atol=1e-12)
+    assert np.allclose(r.joint("A2").position[:, 0], ratio * angle, atol=1e-12)
+    # the tooth turns the second wheel
+    assert np.allclose(r.coupling(f"gear {'A1'} - {'A2'}").effort[:, 0], 0.5 * ratio * 2.0 * angle[-1] / r.t[-1] ** 2)
+
+
+@BOTH
+def test_a_differential_shares_its_torque(coordinates: str) -> None:
+    m = wheels(1.0, 2.0, 4.0)
+    m.add_coupler("gears", ["A1", "A2", "A3"], [1.0, 1.0, -2.0], word="differential")
+    m.add_torque("A3", 6.0)
+    r = run(m, coordinates)
+    # lambda from J_i w_i' = f_i lambda + T_i and w_1' + w_2' = 2 w_3'
+    effort = 2 * 6.0 / 4.0 / (1.0 + 1 / 2.0 + 4 / 4.0)
+    found = np.array([r.joint(f"A{i}").velocity[-1, 0] for i in (1, 2, 3)])
+    assert np.allclose(found, [2 * effort, 2 * effort / 2.0, 2 * (6.0 - 2 * effort) / 4.0], atol=1e-11)
+
+
+@BOTH
+def test_a_belt_and_a_crossed_one(coordinates: str) -> None:
+    m = wheels(1.0, 1.0, 1.0)
+    m.add_belt("A1", "A2", radius1=0.1, radius2=0.2)
+    m.add_belt("A2", "A3", radius1=0.2, radius2=0.1, crossed=True)
+    m.add_drive("A1", velocity=2.0)
+    r = run(m, coordinates)
+    assert np.allclose([r.joint(f"A{i}").velocity[-1, 0] for i in (1, 2, 3)], [2.0, 1.0, -2.0], atol=1e-13)
+
+
+@BOTH
+def test_rack_and_pinion(coordinates: str) -> None:
+    m = pt.Mechanism("steering", gravity=(0, 0, 0))
+    pinion = m.add_body("pinion", mass=1.0, inertia=(1, 1, 2))
+    rack = m.add_body("rack", mass=3.0, inertia=(1, 1, 1), position=(0, -0.5, 0))
+    m.add_revolute("P", m.ground, pinion, point=(0, 0, 0))
+    m.add_prismatic("R", m.ground, rack, axis=(1, 0, 0))
+    m.add_rack("P", "R", radius=0.5)
+    m.add_torque("P", 2.0)
+    r = run(m, coordinates)
+    assert np.allclose(r.joint("R").position[:, 0], 0.5 * 0.5 * 2.0 / (2.0 + 3.0 * 0.25) * r.t**2, atol=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize("pitch", [0.5, -0.002])
+def test_a_nut_falls_down_its_screw(coordinates: str, pitch: float) -> None:
+    m = pt.Mechanism("jack")
+    nut = m.add_body("nut", mass=2.0, inertia=(1.0, 0.3, 1.0))
+    m.add_screw("thread", m.ground, nut, point=(0, 0, 0), axis=(0, 1, 0), pitch=pitch)
+    r = run(m, coordinates)
+    per_radian = pitch / (2 * np.pi)
+    turn = -2.0 * G * per_radian / (0.3 + 2.0 * per_radian**2)
+    thread = r.joint("thread")
+    assert np.allclose(thread.position[:, 0], 0.5 * per_radian * turn * r.t**2, rtol=1e-9, atol=1e-12)
+    assert np.allclose(thread.force[-1], [0, 2.0 * (G + per_radian * turn), 0], rtol=1e-9)
+    assert np.allclose(thread.moment[-1], [0, 0.3 * turn, 0], rtol=1e-9, atol=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
+def test_a_wire_pendulum_and_its_tension(coordinates: str, scale: float) -> None:
+    m = pt.Mechanism("wire", gravity=(0, -G * scale, 0))
+    bob = m.add_body("bob", mass=2.0, inertia=(1e-3 * scale**2,) * 3, position=(scale, 0, 0))
+    m.add_distance("wire", m.ground, (0, 0, 0), bob, (0, 0, 0))
+    r = m.simulate(2.0, coordinates=coordinates, rtol=1e-11, atol=1e-12 * scale)
+    assert r.success and r.closure.max() < 1e-12 * scale
+    at, rate = r.body("bob").position / scale, r.body("bob").velocity / scale
+    expected = 2.0 * scale * (np.sum(rate**2, axis=1) - G * at[:, 1])
+    assert np.allclose(r.coupling("wire").tension, expected, rtol=0, atol=1e-11 * scale)
+    # energy of the swing, what the run's tolerance leaves
+    assert np.allclose(0.5 * np.sum(rate**2, axis=1) + G * at[:, 1], 0.0, atol=1e-8)
+
+
+@BOTH
+def test_a_constant_velocity_joint_passes_the_spin_on(coordinates: str) -> None:
+    bend = 0.5
+    c, s = np.cos(bend), np.sin(bend)
+    turned = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    m = pt.Mechanism("half shaft", gravity=(0, 0, 0))
+    first = m.add_body("in", mass=1, inertia=(0.1, 1, 1), position=(-0.5, 0, 0))
+    second = m.add_body("out", mass=1, inertia=(0.3, 1, 1), position=(0.5 * c, 0.5 * s, 0), orientation=turned)
+    m.add_revolute("A", m.ground, first, point=(-1, 0, 0), axis=(1, 0, 0))
+    m.add_revolute("B", m.ground, second, point=(c, s, 0), axis=(c, s, 0))
+    m.add_constant_velocity("CV", first, second, point=(0, 0, 0), axis=(1, 0, 0), child_frame=turned)
+    m.add_torque("A", 0.8)
+    r = run(m, coordinates)
+    assert np.allclose(r.joint("A").velocity[:, 0], 2.0 * r.t, atol=1e-11)
+    assert np.allclose(r.joint("B").velocity, r.joint("A").velocity, atol=1e-12)
+
+
+@BOTH
+def test_a_ball_rolls_down_an_incline(coordinates: str) -> None:
+    slope, mass, radius = 0.3, 2.0, 0.1
+    m = pt.Mechanism("ball", gravity=(G * np.sin(slope), -G * np.cos(slope), 0))
+    ball = m.add_body("ball", mass=mass, inertia=(0.4 * mass * radius**2,) * 3, position=(0, radius, 0))
+    m.add_rolling("contact", ball, radius=radius, ball=True)
+    r = run(m, coordinates)
+    assert np.allclose(r.body("ball").position[:, 0], 0.5 * G * np.sin(slope) / 1.4 * r.t**2, atol=1e-11)
+    # normal force, and the friction that turns the ball
+    assert np.allclose(r.coupling("contact").effort[-1, 0], mass * G * np.cos(slope), atol=1e-10)
+    assert np.isclose(np.linalg.norm(r.coupling("contact").effort[-1, 1:]), mass * G * np.sin(slope) * 0.4 / 1.4)
+
+
+def test_a_coin_rolls_on_its_edge() -> None:
+    """Steady circle of a rolling disc: the lean at which it goes round follows from its rates alone."""
+    radius, lean, spin = 0.5, 0.4, 9.0
+    # inertias k1 = 1/4, k2 = 1/2 of m r^2; steady turn W of the axis from the moment about the contact:
+    # k1 W^2 sin(lean) cos(lean) - (k2 + 1) spin W cos(lean) = (g / r) sin(lean), lean from upright
+    k1, k2 = 0.25, 0.5
+    a, b, c0 = k1 * np.sin(lean) * np.cos(lean), -(k2 + 1) * spin * np.cos(lean), -(G / radius) * np.sin(lean)
+    turn = (-b - np.sqrt(b * b - 4 * a * c0)) / (2 * a)
+    axis = np.array([0.0, np.sin(lean), np.cos(lean)])
+    up = np.array([0.0, np.cos(lean), -np.sin(lean)])
+    orientation = np.column_stack([np.cross(up, axis), up, axis])
+    m = pt.Mechanism("coin")
+    coin = m.add_body(
+        "coin",
+        mass=1.0,
+        inertia=np.array([k1, k1, k2]) * radius**2,
+        position=radius * up,
+        orientation=orientation,
+    )
+    m.add_rolling("edge", coin, radius=radius)
+    m.add_free("flight", m.ground, coin)
+    # spin about the own axis in all, and the turn of the axis about the vertical without its part along the axis
+    w = spin * axis + turn * (np.array([0, 1.0, 0]) - np.sin(lean) * axis)
+    velocity = np.cross(w, radius * up)
+    own = orientation.T @ w
+    r = run(m, "relative", 3.0, initial=m.assemble(rates={"flight": [*velocity, *w]}), t_eval=np.linspace(0, 3, 31))
+    axes = r.body("coin").rotation[:, :, 2]
+    assert own[2] == pytest.approx(spin)
+    assert np.allclose(axes[:, 1], np.sin(lean), atol=1e-8), np.ptp(axes[:, 1])
+    assert np.ptp(r.energy.total) < 1e-9
+
+
+COURSES: list[tuple[str, dict[str, Any], Callable[[Any], Any]]] = [
+    ("number", {"velocity": 1.5}, lambda t: 1.5 * t),
+    ("function", {"velocity": lambda t: np.sin(3 * t)}, lambda t: (1 - np.cos(3 * t)) / 3),
+    ("table", {"velocity": ([0.0, 2.0], [0.0, 4.0])}, lambda t: t**2),
+    ("constant acceleration", {"acceleration": 3.0, "rate": -1.0}, lambda t: 1.5 * t**2 - t),
+    ("acceleration", {"acceleration": lambda t: np.cos(t)}, lambda t: 1 - np.cos(t)),
+    ("accelerations", {"acceleration": ([0.0, 2.0], [0.0, 6.0]), "rate": 0.5}, lambda t: 0.5 * t**3 + 0.5 * t),
+    ("two points", {"position": ([0.0, 2.0], [0.0, 1.0])}, lambda t: 0.5 * t),
+]
+
+
+@BOTH
+@pytest.mark.parametrize(("words", "given", "position"), COURSES, ids=[c[0] for c in COURSES])
+def test_drives_by_position_rate_and_acceleration(
+    words: str, given: dict[str, Any], position: Callable[[Any], Any], coordinates: str
+) -> None:
+    m = pt.Mechanism("crane", gravity=(0, 0, 0))
+    arm = m.add_body("arm", mass=1.0, inertia=(1, 1, 2.0))
+    m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(1, 2, 2))
+    m.add_drive("A", **given)
+    r = run(m, coordinates)
+    assert np.allclose(r.joint("A").position[:, 0], position(r.t), atol=1e-9)
+    # its effort is the inertia about the axis times the acceleration, by differences of the rate
+    inner = slice(2, -2)
+    bend = np.gradient(r.joint("A").velocity[:, 0], r.t)[inner]
+    assert np.allclose(r.joint("A").drive[inner, 0], (1 + 4 + 8) / 9 * bend, atol=2e-2)
+
+
+@BOTH
+def test_a_distance_is_driven(coordinates: str) -> None:
+    m = pt.Mechanism("winch", gravity=(0, 0, 0))
+    load = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, -1, 0))
+    m.add_prismatic("guide", m.ground, load, axis=(0, 1, 0))
+    m.add_drive(pt.Distance(m.ground, (0, 0, 0), load, (0, 0, 0)), position=lambda t: 1 + 0.1 * t**2)
+    r = run(m, coordinates)
+    assert np.allclose(r.body("load").position[:, 1], -1 - 0.1 * r.t**2, atol=1e-12)
+
+
+@BOTH
+@pytest.mark.parametrize("law", ["function", "table"])
+def test_a_cam_by_its_law(coordinates: str, law: str) -> None:
+    m = pt.Mechanism("valve", gravity=(0, 0, 0))
+    shaft = m.add_body("shaft", mass=1.0, inertia=(1, 1, 2))
+    valve = m.add_body("valve", mass=0.1, inertia=(1, 1, 2))
+    m.add_revolute("A", m.ground, shaft, point=(0, 0, 0))
+    m.add_prismatic("V", m.ground, valve, axis=(0, 1, 0))
+    x = np.linspace(0.0, 2 * np.pi, 2001)
+    lift = (x, 0.02 * (1 - np.cos(x))) if law == "table" else lambda x: 0.02 * (1 - np.cos(x))
+    m.add_cam("V", "A", lift, periodic=law == "table") if law == "table" else m.add_cam("V", "A", lift)
+    m.add_drive("A", velocity=10.0)
+    r = run(m, coordinates)
+    exact = 1e-12 if law == "function" else 1e-11
+    assert np.allclose(r.joint("V").position[:, 0], 0.02 * (1 - np.cos(10 * r.t)), atol=exact)
+    assert np.allclose(r.joint("V").force[:, 1], 0.0, atol=1e-9)
+    assert np.allclose(r.coupling("cam A - V").effort[:, 0], 0.1 * 2.0 * np.cos(10 * r.t), atol=2e-5)
+
+
+@BOTH
+def test_a_bead_on_a_parabola_and_a_constraint_of_ones_own(coordinates: str) -> None:
+    """The same curve as a coupling and as a function; energy, and the same motion."""
+    ends = []
+    for own in (True, False):
+        m = pt.Mechanism("bead")
+        bead = m.add_body("bead", mass=1.0, inertia=(1, 1, 1), position=(1, 1, 0))
+        m.add_joint("plane", m.ground, bead, free=("x", "y"))
+        if own:
+            of = [pt.Along("ground", (0, 0, 0), axis, bead, (0, 0, 0)) for axis in ((1, 0, 0), (0, 1, 0))]
+            m.add_constraint("wire", lambda t, x, y: y - x**2, of=of)
+        else:
+            m.add_point_on_curve("wire", m.ground, bead, (0, 0, 0), lambda x: x**2)
+        r = run(m, coordinates)
+        assert np.allclose(r.body("bead").position[:, 1], r.body("bead").position[:, 0] ** 2, atol=1e-12)
+        assert np.ptp(r.energy.total) < 1e-9
+        ends.append(r.body("bead").position[-1])
+    assert np.allclose(*ends, atol=1e-10)
+
+
+@BOTH
+def test_a_constraint_on_rates(coordinates: str) -> None:
+    """A sleigh: its blade does not move sideways. On an incline it turns and drifts across, and comes back up."""
+    slope, turn = 0.3, 1.5
+    m = pt.Mechanism("sleigh", gravity=(0, -G * np.sin(slope), 0))
+    sleigh = m.add_body("sleigh", mass=1.0, inertia=(1, 1, 0.5))
+    m.add_planar("ice", m.ground, sleigh, normal=(0, 0, 1))
+    at = [pt.Coordinate("ice", i) for i in range(3)]
+    m.add_constraint("blade", lambda t, x, y, a: [np.sin(a), -np.cos(a), 0.0 * a], of=at, level="velocity")
+    start = m.assemble(rates={"ice": [0.0, 0.0, turn]}) if coordinates == "relative" else None
+    if start is None:
+        return
+    r = run(m, coordinates, 4.0, initial=start)
+    g, a = G * np.sin(slope), turn * r.t
+    x = g / turn**2 * (0.5 * a + 0.25 * np.sin(2 * a) - np.sin(a))
+    y = g / turn**2 * (0.5 * np.sin(a) ** 2 - 1 + np.cos(a))
+    assert np.allclose(r.joint("ice").position[:, :2], np.column_stack([x, y]), atol=1e-9)
+
+
+def test_couplings_that_cannot_be() -> None:
+    m = wheels(1.0, 1.0)
+    for words, call in [
+        ("factor 0 is 0", lambda: m.add_coupler("c", ["A1", "A2"], [0.0, 1.0])),
+        ("2 terms but 1 factors", lambda: m.add_coupler("c", ["A1", "A2"], [1.0])),
+        ("ratio is 0", lambda: m.add_gear("A1", "A2", 0.0)),
+        ("must be positive", lambda: m.add_belt("A1", "A2", -1.0, 1.0)),
+        ("points coincide", lambda: m.add_distance("d", "ground", (0, 0, 0), "wheel 1", (-1, 0, 0))),
+        ("must end where it begins", lambda: m.add_cam("A1", "A2", ([0, 1, 2, 3], [0, 1, 2, 3]), periodic=True)),
+        ("closes after a whole turn", lambda: m.add_point_on_curve(
+            "p", "ground", "wheel 1", (0, 0, 0), ([0.0, 1.0, 2.0], [1.0, 1.0, 1.0]), polar=True)),
+        ("cannot roll on itself", lambda: m.add_rolling("r", "wheel 1", 1.0, on="wheel 1")),
+        ("advances", lambda: m.add_screw("s", "wheel 1", "wheel 2", (0, 0, 0), pitch=0.0)),
+    ]:  # fmt: skip
+        with pytest.raises(DescriptionError, match=words):
+            call()
+    assert m.couplings == ()
+    with pytest.raises(EvaluationError, match="one number"):
+        m.add_constraint("c", lambda t, x: "high", of=["A1"])
+
+
+@BOTH
+def test_a_curve_that_is_left_says_where(coordinates: str) -> None:
+    m = wheels(1.0, 1.0)
+    m.add_cam("A2", "A1", ([-1.0, 0.0, 0.5, 1.0], [-1.0, 0.0, 0.5, 1.0]))
+    m.add_drive("A1", velocity=1.0)
+    r = m.simulate(2.0, coordinates=coordinates)
+    assert not r.success and "outside [-1, 1]" in r.message and "cam A1 - A2" in r.message
+
+
+def test_files_keep_couplings(tmp_path: Any) -> None:
+    m = wheels(1.0, 1.0, 1.0)
+    m.add_gear("A1", "A2", ratio=-0.5)
+    x = np.linspace(0, 2 * np.pi, 50)
+    m.add_cam("A3", "A1", (x, 0.1 * np.sin(x) ** 2), periodic=True)
+    m.add_rolling("r", "wheel 3", 1.0, point=(0, -1, 0), slips=True)
+    ball = m.add_body("ball", mass=1.0, inertia=(1, 1, 1), position=(0, 0.5, 0))
+    m.add_rolling("b", ball, 0.5, ball=True)
+    m.add_drive("A1", acceleration=([0.0, 5.0], [0.0, 1.0]), rate=0.3)
+    m.add_distance("d", "ground", (0, 3, 0), ball, (0, 0, 0))
+    path = tmp_path / "m.toml"
+    m.save(path)
+    assert pt.load(path).to_spec() == m.to_spec()
