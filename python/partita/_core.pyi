@@ -65,6 +65,15 @@ class Model:
     ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:
         """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
 
+    def poses(
+        self, t: float, q: Array, goals: list[tuple[str, str, int, int, tuple[float, float, float]]], values: Array
+    ) -> dict[str, Any]:
+        """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
+        q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of
+        each pose that was not assembled), branch (words and sign of each block, or None). A goal is its name, "own" (a
+        coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
+        axis in it, and the point in body axes."""
+
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 

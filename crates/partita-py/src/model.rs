@@ -4,6 +4,7 @@ use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
+use crate::poses;
 use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::summary::summary;
@@ -225,6 +226,19 @@ impl Model {
             let found = all.found.into_iter().map(|a| (array(py, &[a.q.len()], a.q), a.branches, a.residual)).collect();
             Ok((found, all.blocks, all.notes))
         })
+    }
+
+    /// Positions in which the goals have the values of each row, on the branch of the closed position q, by name.
+    #[pyo3(signature = (t, q, goals, values))]
+    fn poses<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        goals: Vec<poses::Named>,
+        values: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
     }
 
     /// (q, v) of this model where every body is and moves as in another one of the same description.

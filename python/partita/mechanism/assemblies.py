@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
+from ..numeric import shown
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import assemble
@@ -28,6 +29,11 @@ class Assembled:
     state: State
     branches: dict[str, int]
     residual: float
+
+    @property
+    def branch(self) -> str:
+        """Its name among those for the same inputs: the signs of its blocks in the order of solution, such as "+-"."""
+        return "".join("+" if sign > 0 else "-" for sign in self.branches.values())
 
 
 @dataclass(frozen=True)
@@ -113,3 +119,18 @@ def assemblies(
         signs = {words: sign for words, sign in zip(blocks, branches, strict=True) if sign != 0}
         all_of_them.append(Assembled(state, signs, residual))
     return Assemblies(tuple(all_of_them), tuple(blocks), tuple(notes))
+
+
+def on_branch(mechanism: Modelled, near: State, branch: str, inputs: Iterable[str]) -> State:
+    """The closed state `near` with other signs of its blocks, its inputs as they stand."""
+    if not isinstance(branch, str) or set(branch) - set("+-"):
+        raise ArgumentError(f"branch must be signs such as '+-', one for each block, not {shown(branch)}", argument="branch")
+    known = assemblies(mechanism, near=near, inputs=inputs, t=near.t)
+    for one in known:
+        if one.branch == branch:
+            return one.state
+    names = ", ".join(repr(one.branch) for one in known) or "none"
+    raise ArgumentError(
+        f"there is no branch {branch!r} where the inputs of the state stand; those that close there: {names}",
+        argument="branch",
+    )
