@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Goal = tuple[str, str, int, int, tuple[float, float, float]]
 
 class Model:
     """A compiled mechanism: constant; states are handed in."""
@@ -53,12 +54,15 @@ class Model:
         t: float,
         q: Array,
         v: Array,
-        targets: list[tuple[int, float]],
+        targets: list[list[tuple[Goal, float]]],
         rates: list[tuple[int, float]],
+        turns: list[tuple[Goal, float]],
+        fixed: list[Goal],
+        guess: list[tuple[Goal, float]],
         tolerance: float,
     ) -> tuple[Array, Array, str]:
-        """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
-        index v."""
+        """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets by priority; rates index v,
+        `turns` are those of coordinates outside of v; `fixed` stays as it is in the guess."""
 
     def assemblies(
         self, t: float, q: Array, inputs: list[int] | None
@@ -66,7 +70,7 @@ class Model:
         """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
 
     def poses(
-        self, t: float, q: Array, goals: list[tuple[str, str, int, int, tuple[float, float, float]]], values: Array
+        self, t: float, q: Array, goals: list[Goal], values: Array
     ) -> dict[str, Any]:
         """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
         q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of

@@ -77,7 +77,8 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::NotFinite { what, t } | SystemError::OutsideTable { what, t, .. } => {
             raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", what.into())])
         }
-        SystemError::Assembly { iterations, residual, loops, .. } => {
+        SystemError::Assembly { iterations, residual, loops, .. }
+        | SystemError::Targets { iterations, residual, loops, .. } => {
             let fields = [("residual", residual.into()), ("iterations", iterations.into()), ("loops", loops.into())];
             raise(py, "AssemblyError", &message, &fields)
         }
