@@ -10,8 +10,8 @@ import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
-from ..numeric import shown
 from ..state import State
+from .branches import name_of
 from .models import Modelled, layout_of
 from .solve import assemble
 
@@ -33,7 +33,7 @@ class Assembled:
     @property
     def branch(self) -> str:
         """Its name among those for the same inputs: the signs of its blocks in the order of solution, such as "+-"."""
-        return "".join("+" if sign > 0 else "-" for sign in self.branches.values())
+        return name_of(self.branches.values())
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ class Assemblies:
     def __str__(self) -> str:
         lines = [f"{len(self.found)} assemblies; loops in order of solution:", *(f"  {words}" for words in self.blocks)]
         for number, one in enumerate(self.found):
-            signs = ", ".join(f"{sign:+d}" for sign in one.branches.values()) or "none"
-            lines.append(f"assembly {number}: branches {signs}; |Phi| {one.residual:.1e}")
+            lines.append(f"assembly {number}: branch {one.branch or 'none'}; |Phi| {one.residual:.1e}")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
@@ -120,17 +119,3 @@ def assemblies(
         all_of_them.append(Assembled(state, signs, residual))
     return Assemblies(tuple(all_of_them), tuple(blocks), tuple(notes))
 
-
-def on_branch(mechanism: Modelled, near: State, branch: str, inputs: Iterable[str]) -> State:
-    """The closed state `near` with other signs of its blocks, its inputs as they stand."""
-    if not isinstance(branch, str) or set(branch) - set("+-"):
-        raise ArgumentError(f"branch must be signs such as '+-', one for each block, not {shown(branch)}", argument="branch")
-    known = assemblies(mechanism, near=near, inputs=inputs, t=near.t)
-    for one in known:
-        if one.branch == branch:
-            return one.state
-    names = ", ".join(repr(one.branch) for one in known) or "none"
-    raise ArgumentError(
-        f"there is no branch {branch!r} where the inputs of the state stand; those that close there: {names}",
-        argument="branch",
-    )

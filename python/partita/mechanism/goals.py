@@ -104,6 +104,14 @@ def asked(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Any, list[
     return found
 
 
+def inputs_of(goals: list[Goal], model: CompiledModel) -> list[int] | None:
+    """Velocities whose coordinates the goals are, where they are as many as degrees of freedom; else None."""
+    names = model.velocity_names
+    if len(goals) != model.mobility or any(goal[0] not in names for goal in goals):
+        return None
+    return [names.index(goal[0]) for goal in goals]
+
+
 def columns(
     what: str, wanted: Any, model: CompiledModel
 ) -> tuple[list[Goal], NDArray[np.float64], dict[str, list[int]]]:

@@ -14,8 +14,8 @@ from ..naming import index_of
 from ..numeric import shown
 from ..results.body import BodyResult, resting
 from ..state import Layout, State
-from .assemblies import on_branch
-from .goals import columns
+from .branches import on_branch
+from .goals import columns, inputs_of
 from .models import Modelled, layout_of
 from .solve import assemble
 
@@ -134,12 +134,12 @@ def assemble_many(
 ) -> Poses:
     """Assemble the mechanism for many values of its targets at once, every pose on the branch of one state.
 
-    Where the targets are inputs from which all loops follow in closed form (planar dyads, spatial loops with a ball
-    joint or two), the branch is the sign of each block, and a pose is found wherever its loops close with these signs.
-    Otherwise it is found by following the motion while the targets go straight from the branch's state: in steps that
-    are checked to stay on the branch, refused where a limit or a singular position stands in the way, and then tried
-    with the targets going one after the other. Prefer it to calls of `assemble` in sweeps: it runs on all cores, and what
-    it says of a pose depends on that pose and the branch's state alone.
+    A pose is found by following the motion while the targets go straight from where they are in the branch's state: in
+    steps that are checked to stay on the branch, refused where a limit or a singular position (in which branches meet)
+    stands in the way, and then tried with the targets going one after the other. Where several targets are inputs from
+    which all loops follow in closed form (planar dyads, spatial loops with a ball joint or two), the branch is the sign of
+    each block, and a pose is found wherever its loops close with these signs. Prefer it to calls of `assemble` in sweeps:
+    it runs on all cores, and what it says of a pose depends on that pose and the branch's state alone.
 
     Args:
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by
@@ -171,6 +171,7 @@ def assemble_many(
     goals, values, places = columns("targets", targets, model)
     start = assemble(self, None, None, near, t=t)
     if branch is not None:
-        start = on_branch(self, start, branch, [goal[0] for goal in goals])
+        inputs = inputs_of(goals, model)
+        start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
     found = model.core.poses(start.t, start.q, goals, values)
     return Poses(model, layout, start, found, places)

@@ -16,7 +16,8 @@ from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
-from .goals import Goal, asked, goals_of
+from .branches import on_branch
+from .goals import Goal, asked, goals_of, inputs_of
 from .models import Modelled, compile, layout_of
 
 
@@ -28,6 +29,7 @@ def assemble(
     *,
     fixed: Iterable[Any] = (),
     guess: Mapping[Any, Any] | None = None,
+    branch: str | None = None,
     t: float | None = None,
     tolerance: float = 1e-12,
     coordinates: str = "relative",
@@ -48,7 +50,9 @@ def assemble(
         fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed and
             targets met.
         guess: joint -> position in the start, which need not close: for a branch that the drawing does not show. Prefer
-            `near` or `assemblies` where the branch is known.
+            `near` or `branch` where the branch is known.
+        branch: signs of the blocks in which the loops are closed, such as "+-", as `Assembled.branch` of `assemblies`
+            names them for the targets as inputs (where there is a target for each degree of freedom).
         t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
         tolerance: largest residual |Phi| allowed, in radians for directions and in parts of the loop's own length for
             points; what is closed is then closed further, to round-off.
@@ -81,7 +85,13 @@ def assemble(
     guessed = _valued("guess", {} if guess is None else guess, model)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
-    q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
+    if branch is None:
+        q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
+    else:
+        q, _, said = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
+        inputs = inputs_of([goal for goal, _ in levels[0]], model) if levels[0] else None
+        q = on_branch(model, time, q, branch, inputs)
+        q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 

@@ -4,6 +4,7 @@ use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
 use super::way::{Ending, Start, Way, CLOSED};
+use crate::instant::Levels;
 use crate::outputs::{tables, Rows, Watch};
 use partita_model::loop_closure::LoopClosing;
 use partita_model::Model;
@@ -12,12 +13,12 @@ use partita_system::{ConstrainedSystem, SystemError};
 
 /// Farthest a goal goes at once where closed forms serve, in reaches: no angle of a healthy loop turns by π meanwhile.
 const STRIDE: f64 = 0.1;
-/// Strides of one way: ten thousand radians.
-const STRIDES: f64 = 1e5;
+/// Farthest a goal may be from the state's, in reaches: more is a slip of the pen.
+const FARTHEST: f64 = 1e4;
 /// Largest |Φ| (in reaches) that a closed form leaves: its round-off, multiplied a hundred thousand times next to a limit.
 const CLOSES: f64 = 1e-10;
-/// Halvings that tell where a way ends: six digits of a stride.
-const HALVINGS: usize = 20;
+/// Strides that move the goals by less than this (in reaches) do not count: six digits of where a way ends.
+const SHORTEST: f64 = 1e-6;
 /// Signs of so many blocks are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;
 /// Goals that depend on each other agree within this, in reaches.
@@ -106,9 +107,9 @@ fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
 
 /// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
 ///
-/// Where the goals are inputs from which all loops follow in closed form, the branch is the signs of its blocks, and a pose
-/// is found wherever it closes with them. Otherwise the branch is what the straight way of the goals leads to from q
-/// without meeting a limit or a singular position. Each pose depends on its own values and on q alone.
+/// The branch is what the straight way of the goals leads to from q without meeting a limit or a singular position. Where
+/// several goals are inputs from which all loops follow in closed form, it is the signs of their blocks: a pose is found
+/// wherever it closes with them, whatever stands in the straight way. Each pose depends on its own values and on q alone.
 ///
 /// # Errors
 /// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
@@ -129,6 +130,19 @@ pub fn many<E: Send + From<SystemError>>(
     let widths = [model.size().nq, width, RESULT];
     let chunk = if model.calls_functions() { usize::MAX } else { 1 };
     let start = Way::new(model, targets, t).start(q)?;
+    for (i, &value) in values.iter().enumerate() {
+        let (x, here) = (&targets[i % width], start.y[i % width]);
+        if (value - here).abs() > FARTHEST * x.reach {
+            let message = format!(
+                "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from the branch's \
+                 state, in which it is {here:.6} {}",
+                x.name,
+                i / width,
+                x.unit
+            );
+            return Err(SystemError::argument("targets", message).into());
+        }
+    }
     let explicit = Explicit::new(model, t, q, targets, &start);
     let of = |i: usize| &values[i * width..][..width];
     let tables = match &explicit {
@@ -187,8 +201,12 @@ struct Explicit<'m> {
     closing: LoopClosing<'m>,
     signs: Vec<i8>,
     there: Vec<f64>,
+    before: Vec<f64>,
     trial: Vec<f64>,
-    levels: crate::instant::Levels<'m, Model>,
+    /// Pivots in q, and where the way has come to.
+    first: Vec<f64>,
+    pivots: Vec<f64>,
+    levels: Levels<'m, Model>,
 }
 
 impl<'m> Explicit<'m> {
@@ -204,8 +222,22 @@ impl<'m> Explicit<'m> {
             return None;
         }
         let signs = closing.state().iter().map(|s| s.branch).collect();
-        let levels = crate::instant::Levels::new(model);
-        Some(Self { model, t, q: q.to_vec(), targets, inputs, closing, signs, there: q.to_vec(), trial: q.to_vec(), levels })
+        let pivots: Vec<f64> = closing.state().iter().map(|s| s.pivot).collect();
+        Some(Self {
+            model,
+            t,
+            targets,
+            inputs,
+            closing,
+            signs,
+            q: q.to_vec(),
+            there: q.to_vec(),
+            before: q.to_vec(),
+            trial: q.to_vec(),
+            first: pivots.clone(),
+            pivots,
+            levels: Levels::new(model),
+        })
     }
 
     /// The same for another thread: the plan follows from the position alone.
@@ -216,8 +248,11 @@ impl<'m> Explicit<'m> {
             inputs: self.inputs.clone(),
             signs: self.signs.clone(),
             there: self.q.clone(),
+            before: self.q.clone(),
             trial: self.q.clone(),
-            levels: crate::instant::Levels::new(self.model),
+            first: self.first.clone(),
+            pivots: self.first.clone(),
+            levels: Levels::new(self.model),
             ..*self
         })
     }
@@ -259,41 +294,59 @@ impl<'m> Explicit<'m> {
     fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
         self.closing.set_branches(&self.signs);
         self.there.clone_from(&self.q);
-        let mut strides = 1.0f64;
+        self.pivots.clone_from(&self.first);
+        let mut far = 0.0f64;
         for (x, &value) in self.targets.iter().zip(values) {
-            if let Some((at, _)) = x.own() {
-                strides = strides.max(((value - self.q[at]).abs() / x.reach / STRIDE).ceil());
-            }
+            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.reach));
         }
-        if strides > STRIDES {
-            let message = "a target is more than ten thousand radians (or lengths of the mechanism) away from the branch's state";
-            return Err(SystemError::argument("targets", message.into()));
+        let longest = STRIDE / far;
+        let (mut done, mut stride) = (0.0f64, longest);
+        // whole strides where nothing resists, so that the last one is no shorter than need be
+        if longest < 1.0 {
+            stride = 1.0 / (1.0 / longest).ceil();
         }
-        for k in 1..=strides as usize {
-            if self.close(values, k as f64 / strides)?.is_none() {
+        while done < 1.0 {
+            let next = if done + stride > 1.0 - 1e-9 { 1.0 } else { done + stride };
+            self.before.clone_from(&self.there);
+            let limit = self.close(values, next)?.is_some();
+            // a pivot that loses half of itself in a stride may have been, or may next be, at zero
+            let well = !limit
+                && self.pivots.iter().zip(self.closing.state()).all(|(before, now)| {
+                    now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs()
+                });
+            if well {
+                self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
+                done = next;
+                stride = (2.0 * stride).min(longest);
                 continue;
             }
-            return self.beyond(values, (k - 1) as f64 / strides, k as f64 / strides);
+            if !limit {
+                std::mem::swap(&mut self.there, &mut self.before);
+            }
+            stride *= 0.5;
+            if stride * far < SHORTEST {
+                return self.beyond(values, done, limit);
+            }
         }
         Ok((Found::closed(false), values.to_vec()))
     }
 
-    /// The straight way ends between these parts of it.
-    fn beyond(&mut self, values: &[f64], mut good: f64, mut bad: f64) -> Result<(Found, Vec<f64>), SystemError> {
-        // where the signs are the branch it is no matter which way leads there
-        let Some((shortfall, culprit)) = self.close(values, 1.0)? else {
+    /// The straight way ends here, this part of it done: at a limit, or where branches meet.
+    fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(Found, Vec<f64>), SystemError> {
+        let missing = self.close(values, 1.0)?;
+        // one goal has one way only; of several the signs are the branch, no matter which way leads there
+        if missing.is_none() && values.len() > 1 {
             return Ok((Found::closed(true), values.to_vec()));
-        };
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (good + bad);
-            match self.close(values, middle)? {
-                None => good = middle,
-                Some(_) => bad = middle,
-            }
         }
+        let (shortfall, culprit) = missing.unwrap_or((0.0, 0));
         let at = |x: &Target| x.own().map_or(f64::NAN, |own| self.q[own.0]);
-        let reached = self.targets.iter().zip(values).map(|(x, value)| at(x) + (value - at(x)) * good).collect();
-        let outcome = if self.other_branch(values)? { Outcome::OtherBranch } else { Outcome::Open };
+        let reached = self.targets.iter().zip(values).map(|(x, value)| at(x) + (value - at(x)) * done).collect();
+        let outcome = match missing {
+            None if !limit => Outcome::Singular,
+            None => Outcome::OtherBranch,
+            Some(_) if self.other_branch(values)? => Outcome::OtherBranch,
+            Some(_) => Outcome::Open,
+        };
         Ok((Found { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
     }
 
@@ -442,12 +495,13 @@ impl Asked<'_> {
                 "{goals} cannot be reached: the straight way from the branch's state ends with {ends}; at the target {place} \
                  stays open by {open}"
             ),
-            Outcome::OtherBranch if explicit.is_some() => format!(
+            Outcome::OtherBranch if found.shortfall > 0.0 && explicit.is_some() => format!(
                 "{goals} closes on another branch only: on this one {place} misses by {open}, and the straight way ends with \
                  {ends}"
             ),
             Outcome::OtherBranch => format!(
-                "{goals} closes on another branch only: the way there from the branch's state meets a limit with {ends}"
+                "{goals} closes, but no motion leads there on this branch: the straight way from its state meets a limit with \
+                 {ends}"
             ),
             Outcome::Singular => format!(
                 "{goals} lies behind a singular position, in which branches meet, on the way from the branch's state: it comes \

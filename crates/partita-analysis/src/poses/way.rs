@@ -31,6 +31,8 @@ const LAST: f64 = 1e-9;
 const CORRECTIONS: usize = 6;
 /// Where steps that move the goals by this (in reaches) do not lead on, the way ends: six digits of where.
 const SHORTEST: f64 = 1e-6;
+/// Steps, in reaches, that are tried across a singular position: Newton's method needs some distance to it on both sides.
+const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Largest residual that counts as closed, in reaches.
 pub(super) const CLOSED: f64 = 1e-12;
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.
@@ -47,6 +49,16 @@ pub(super) enum Ending {
     Limit(f64),
     /// Where branches meet, likewise.
     Crossing(f64),
+}
+
+/// What became of one step.
+enum Attempt {
+    /// On the branch; by what part the tangent has turned, and the bases there.
+    Good { turned: f64, carried: Option<Signed> },
+    /// Smoothly on, but across a position in which branches meet.
+    Crossed,
+    /// Too long, or beyond a limit.
+    Bad,
 }
 
 /// Which of the conditions are independent, and how the others lie: what the sign of the determinant refers to.
@@ -322,61 +334,96 @@ impl<'m> Way<'m> {
         self.field.factor(0.0);
         self.ahead(from, to);
         let mut tangent = self.tangent.clone();
-        let (mut done, mut part, mut crossed) = (0.0f64, 1.0f64, false);
+        let (mut done, mut part) = (0.0f64, 1.0f64);
         for _ in 0..STEPS {
             let fastest = tangent.iter().fold(0.0, |m: f64, x| m.max(x.abs())).max(far);
             part = part.min(LONGEST / fastest);
             let last = done + part >= 1.0 - 0.01 * part;
             let next = if last { 1.0 } else { done + part };
-            self.kept.copy_from_slice(&self.field.y);
-            self.trial.clone_from(q);
-            self.field.dv.copy_from_slice(&tangent);
-            let mut trial = std::mem::take(&mut self.trial);
-            self.field.step(&mut trial, next - done);
-            self.trial = trial;
-            for (k, aim) in self.aims.iter_mut().enumerate() {
-                *aim = from[k] + (to[k] - from[k]) * next;
-            }
-            let mut turned = f64::INFINITY;
-            if self.correct()? {
-                self.ahead(from, to);
-                let size = |x: &[f64]| dense::dot(x, x).sqrt();
-                let change: f64 = tangent.iter().zip(&self.tangent).map(|(a, b)| (a - b).powi(2)).sum();
-                turned = change.sqrt() / size(&tangent).min(size(&self.tangent));
-            }
-            let mut well = turned <= TURNS;
-            if let (true, Some(before)) = (well, s.as_ref()) {
-                let carried = (!before.null.is_empty() || before.range.is_some()).then(|| {
-                    let mut s = before.clone();
-                    self.carry(&mut s);
-                    s
-                });
-                let now = carried.as_ref().unwrap_or(before);
-                crossed = self.sign(now).is_none_or(|x| x != now.sign);
-                well = !crossed;
-                if let (true, Some(carried)) = (well, carried) {
-                    *s = Some(carried);
+            match self.attempt((from, to), (done, next), &tangent, q, s)? {
+                Attempt::Good { turned, carried } => {
+                    done = next;
+                    std::mem::swap(q, &mut self.trial);
+                    tangent.copy_from_slice(&self.tangent);
+                    if carried.is_some() {
+                        *s = carried;
+                    }
+                    if last {
+                        return Ok(Ending::There);
+                    }
+                    if turned < EASY {
+                        part *= 2.0;
+                    }
                 }
-            }
-            if well {
-                (done, crossed) = (next, false);
-                std::mem::swap(q, &mut self.trial);
-                tangent.copy_from_slice(&self.tangent);
-                if last {
-                    return Ok(Ending::There);
-                }
-                if turned < EASY {
-                    part *= 2.0;
-                }
-            } else {
-                self.field.y.copy_from_slice(&self.kept);
-                part *= 0.5;
-                if part < shortest {
-                    return Ok(if crossed { Ending::Crossing(done) } else { Ending::Limit(done) });
+                Attempt::Crossed | Attempt::Bad => {
+                    part *= 0.5;
+                    if part >= shortest {
+                        continue;
+                    }
+                    // next to a singular position no step is good; does a longer one lead across?
+                    for leap in LEAPS {
+                        let next = (done + leap / fastest).min(1.0);
+                        if let Attempt::Crossed = self.attempt((from, to), (done, next), &tangent, q, s)? {
+                            return Ok(Ending::Crossing(done));
+                        }
+                    }
+                    return Ok(Ending::Limit(done));
                 }
             }
         }
         Ok(Ending::Limit(done))
+    }
+
+    /// One step from q along the tangent, left in `trial` with its own tangent; the goals' values are kept where it is not
+    /// good.
+    fn attempt(
+        &mut self,
+        (from, to): (&[f64], &[f64]),
+        (done, next): (f64, f64),
+        tangent: &[f64],
+        q: &[f64],
+        s: &Option<Signed>,
+    ) -> Result<Attempt, SystemError> {
+        self.kept.copy_from_slice(&self.field.y);
+        let mut trial = std::mem::take(&mut self.trial);
+        trial.clear();
+        trial.extend_from_slice(q);
+        self.field.dv.copy_from_slice(tangent);
+        self.field.step(&mut trial, next - done);
+        self.trial = trial;
+        for (k, aim) in self.aims.iter_mut().enumerate() {
+            *aim = from[k] + (to[k] - from[k]) * next;
+        }
+        let mut found = Attempt::Bad;
+        if self.correct()? {
+            self.ahead(from, to);
+            let size = |x: &[f64]| dense::dot(x, x).sqrt();
+            let change: f64 = tangent.iter().zip(&self.tangent).map(|(a, b)| (a - b).powi(2)).sum();
+            let turned = change.sqrt() / size(tangent).min(size(&self.tangent));
+            if turned <= TURNS {
+                found = self.judged(turned, s.as_ref());
+            }
+        }
+        if !matches!(found, Attempt::Good { .. }) {
+            self.field.y.copy_from_slice(&self.kept);
+        }
+        Ok(found)
+    }
+
+    /// Has the determinant kept its sign?
+    fn judged(&mut self, turned: f64, s: Option<&Signed>) -> Attempt {
+        let Some(before) = s else { return Attempt::Good { turned, carried: None } };
+        let carried = (!before.null.is_empty() || before.range.is_some()).then(|| {
+            let mut s = before.clone();
+            self.carry(&mut s);
+            s
+        });
+        let now = carried.as_ref().unwrap_or(before);
+        if self.sign(now) == Some(now.sign) {
+            Attempt::Good { turned, carried }
+        } else {
+            Attempt::Crossed
+        }
     }
 
     /// Close q to round-off at the goals, those that are coordinates exact; false where it stays open.
