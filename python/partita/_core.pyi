@@ -69,9 +69,7 @@ class Model:
     ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:
         """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
 
-    def poses(
-        self, t: float, q: Array, goals: list[Goal], values: Array
-    ) -> dict[str, Any]:
+    def poses(self, t: float, q: Array, goals: list[Goal], values: Array) -> dict[str, Any]:
         """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
         q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of
         each pose that was not assembled), branch (words and sign of each block, or None). A goal is its name, "own" (a

@@ -42,8 +42,8 @@ def turned(x: Array, angle: Array) -> Array:
 
 
 def pins(angles: Array, side: float) -> tuple[Array, Array]:
-    """Where C is, right or left of the way from B to D, for motors turned by `angles` (n, 2); NaN where BC and DC do not
-    meet; and by how much they miss each other."""
+    """Where C is, right or left of the way from B to D, for motors turned by `angles` (n, 2), NaN where BC and DC do
+    not meet; and by how much they miss each other."""
     p = {name: np.array(x) for name, x in POINTS.items()}
     b = p["a"] + turned(p["b"] - p["a"], angles[:, 0])
     d = p["e"] + turned(p["d"] - p["e"], angles[:, 1])
@@ -125,7 +125,7 @@ def ankle(scale: float = 1.0, ball: bool = True) -> pt.Mechanism:
 def leg(side: int) -> tuple[Array, Array, Array]:
     """Motor, crank's end and platform's point of one side."""
     c = np.array([-0.05, 0.06 * side, 0.25])
-    return c, c + [-0.05, 0, 0], np.array([-0.06, 0.05 * side, 0.02])
+    return c, c + np.array([-0.05, 0, 0]), np.array([-0.06, 0.05 * side, 0.02])
 
 
 def about(axis: int, angle: Array) -> Array:
@@ -265,8 +265,8 @@ def test_joints_that_close_loops_and_points() -> None:
 
 
 def test_what_stands_in_the_way_is_told() -> None:
-    """Behind the position in which a parallelogram can fold over, by a joint that no closed form starts from; targets that
-    one freedom cannot keep; a branch on which one loop of two cannot close."""
+    """Behind the position in which a parallelogram can fold over, by closed forms and by following; beyond a limit
+    of the only way; targets that one freedom cannot keep; a branch on which one loop of two cannot close."""
     m = parallelogram(1.0)
     for joint in ("A", "C"):  # by closed forms, and by following
         poses = m.assemble_many({joint: [-0.2, -1.5, 0.9]})

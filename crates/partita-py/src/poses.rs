@@ -47,7 +47,13 @@ impl Wanted {
     }
 
     /// q, v and the JSON report.
-    pub fn assemble(&self, m: &Model, t: f64, q: &[f64], near: &[f64]) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
+    pub fn assemble(
+        &self,
+        m: &Model,
+        t: f64,
+        q: &[f64],
+        near: &[f64],
+    ) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
         let found = poses::one(m, t, q, &self.ask)?;
         let rest = near.iter().all(|v| *v == 0.0) && !m.rheonomic();
         let v = if rest && self.rates.is_empty() && self.turns.is_empty() {

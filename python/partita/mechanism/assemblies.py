@@ -118,4 +118,3 @@ def assemblies(
         signs = {words: sign for words, sign in zip(blocks, branches, strict=True) if sign != 0}
         all_of_them.append(Assembled(state, signs, residual))
     return Assemblies(tuple(all_of_them), tuple(blocks), tuple(notes))
-

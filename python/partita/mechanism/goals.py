@@ -21,7 +21,7 @@ _AXES = "xyz"
 
 
 def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
-    """The numbers that `key` means: a joint's coordinates, one of them, a coordinate of the state, or those of a point."""
+    """The numbers that `key` means: coordinates of a joint, one of them, one of the state, or those of a point."""
     if isinstance(key, tuple):
         return _point(what, key, model)
     name = str(key)
@@ -68,7 +68,9 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
     bodies = [body["name"] for body in model.summary["bodies"]]
     name = str(key[0])
     if name not in bodies:
-        raise UnknownNameError(f"{what}: there is no body {name!r}; known: {', '.join(bodies)}", name=name, known=bodies)
+        raise UnknownNameError(
+            f"{what}: there is no body {name!r}; known: {', '.join(bodies)}", name=name, known=bodies
+        )
     try:
         point = floats(key[1])
     except TypeError:
@@ -81,7 +83,8 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
     axes = key[2] if len(key) == 3 else _AXES
     if not isinstance(axes, str) or not axes or len(set(axes)) != len(axes) or set(axes) - set(_AXES):
         raise ArgumentError(
-            f"{what}: the axes of a point are letters of 'xyz', each once, such as 'xy', not {shown(axes)}", argument=what
+            f"{what}: the axes of a point are letters of 'xyz', each once, such as 'xy', not {shown(axes)}",
+            argument=what,
         )
     place = (float(point[0]), float(point[1]), float(point[2]))
     words = f"point ({', '.join(f'{x:g}' for x in place)}) of {name}"
@@ -132,14 +135,15 @@ def columns(
             message = f"{what}[{shown(key)}] must be an array of numbers, not {shown(value)}"
             raise ArgumentError(message, argument=what) from error
         count = len(own)
-        if array.shape == () and count == 1 or array.shape == (count,) and count > 1:
+        if (array.shape == () and count == 1) or (array.shape == (count,) and count > 1):
             array = array.reshape(1, count)
         elif array.ndim == 1 and count == 1:
             array = array.reshape(-1, 1)
         elif array.ndim != 2 or array.shape[1] != count:
             each = "(n,)" if count == 1 else f"(n, {count})"
             message = (
-                f"{what}[{shown(key)}] has shape {array.shape}; it must be {each}, a row for each pose, or one value for all"
+                f"{what}[{shown(key)}] has shape {array.shape}; it must be {each}, a row for each pose, or one value "
+                "for all"
             )
             raise ArgumentError(message, argument=what)
         if not np.isfinite(array).all():
@@ -149,10 +153,10 @@ def columns(
         places[str(key)] = list(range(len(goals), len(goals) + count))
         goals += own
         parts.append((key, array))
-    each = {len(array): key for key, array in parts if np.ndim(wanted[key]) > 1 or len(array) != 1}
-    if len(each) > 1:
-        words = ", ".join(f"{shown(key)}: {n}" for n, key in each.items())
+    counts = {len(array): key for key, array in parts if np.ndim(wanted[key]) > 1 or len(array) != 1}
+    if len(counts) > 1:
+        words = ", ".join(f"{shown(key)}: {n}" for n, key in counts.items())
         raise ArgumentError(f"{what} has different numbers of poses ({words}); give the same for all", argument=what)
-    rows = next(iter(each), 1)
+    rows = next(iter(counts), 1)
     values = np.concatenate([np.broadcast_to(array, (rows, array.shape[1])) for _, array in parts], axis=1)
     return goals, np.ascontiguousarray(values), places

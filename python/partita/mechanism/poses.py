@@ -82,7 +82,9 @@ class Poses:
         try:
             i = range(len(self))[index]
         except TypeError:
-            raise ArgumentError(f"the number of a pose must be an integer, not {shown(index)}", argument="index") from None
+            raise ArgumentError(
+                f"the number of a pose must be an integer, not {shown(index)}", argument="index"
+            ) from None
         if not self.ok[i]:
             raise AssemblyError(
                 f"pose {i}: {self.reasons[i]}", residual=float(self.shortfall[i]), iterations=0, loops=self.reasons[i]
@@ -137,26 +139,27 @@ def assemble_many(
     A pose is found by following the motion while the targets go straight from where they are in the branch's state: in
     steps that are checked to stay on the branch, refused where a limit or a singular position (in which branches meet)
     stands in the way, and then tried with the targets going one after the other. Where several targets are inputs from
-    which all loops follow in closed form (planar dyads, spatial loops with a ball joint or two), the branch is the sign of
-    each block, and a pose is found wherever its loops close with these signs. Prefer it to calls of `assemble` in sweeps:
-    it runs on all cores, and what it says of a pose depends on that pose and the branch's state alone.
+    which all loops follow in closed form (planar dyads, spatial loops with a ball joint or two), the branch is the
+    sign of each block, and a pose is found wherever its loops close with these signs. Prefer it to calls of
+    `assemble` in sweeps: it runs on all cores, and what it says of a pose depends on that pose and the branch's state
+    alone.
 
     Args:
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by
             its name; joints that close loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body
-            axes, -> places (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). One value serves all poses.
-            What the targets leave free moves as little as it can.
+            axes, -> places (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). One value serves all
+            poses. What the targets leave free moves as little as it can.
         near: state whose branch it is, as `assemble` or `assemblies` returns it; None: that of the drawing.
-        branch: signs of the blocks, such as "+-", as `Assembled.branch` tells them for the targets as inputs, instead of
-            those of `near`.
+        branch: signs of the blocks, such as "+-", as `Assembled.branch` tells them for the targets as inputs, instead
+            of those of `near`.
         t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
 
     Returns:
         `Poses`: coordinates, which poses were assembled, and why the others were not.
 
     Raises:
-        ArgumentError: shapes that do not fit, numbers that are not finite. UnknownNameError: a key is no joint, coordinate
-            or body. AssemblyError: `near` cannot be closed.
+        ArgumentError: shapes that do not fit, numbers that are not finite. UnknownNameError: a key is no joint,
+            coordinate or body. AssemblyError: `near` cannot be closed.
 
     >>> import numpy as np
     >>> import partita as pt

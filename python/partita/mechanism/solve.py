@@ -39,16 +39,17 @@ def assemble(
 
     Args:
         targets: joint (name or handle) -> position [rad or m] that it shall have; a sequence for a joint with
-            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`). Joints that close
-            loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its place in the world
-            [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its coordinates. A list of such dicts gives priorities, strictly
-            one after the other: the targets of the first are met; those of each next one come as near as the earlier ones
-            let them, in the sense of least squares (angles in radians, lengths in parts of the mechanism's).
+            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`). Joints that
+            close loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its place in
+            the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its coordinates. A list of such dicts gives
+            priorities, strictly one after the other: the targets of the first are met; those of each next one come as
+            near as the earlier ones let them, in the sense of least squares (angles in radians, lengths in parts of
+            the mechanism's).
         rates: the same for velocities of joints [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
             it can.
         near: where to start, for another branch; None: the drawing at rest.
-        fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed and
-            targets met.
+        fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed
+            and targets met.
         guess: joint -> position in the start, which need not close: for a branch that the drawing does not show. Prefer
             `near` or `branch` where the branch is known.
         branch: signs of the blocks in which the loops are closed, such as "+-", as `Assembled.branch` of `assemblies`
@@ -101,7 +102,8 @@ def _levels(targets: Any) -> list[Any]:
         return [{} if targets is None else targets]
     if isinstance(targets, (str, bytes)) or not isinstance(targets, Sequence):
         raise ArgumentError(
-            f"targets must be a dict such as {{'A': 1.0}}, or a list of them in order of priority, not {shown(targets)}",
+            "targets must be a dict such as {'A': 1.0}, or a list of them in order of priority, not "
+            f"{shown(targets)}",
             argument="targets",
         )
     return list(targets) or [{}]
@@ -115,7 +117,9 @@ def _valued(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Goal, fl
     return found
 
 
-def _rates(wanted: Any, model: CompiledModel, layout: Layout) -> tuple[list[tuple[int, float]], list[tuple[Goal, float]]]:
+def _rates(
+    wanted: Any, model: CompiledModel, layout: Layout
+) -> tuple[list[tuple[int, float]], list[tuple[Goal, float]]]:
     """Rates of velocities of the state, by their number, and of coordinates outside of it."""
     if not isinstance(wanted, Mapping):
         return _indexed("rates", wanted, layout.velocity_names, layout.v, layout), []

@@ -6,6 +6,7 @@ use super::nearest::nearest;
 use super::one::Ask;
 use super::way::{Ending, Way, CLOSED};
 use super::words::{gap, listed, loop_of};
+use partita_model::place::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -32,9 +33,13 @@ pub(super) fn held(model: &Model, t: f64, drawn: &[f64], ask: &Ask, e: SystemErr
     if assembly::close(model, t, &mut drawn.to_vec(), ask.tolerance, &[]).is_err() {
         return e;
     }
-    let names = listed(&own.iter().map(|x| format!("{} = {:.6}", x.name, drawn[x.own().unwrap_or((0, 0)).0])).collect::<Vec<_>>());
-    let message = format!("the loops do not close with {names} held, but they do without: hold fewer joints, or give a guess in \
-         which the held ones are where they can stay; {e}");
+    let names = listed(
+        &own.iter().map(|x| format!("{} = {:.6}", x.name, drawn[x.own().unwrap_or((0, 0)).0])).collect::<Vec<_>>(),
+    );
+    let message = format!(
+        "the loops do not close with {names} held, but they do without: hold fewer joints, or give a guess in \
+         which the held ones are where they can stay; {e}"
+    );
     targets_error(&e, message, f64::NAN, String::new())
 }
 
@@ -55,11 +60,30 @@ pub(super) fn targets(model: &Model, t: f64, q: &[f64], wanted: &[(Target, f64)]
     if !matches!(e, SystemError::Assembly { .. } | SystemError::Targets { .. }) {
         return e;
     }
-    match explained(model, t, q, wanted, &e) {
+    let found = match by_joints(model, q, wanted) {
+        Some((twin, q, wanted)) => explained(&twin, t, &q, &wanted, &e),
+        None => explained(model, t, q, wanted, &e),
+    };
+    match found {
         Ok(Some(found)) => found,
         Ok(None) => e,
         Err(other) => other,
     }
+}
+
+/// A model, a closed position of it, and what is wanted of it.
+type Asked = (Model, Vec<f64>, Vec<(Target, f64)>);
+
+/// The same question in joint coordinates, where a gap shows in one joint instead of a little in all of them.
+fn by_joints(model: &Model, q: &[f64], wanted: &[(Target, f64)]) -> Option<Asked> {
+    if model.coordinates() == Coordinates::Relative || wanted.iter().any(|(x, _)| x.own().is_some()) {
+        return None;
+    }
+    let twin = model.in_coordinates(Coordinates::Relative).ok()?;
+    let (q, _) = twin.carried_over(model, q, &vec![0.0; model.size().nv]);
+    let again = |(x, value): &(Target, f64)| Target::new(&twin, &x.goal, &x.name).ok().map(|x| (x, *value));
+    let wanted: Option<Vec<_>> = wanted.iter().map(again).collect();
+    wanted.map(|wanted| (twin, q, wanted))
 }
 
 fn explained(
@@ -107,14 +131,8 @@ fn explained(
         f.duty[m..].fill(Duty::Hard);
         nearest(f, &mut there, &aims[..=k])?;
         let met = f.worst(Duty::Hard) <= CLOSED.sqrt();
-        let worst = (0..m).max_by(|&i, &j| f.phi[i].abs().total_cmp(&f.phi[j].abs())).unwrap_or(0);
+        let (worst, length, angle) = f.open();
         let closes = met && f.worst(Duty::Soft) <= CLOSED.sqrt();
-        let owner = model.row_owner(worst);
-        let size = |angle: bool| {
-            let rows = (0..m).filter(|&i| model.row_is_angle(i) == angle && model.row_owner(i) == owner);
-            rows.map(|i| f.raw(i).powi(2)).sum::<f64>().sqrt()
-        };
-        let (length, angle) = (size(false), size(true));
         let with = if k == 0 { String::new() } else { format!(" with {held}") };
         let so_far = format!("{turn} cannot be reached{with}: {} ends at {end:.6} {}", x.name, x.unit);
         let message = match ending {
@@ -132,7 +150,12 @@ fn explained(
             ),
             _ => format!("{so_far}; no position of the bodies brings it there; ask for less"),
         };
-        return Ok(Some(targets_error(e, message, if met { length.max(angle) } else { f64::NAN }, loop_of(model, worst))));
+        return Ok(Some(targets_error(
+            e,
+            message,
+            if met { length.max(angle) } else { f64::NAN },
+            loop_of(model, worst),
+        )));
     }
     Ok(None)
 }

@@ -175,8 +175,17 @@ impl<'m> Field<'m> {
         soft.map(|(x, _)| x * x).sum()
     }
 
-    /// Φ of row i, not scaled.
-    pub fn raw(&self, i: usize) -> f64 {
-        self.phi[i] * self.length[i]
+    /// The closing row that is open most, and by how much its joint's points and directions miss each other [m, rad].
+    pub fn open(&self) -> (usize, f64, f64) {
+        let m = self.closings();
+        let Some(worst) = (0..m).max_by(|&i, &j| self.phi[i].abs().total_cmp(&self.phi[j].abs())) else {
+            return (0, 0.0, 0.0);
+        };
+        let owner = self.model.row_owner(worst);
+        let size = |angle: bool| {
+            let rows = (0..m).filter(|&i| self.model.row_is_angle(i) == angle && self.model.row_owner(i) == owner);
+            rows.map(|i| (self.phi[i] * self.length[i]).powi(2)).sum::<f64>().sqrt()
+        };
+        (worst, size(false), size(true))
     }
 }

@@ -46,6 +46,8 @@ enum Source {
 #[derive(Clone, Debug)]
 pub struct Target {
     source: Source,
+    /// What it was made of.
+    pub goal: Goal,
     /// As it is called.
     pub name: String,
     /// A large change: 1 for an angle, a length for a displacement.
@@ -91,7 +93,7 @@ impl Target {
         };
         let named = |source, reach, unit, velocities, part| {
             let name = name.to_string();
-            Self { source, name, reach, unit, velocities, part }
+            Self { source, goal: goal.clone(), name, reach, unit, velocities, part }
         };
         let unit = |turn: bool| if turn { "rad" } else { "m" };
         match *goal {

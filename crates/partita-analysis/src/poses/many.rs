@@ -311,9 +311,11 @@ impl<'m> Explicit<'m> {
             let limit = self.close(values, next)?.is_some();
             // a pivot that loses half of itself in a stride may have been, or may next be, at zero
             let well = !limit
-                && self.pivots.iter().zip(self.closing.state()).all(|(before, now)| {
-                    now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs()
-                });
+                && self
+                    .pivots
+                    .iter()
+                    .zip(self.closing.state())
+                    .all(|(before, now)| now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs());
             if well {
                 self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
                 done = next;
@@ -421,20 +423,15 @@ impl<'m> Numeric<'m> {
         f.duty[..m].fill(Duty::Soft);
         nearest(f, &mut self.there, values)?;
         let goals_met = f.worst(Duty::Hard) <= CLOSED.sqrt();
-        let worst = (0..m).max_by(|&i, &j| f.phi[i].abs().total_cmp(&f.phi[j].abs())).unwrap_or(0);
+        let (culprit, shortfall, angle) = f.open();
         let closes = goals_met && f.worst(Duty::Soft) <= CLOSED.sqrt();
         let outcome = match first {
             Ending::Crossing(_) => Outcome::Singular,
             _ if closes => Outcome::OtherBranch,
             _ => Outcome::Open,
         };
-        let owner = f.model.row_owner(worst);
-        let size = |angle: bool| {
-            let rows = (0..m).filter(|&i| f.model.row_is_angle(i) == angle && f.model.row_owner(i) == owner);
-            rows.map(|i| f.raw(i).powi(2)).sum::<f64>().sqrt()
-        };
-        let (shortfall, angle) = if goals_met { (size(false), size(true)) } else { (f64::NAN, f64::NAN) };
-        Ok((Found { outcome, shortfall, angle, culprit: worst, detour: false }, reached))
+        let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
+        Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
     }
 
     /// Goals that follow from the others must have come out as they were asked for.
@@ -444,13 +441,9 @@ impl<'m> Numeric<'m> {
         let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].reach;
         let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
         match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
-            Some(k) if off(k) > AGREE => Found {
-                outcome: Outcome::Contradiction,
-                shortfall: f.y[k],
-                angle: f64::NAN,
-                culprit: k,
-                detour,
-            },
+            Some(k) if off(k) > AGREE => {
+                Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
+            }
             _ => Found::closed(detour),
         }
     }
@@ -470,7 +463,9 @@ impl Asked<'_> {
     /// "A = 1 and E = 2".
     fn goals(&self, which: impl Fn(usize) -> bool) -> String {
         let of = (0..self.wanted.len()).filter(|&k| which(k));
-        super::words::listed(&of.map(|k| format!("{} = {:.6}", self.targets[k].name, self.wanted[k])).collect::<Vec<_>>())
+        super::words::listed(
+            &of.map(|k| format!("{} = {:.6}", self.targets[k].name, self.wanted[k])).collect::<Vec<_>>(),
+        )
     }
 
     fn ends(&self) -> String {

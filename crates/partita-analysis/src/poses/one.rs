@@ -72,8 +72,13 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
     meet(model, t, &mut found, &wanted, ask.tolerance)?;
     let mut kept = wanted;
     for (level, wishes) in lower.iter().enumerate() {
-        wish(model, t, &mut found, &mut kept, wishes)
-            .map_err(|e| if let SystemError::NotFinite { .. } = e { stopped(level + 1, &e) } else { e })?;
+        wish(model, t, &mut found, &mut kept, wishes).map_err(|e| {
+            if let SystemError::NotFinite { .. } = e {
+                stopped(level + 1, &e)
+            } else {
+                e
+            }
+        })?;
     }
     let asked = ask.levels.iter().enumerate().flat_map(|(level, x)| x.iter().map(move |x| (level, x)));
     let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
@@ -85,7 +90,10 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
 }
 
 fn stopped(level: usize, e: &SystemError) -> SystemError {
-    SystemError::argument("targets", format!("the targets of priority {level} lead where nothing can be evaluated: {e}"))
+    SystemError::argument(
+        "targets",
+        format!("the targets of priority {level} lead where nothing can be evaluated: {e}"),
+    )
 }
 
 /// q with the guessed coordinates: those of the state as they are given, others as nearly as moves of the state allow, the
@@ -120,13 +128,7 @@ fn held(model: &Model, q: &[f64], fixed: &[Target]) -> Vec<(Target, f64)> {
 }
 
 /// The loops kept closed, to where all of these targets are met.
-fn meet(
-    model: &Model,
-    t: f64,
-    found: &mut One,
-    wanted: &[(Target, f64)],
-    tolerance: f64,
-) -> Result<(), SystemError> {
+fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolerance: f64) -> Result<(), SystemError> {
     if wanted.is_empty() {
         return Ok(());
     }

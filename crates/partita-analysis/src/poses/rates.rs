@@ -2,8 +2,8 @@
 
 use super::goal::Target;
 use partita_math::dense;
-use partita_math::factor::least_squares_min_norm;
 use partita_math::dense::Matrix;
+use partita_math::factor::least_squares_min_norm;
 use partita_model::Model;
 use partita_system::kinematics::velocity::near_with_rates;
 use partita_system::reduction::Reduction;

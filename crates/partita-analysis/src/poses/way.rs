@@ -178,7 +178,9 @@ impl<'m> Way<'m> {
         if n > WATCHED {
             return None;
         }
-        let rows = |x: &Matrix| -> Vec<Vec<f64>> { (0..x.cols()).map(|k| (0..x.rows()).map(|i| x[(i, k)]).collect()).collect() };
+        let rows = |x: &Matrix| -> Vec<Vec<f64>> {
+            (0..x.cols()).map(|k| (0..x.rows()).map(|i| x[(i, k)]).collect()).collect()
+        };
         let null = if rank < n { rows(&qr_null_space(&j).ok()?.null) } else { Vec::new() };
         let range = if rank < m { Some(rows(&qr_null_space(&j.transpose()).ok()?.range)) } else { None };
         if null.len() != n - rank || range.as_ref().is_some_and(|x| x.len() != rank) {
@@ -306,7 +308,13 @@ impl<'m> Way<'m> {
     ///
     /// # Errors
     /// As [`go`](Self::go).
-    pub fn go_by(&mut self, start: &Start, by: &[Vec<f64>], to: &[f64], q: &mut Vec<f64>) -> Result<Ending, SystemError> {
+    pub fn go_by(
+        &mut self,
+        start: &Start,
+        by: &[Vec<f64>],
+        to: &[f64],
+        q: &mut Vec<f64>,
+    ) -> Result<Ending, SystemError> {
         q.clone_from(&start.q);
         self.begin(start);
         self.field.y.copy_from_slice(&start.y);
@@ -322,7 +330,13 @@ impl<'m> Way<'m> {
         Ok(if self.settle(q, to)? { Ending::There } else { Ending::Limit(1.0) })
     }
 
-    fn on(&mut self, from: &[f64], to: &[f64], q: &mut Vec<f64>, s: &mut Option<Signed>) -> Result<Ending, SystemError> {
+    fn on(
+        &mut self,
+        from: &[f64],
+        to: &[f64],
+        q: &mut Vec<f64>,
+        s: &mut Option<Signed>,
+    ) -> Result<Ending, SystemError> {
         let m = self.field.closings();
         let far = (0..from.len()).filter(|&k| self.field.duty[m + k] == Duty::Hard);
         let far = far.map(|k| (to[k] - from[k]).abs() / self.field.targets[k].reach).fold(0.0, f64::max);
@@ -427,7 +441,7 @@ impl<'m> Way<'m> {
     }
 
     /// Close q to round-off at the goals, those that are coordinates exact; false where it stays open.
-    fn settle(&mut self, q: &mut Vec<f64>, to: &[f64]) -> Result<bool, SystemError> {
+    fn settle(&mut self, q: &mut [f64], to: &[f64]) -> Result<bool, SystemError> {
         let m = self.field.closings();
         let mut least = f64::INFINITY;
         for _ in 0..CORRECTIONS {
