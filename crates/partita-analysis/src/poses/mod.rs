@@ -14,3 +14,6 @@ pub use goal::{Goal, Target};
 pub use many::{many, Outcome, Poses};
 pub use one::{one, Ask, Met, One};
 pub use rates::with_rates;
+
+#[cfg(test)]
+mod tests;
