@@ -108,12 +108,12 @@ fn explained(
         let x = &all[k];
         let (held, turn) = (words_of(&all[..k], &aims[..k]), format!("{} = {:.6}", x.name, aims[k]));
         if !start.free[k] {
-            let values = possible(model, t, &here, &all[..k], x);
+            let (values, others) = possible(model, t, &here, &all[..k], x);
             let can = listed_or(&values.iter().map(|v| format!("{v:.6}")).collect::<Vec<_>>());
             let message = match k {
                 0 => format!("{turn} cannot be met: nothing moves {} from {can} {} here", x.name, x.unit),
                 _ => format!(
-                    "the targets {} contradict each other: with {held} {} can be {can} {}, not {:.6}; leave one of them \
+                    "the targets {} contradict each other: with {held} {} can be {can} {}{others}, not {:.6}; leave one of them \
                      away, or give it a lower priority",
                     listed(&[held.clone(), turn.clone()]),
                     x.name,
@@ -171,17 +171,20 @@ fn listed_or(words: &[String]) -> String {
     }
 }
 
-/// Values of x in the assemblies for the other targets as they stand in q: at least the one in q.
-fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> Vec<f64> {
+/// Values of x in the assemblies for the other targets as they stand in q, at least the one in q; and which assemblies
+/// these are, where they are not all.
+fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> (Vec<f64>, &'static str) {
     let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
     let mut values = vec![x.value(model, q, &rest, &mut s, 0.0)];
     let inputs: Option<Vec<usize>> = others.iter().map(|x| x.own().map(|own| own.1)).collect();
     let all = inputs.and_then(|inputs| model.assemblies(t, q, Some(&inputs)).ok());
     for one in all.iter().flat_map(|all| &all.found) {
         let value = x.value(model, &one.q, &rest, &mut s, values[0]);
-        if values.len() < LISTED && values.iter().all(|v| (v - value).abs() > SAME * x.reach) {
+        if values.iter().all(|v| (v - value).abs() > SAME * x.reach) {
             values.push(value);
         }
     }
-    values
+    let whole = all.is_some_and(|all| all.found.len() > 1 || all.notes.is_empty()) && values.len() <= LISTED;
+    values.truncate(LISTED);
+    (values, if whole { "" } else { " on this branch, or what other branches allow" })
 }
