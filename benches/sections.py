@@ -14,6 +14,8 @@ from evaluations import AGREES, PROBLEMS, costs
 from limit import Figure, measured
 from many_freedoms import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
+from poses import AIM as POSES_AIM
+from poses import poses_cost
 from public_face import RUNS, face_cost
 from timing import against, told
 
@@ -147,6 +149,19 @@ def face(folder: Path) -> dict[str, Any]:
     return {"runs": found}
 
 
+def poses(_: Path) -> dict[str, Any]:
+    """Thousands of poses in one call."""
+    print("\nPoses: m.assemble_many of two motors at positions by chance, one call")
+    found = poses_cost()
+    for cost in found:
+        mark = "" if cost.seconds <= POSES_AIM else " !"
+        print(
+            f"  {cost.title:<10}{cost.poses} poses, {cost.assembled} assembled: {told(cost.seconds)}, "
+            f"{told(cost.seconds / cost.poses)} each (aim: at most {told(POSES_AIM)}){mark}; |Phi| {cost.closure:.0e}"
+        )
+    return {"sweeps": [asdict(cost) for cost in found]}
+
+
 def _ratio(seconds: float, limit: Figure | None) -> float | None:
     return None if limit is None else seconds / limit.seconds
 
@@ -157,4 +172,5 @@ SECTIONS = {
     "freedoms": freedoms,
     "evaluations": evaluations,
     "face": face,
+    "poses": poses,
 }

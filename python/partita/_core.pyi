@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Goal = tuple[str, str, int, int, tuple[float, float, float]]
 
 class Model:
     """A compiled mechanism: constant; states are handed in."""
@@ -53,17 +54,27 @@ class Model:
         t: float,
         q: Array,
         v: Array,
-        targets: list[tuple[int, float]],
+        targets: list[list[tuple[Goal, float]]],
         rates: list[tuple[int, float]],
+        turns: list[tuple[Goal, float]],
+        fixed: list[Goal],
+        guess: list[tuple[Goal, float]],
         tolerance: float,
     ) -> tuple[Array, Array, str]:
-        """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets index q, rates
-        index v."""
+        """q, v that satisfy (S3), (S4) nearest to those given, and a JSON report. Targets by priority; rates index v,
+        `turns` are those of coordinates outside of v; `fixed` stays as it is in the guess."""
 
     def assemblies(
         self, t: float, q: Array, inputs: list[int] | None
     ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:
         """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
+
+    def poses(self, t: float, q: Array, goals: list[Goal], values: Array) -> dict[str, Any]:
+        """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
+        q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n words), reasons (number and sentence of
+        each pose that was not assembled), branch (words and sign of each block, or None). A goal is its name, "own" (a
+        coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
+        axis in it, and the point in body axes."""
 
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_assemble_many import five_bar
 
 import partita as pt
 from partita.errors import ArgumentError, AssemblyError, UnknownNameError
@@ -180,3 +181,153 @@ def test_equations_by_hand_start_as_near_as_they_can_to_the_velocities_given() -
     # along the ring, and nearest in the mass metric: M (v - v0) is normal to the ring
     tangent = np.array([-0.8, 0.6])
     assert abs(v @ [0.6, 0.8]) < 1e-12 and abs(tangent @ [2.0 * (v[0] - 1.0), v[1]]) < 1e-12
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_any_joint_has_targets_and_rates(coordinates: str) -> None:
+    """Those of the tree, those that close loops, and all in absolute coordinates: the same bodies, moving alike."""
+    m = four_bar()
+    reference = m.assemble({"A": 0.7}, rates={"A": 1.5})
+    run = m.simulate(0.01, initial=reference, t_eval=[0.0])
+    for joint in "ABCD":
+        at, rate = run.joint(joint).position[0, 0], run.joint(joint).velocity[0, 0]
+        state = m.assemble({joint: at}, rates={joint: rate}, coordinates=coordinates)
+        again = m.simulate(0.01, initial=state, t_eval=[0.0], coordinates=coordinates)
+        for other in "ABCD":
+            assert again.joint(other).position == pytest.approx(run.joint(other).position, abs=1e-10)
+            assert again.joint(other).velocity == pytest.approx(run.joint(other).velocity, abs=1e-10)
+    # with freedoms left the motion has the least energy: that which rates of the tree give
+    three = pt.catalogue.load("three-rrr")
+    outside = next(j["name"] for j in three.compile().summary["joints"] if not j["tree"])
+    state = three.assemble(rates={outside: 1.0, "A1": 0.3}, coordinates=coordinates)
+    run = three.simulate(0.01, initial=state, t_eval=[0.0], coordinates=coordinates)
+    assert run.joint(outside).velocity[0, 0] == pytest.approx(1.0, abs=1e-12)
+    assert run.joint("A1").velocity[0, 0] == pytest.approx(0.3, abs=1e-12)
+    rest = three.assemble(rates={outside: 1.0, "A1": 0.3, "A2": run.joint("A2").velocity[0, 0] + 0.05})
+    more = three.simulate(0.01, initial=rest, t_eval=[0.0])
+    assert run.energy.kinetic[0] < more.energy.kinetic[0]
+    with pytest.raises(ArgumentError, match="cannot hold together"):
+        m.assemble(rates={"C": 1.0, "A": 5.0}, coordinates=coordinates)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
+def test_points_are_targets(scale: float) -> None:
+    m = two_links(scale)
+    for place in ((1.2, 0.9), (0.4, -1.1)):
+        target = {("2", (scale, 0, 0), "xy"): scale * np.array(place)}
+        for coordinates in ("relative", "absolute"):
+            state = m.assemble(target, coordinates=coordinates)
+            run = m.simulate(1e-3, initial=state, t_eval=[0.0], coordinates=coordinates)
+            assert run.body("2").point((scale, 0, 0))[0, :2] / scale == pytest.approx(place, abs=1e-11)
+    with pytest.raises(AssemblyError, match=r"point .* of 2 in x ends at .* no position of the bodies brings it there"):
+        m.assemble({("2", (scale, 0, 0), "xy"): (2.5 * scale, 0.0)})
+
+
+def two_links(scale: float = 1.0) -> pt.Mechanism:
+    """An arm of two links of length 1, its elbow bent."""
+    m = pt.Mechanism("arm")
+    a, b, c = (scale * np.array(p) for p in ((0.0, 0, 0), (0.8, 0.6, 0), (1.4, 1.4, 0)))
+    one, two = m.add_rod("1", start=a, end=b, mass=1.0), m.add_rod("2", start=b, end=c, mass=1.0)
+    m.add_revolute("shoulder", m.ground, one, point=a)
+    m.add_revolute("elbow", one, two, point=b)
+    return m
+
+
+def test_targets_in_order_of_priority() -> None:
+    """The first are met; the next come as near as those let them: the nearest point of a circle, in closed form."""
+    m = two_links()
+    shoulder, wish = 0.3, np.array([2.0, 2.5])
+    state = m.assemble([{"shoulder": shoulder}, {("2", (1, 0, 0), "xy"): wish}])
+    assert state.position("shoulder") == pytest.approx(shoulder, abs=1e-15)
+    b = np.array([0.8 * np.cos(shoulder) - 0.6 * np.sin(shoulder), 0.8 * np.sin(shoulder) + 0.6 * np.cos(shoulder)])
+    nearest = b + (wish - b) / np.linalg.norm(wish - b)
+    run = m.simulate(1e-3, initial=state, t_eval=[0.0])
+    assert run.body("2").point((1, 0, 0))[0, :2] == pytest.approx(nearest, abs=1e-7)
+    assert state.assembly is not None
+    told = {entry["target"]: entry for entry in state.assembly["targets"]}
+    assert told["shoulder"]["priority"] == 0 and told["shoulder"]["reached"] == told["shoulder"]["asked"]
+    x = told["point (1, 0, 0) of 2 in x"]
+    assert (x["priority"], x["asked"]) == (1, 2.0) and x["reached"] == pytest.approx(nearest[0], abs=1e-7)
+    # the other way round: the point is met, and the shoulder wherever that leaves it
+    swapped = m.assemble([{("2", (1, 0, 0), "xy"): (1.2, 0.9)}, {"shoulder": 1.0}])
+    alone = m.assemble({("2", (1, 0, 0), "xy"): (1.2, 0.9)})
+    assert swapped.q == pytest.approx(alone.q, abs=1e-9)
+    # what can be had is had exactly, level after level
+    both = m.assemble([{}, {"shoulder": 0.2}, {"elbow": -0.3}, {"elbow": 5.0}])
+    assert both.q == pytest.approx([0.2, -0.3], abs=1e-12)
+    # in a loop: one freedom goes to the first
+    bar = four_bar()
+    assert bar.assemble([{"A": 0.5}, {"D": 2.0}]).q == pytest.approx(bar.assemble({"A": 0.5}).q, abs=1e-12)
+    # nothing asked for with force: the crank goes to where the rocker's end is
+    limit = four_bar(1.05).assemble([{}, {"A": 1.5}])
+    assert limit.position("A") == pytest.approx(1.128032, abs=2e-6)
+
+
+def test_joints_that_are_held() -> None:
+    """A drawing left open closes around what is held, and targets move the rest."""
+    m = four_bar()
+    rough = pt.Mechanism("rough")
+    a, b, c, d = (0.0, 0, 0), (0.0, CRANK, 0), (1.1, 1.0, 0), (GROUND, 0, 0)
+    for name, s, e in (("1", a, b), ("2", b, c), ("3", d, c)):
+        rough.add_rod(name, start=s, end=e, mass=1.0)
+    rough.add_revolute("A", rough.ground, "1", point=a)
+    rough.add_revolute("B", "1", "2", point=b)
+    rough.add_revolute("C", "2", "3", point=c, child_point=(1.02, 0.8, 0))
+    rough.add_revolute("D", rough.ground, "3", point=d)
+    free, held = rough.assemble(), rough.assemble(fixed=["A"])
+    assert abs(free.position("A")) > 1e-3 and held.position("A") == 0.0
+    # two motors, one of which stays where it is
+    five = five_bar()
+    assert five.assemble({"A": 0.3}, fixed=["E"]).position("E") == 0.0
+    assert five.assemble({"A": 0.3}, fixed=["C"]).position("E") != 0.0
+    poses = five.assemble_many({"A": [0.3], "E": [five.assemble({"A": 0.3}, fixed=["C"]).position("E")]})
+    assert poses.joint("C") == pytest.approx([0.0], abs=1e-11)
+    with pytest.raises(AssemblyError, match="contradict each other"):
+        m.assemble({"D": 0.5}, fixed=["A"])
+    with pytest.raises(ArgumentError, match="list of joints"):
+        m.assemble(fixed="A")
+    with pytest.raises(UnknownNameError, match="neither a joint"):
+        m.assemble(fixed=["Q"])
+
+
+def test_a_guess_is_a_start_by_names() -> None:
+    """Near the other assembly it leads to that one, whether its joints are in the state or not."""
+    m = four_bar()
+    here, there = (one.state for one in m.assemblies(inputs=["A"]))
+    other = {name: there.position(name) for name in there.names}
+    assert m.assemble(guess=other).q == pytest.approx(there.q, abs=1e-12)
+    rough = {name: value + 0.05 for name, value in other.items()}
+    assert np.linalg.norm(m.assemble(guess=rough).q - there.q) < 0.2 * np.linalg.norm(here.q - there.q)
+    c = m.assemble_many({"A": [0.0]}, near=there).joint("C")[0]
+    by_cut = m.assemble(guess={"C": c, "B": there.position("B")})
+    assert np.linalg.norm(by_cut.q - there.q) < 0.5 * np.linalg.norm(here.q - there.q)
+    with pytest.raises(ArgumentError, match="guess must be a dict"):
+        m.assemble(guess=[1.0])  # type: ignore[arg-type]
+
+
+def test_targets_that_contradict_each_other_are_told() -> None:
+    m = four_bar()
+    with pytest.raises(AssemblyError) as caught:
+        m.assemble({"A": 0.5, "D": 2.0})
+    words = str(caught.value)
+    assert "A = 0.500000 and D = 2.000000 contradict each other: with A = 0.500000 D can be" in words
+    for one in m.assemblies({"A": 0.5}, inputs=["A"]):
+        assert f"{one.state.position('D'):.6f}" in words
+
+
+def test_where_a_joint_ends_and_what_is_missing() -> None:
+    """A crank too long to turn round ends where coupler and rocker just reach; beyond, they miss by so much."""
+    crank = 1.05
+    m = four_bar(crank)
+    with pytest.raises(AssemblyError) as caught:
+        m.assemble({"A": 1.5})
+
+    def far(angle: float) -> float:
+        return float(np.hypot(-crank * np.sin(angle) - GROUND, crank * np.cos(angle)))
+
+    # where B is as far from D as the links reach
+    reach = COUPLER + ROCKER
+    end = np.arcsin((reach**2 - crank**2 - GROUND**2) / (2 * crank * GROUND))
+    assert f"A ends at {end:.5f}" in str(caught.value)[: str(caught.value).index(" rad")]
+    assert caught.value.residual == pytest.approx(far(1.5) - reach, rel=1e-6)
+    assert "the loop through A, D, B closed by joint" in caught.value.loops

@@ -217,6 +217,12 @@ def built() -> dict[str, Callable[[], Call]]:
     return {f"Mechanism.{name}": make(name, arguments) for name, arguments in cases.items()}
 
 
+def assembled(poses: Any) -> Any:
+    """Coordinates of the poses that were assembled; the others are NaN, and have a reason."""
+    assert np.isnan(poses.q[~poses.ok]).all() and sorted(poses.reasons) == np.flatnonzero(~poses.ok).tolist()
+    return poses.q[poses.ok]
+
+
 def asked() -> dict[str, Callable[[], Call]]:
     """Calls that compute."""
     m = loop()
@@ -328,11 +334,27 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "targets": {"A": 0.1},
                 "rates": {"A": 1.0},
                 "near": None,
+                "fixed": (),
+                "guess": {"A": 0.05},
+                "branch": None,
                 "t": 0.0,
                 "tolerance": 1e-9,
                 "coordinates": "relative",
                 "parameters": {"gravity": (0, -1.0, 0)},
             },
+        ),
+        "Mechanism.assemble.levels": (m.assemble, {"targets": [{"A": 0.1}, {}], "fixed": ["A"]}),
+        "Mechanism.assemble.point": (
+            lambda value: m.assemble([{}, {("crank", ORIGIN, "xy"): value}]),
+            {"value": (0.1, 0.2)},
+        ),
+        "Mechanism.assemble_many": (
+            lambda **given: assembled(m.assemble_many(**given)),
+            {"targets": {"A": [0.1, 0.2]}, "near": None, "branch": None, "t": 0.0},
+        ),
+        "Mechanism.assemble_many.value": (
+            lambda joint, point: assembled(m.assemble_many({"A": joint, ("crank", X, "x"): point})),
+            {"joint": [0.1], "point": 0.1},
         ),
         "Mechanism.assemblies": (
             m.assemblies,

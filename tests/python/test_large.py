@@ -125,7 +125,7 @@ def work(what: str, large: tuple[pt.Mechanism, str, Path]) -> Callable[[], Any]:
     core = m.compile().core
     q, v = core.initial()
     q[: len(q) // 2] += 1e-3
-    return lambda: core.assemble(0.0, q, v, [], [(0, 1.0)], 1e-12)
+    return lambda: core.assemble(0.0, q, v, [], [(0, 1.0)], [], [], [], 1e-12)
 
 
 @pytest.mark.parametrize("what", ["compile", "report", "load", "assemble"])

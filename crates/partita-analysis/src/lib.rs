@@ -10,6 +10,7 @@ pub mod instant;
 pub mod matrices;
 pub mod mobility;
 pub mod outputs;
+pub mod poses;
 mod reason;
 pub mod report;
 pub mod run;

@@ -116,6 +116,11 @@ impl Model {
         Self::build((*self.spec).clone(), self.callers.functions.clone(), self.coordinates, false)
     }
 
+    /// The same mechanism in these coordinates.
+    pub fn in_coordinates(&self, coordinates: Coordinates) -> Result<Self, DescriptionError> {
+        Self::build((*self.spec).clone(), self.callers.functions.clone(), coordinates, true)
+    }
+
     fn build(
         spec: Spec,
         functions: Arc<dyn Functions>,

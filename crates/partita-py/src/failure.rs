@@ -80,7 +80,8 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::OutsideCurve { what, .. } => {
             raise(py, "EvaluationError", &message, &[("t", f64::NAN.into()), ("where", what.into())])
         }
-        SystemError::Assembly { iterations, residual, loops, .. } => {
+        SystemError::Assembly { iterations, residual, loops, .. }
+        | SystemError::Targets { iterations, residual, loops, .. } => {
             let fields = [("residual", residual.into()), ("iterations", iterations.into()), ("loops", loops.into())];
             raise(py, "AssemblyError", &message, &fields)
         }

@@ -210,7 +210,7 @@ impl System {
             let q = vector(&q, self.f.n, "q")?;
             let v = vector(&v, self.f.n, "v")?;
             let system = self.measured(py, t, &q)?;
-            let (q, v, said) = state::assemble(&system, t, (q, &v), &targets, &rates, tolerance, |_| None)
+            let (q, v, said) = state::assemble(&system, t, (q, &v), &targets, &rates, tolerance)
                 .map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })

@@ -8,6 +8,7 @@ mod hand;
 mod model;
 mod outputs;
 mod partition;
+mod poses;
 mod run;
 mod state;
 mod summary;

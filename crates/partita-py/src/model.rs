@@ -4,6 +4,7 @@ use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
+use crate::poses;
 use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::summary::summary;
@@ -185,25 +186,27 @@ impl Model {
         (array(py, &[size.nq], self.inner.initial()), array(py, &[size.nv], vec![0.0; size.nv]))
     }
 
-    #[pyo3(signature = (t, q, v, targets, rates, tolerance))]
+    /// (q, v) with the loops closed: `targets` by level, `rates` of velocities, `turns` those of other coordinates; also the
+    /// JSON report.
+    #[pyo3(signature = (t, q, v, targets, rates, turns, fixed, guess, tolerance))]
     fn assemble<'py>(
         slf: &Bound<'py, Self>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
-        targets: Vec<(usize, f64)>,
+        targets: Vec<Vec<poses::Valued>>,
         rates: Vec<(usize, f64)>,
+        turns: Vec<poses::Valued>,
+        fixed: Vec<poses::Named>,
+        guess: Vec<poses::Valued>,
         tolerance: f64,
     ) -> PyResult<(Array<'py>, Array<'py>, String)> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
             let (q, near) = model.state(&q, &v)?;
-            let ask = move || {
-                let system = &own.get().inner;
-                let place = |q: &[f64]| system.place(t, q, &targets);
-                state::assemble(&**system, t, (q, &near), &targets, &rates, tolerance, place)
-            };
+            let wanted = poses::Wanted::read(py, &model.inner, targets, rates, turns, fixed, guess, tolerance)?;
+            let ask = move || wanted.assemble(&own.get().inner, t, &q, &near);
             let (q, v, said) = heard(py, model.is_large(), ask)?.map_err(|e| failure::system(py, e))?;
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v), said))
         })
@@ -225,6 +228,19 @@ impl Model {
             let found = all.found.into_iter().map(|a| (array(py, &[a.q.len()], a.q), a.branches, a.residual)).collect();
             Ok((found, all.blocks, all.notes))
         })
+    }
+
+    /// Positions in which the goals have the values of each row, on the branch of the closed position q, by name.
+    #[pyo3(signature = (t, q, goals, values))]
+    fn poses<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+        goals: Vec<poses::Named>,
+        values: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
     }
 
     /// (q, v) of this model where every body is and moves as in another one of the same description.

@@ -22,8 +22,6 @@ fn chosen<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<
 }
 
 /// (q, v) with the loops closed, the targets reached and the rates; also the JSON report.
-///
-/// `place` may know a way to the targets that needs no walk (closed forms); its answer is a closed position.
 pub fn assemble<S: ConstrainedSystem>(
     system: &S,
     t: f64,
@@ -31,20 +29,11 @@ pub fn assemble<S: ConstrainedSystem>(
     targets: &[(usize, f64)],
     rates: &[(usize, f64)],
     tolerance: f64,
-    place: impl Fn(&[f64]) -> Option<Vec<f64>>,
 ) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
     let closed = assembly::close(system, t, &mut q, tolerance, &[])?;
     let mut steps = 0;
     let (mut iterations, mut residual) = (closed.iterations, closed.residual);
-    let placed = if targets.is_empty() { None } else { place(&q) };
-    let explicit = placed.is_some();
-    if let Some(there) = placed {
-        q = there;
-        let held: Vec<usize> = targets.iter().filter_map(|&(i, _)| system.velocity_of_coordinate(i)).collect();
-        let closed = assembly::close(system, t, &mut q, tolerance, &held)?;
-        iterations += closed.iterations;
-        residual = closed.residual;
-    } else if !targets.is_empty() {
+    if !targets.is_empty() {
         let moved = assembly::move_to(system, t, &mut q, targets, tolerance)?;
         iterations += moved.iterations;
         residual = moved.residual;
@@ -56,7 +45,7 @@ pub fn assemble<S: ConstrainedSystem>(
         velocity::near_with_rates(&mut chosen(system, t, &q)?, t, &q, near, rates)?
     };
     let said = serde_json::json!({
-        "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": explicit
+        "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": false
     });
     Ok((q, v, said.to_string()))
 }

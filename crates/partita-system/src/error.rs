@@ -89,6 +89,18 @@ pub enum SystemError {
         /// What to try.
         advice: String,
     },
+    /// The targets of an assembly cannot be met.
+    #[error("{message}")]
+    Targets {
+        /// Which, why, where they end and what is missing.
+        message: String,
+        /// By how much the nearest position is open; NaN where that is not told.
+        residual: f64,
+        /// Iterations done.
+        iterations: usize,
+        /// What stays open.
+        loops: String,
+    },
     /// The loops come to rest open, wherever they start from: |Φ| cannot be lowered.
     #[error(
         "the lengths do not fit: {} stays open by {}, and no small motion lowers that (at rest after {iterations} \

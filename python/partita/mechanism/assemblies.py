@@ -11,6 +11,7 @@ import numpy as np
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..state import State
+from .branches import name_of
 from .models import Modelled, layout_of
 from .solve import assemble
 
@@ -28,6 +29,11 @@ class Assembled:
     state: State
     branches: dict[str, int]
     residual: float
+
+    @property
+    def branch(self) -> str:
+        """Its name among those for the same inputs: the signs of its blocks in the order of solution, such as "+-"."""
+        return name_of(self.branches.values())
 
 
 @dataclass(frozen=True)
@@ -56,8 +62,7 @@ class Assemblies:
     def __str__(self) -> str:
         lines = [f"{len(self.found)} assemblies; loops in order of solution:", *(f"  {words}" for words in self.blocks)]
         for number, one in enumerate(self.found):
-            signs = ", ".join(f"{sign:+d}" for sign in one.branches.values()) or "none"
-            lines.append(f"assembly {number}: branches {signs}; |Phi| {one.residual:.1e}")
+            lines.append(f"assembly {number}: branch {one.branch or 'none'}; |Phi| {one.residual:.1e}")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 

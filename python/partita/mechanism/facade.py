@@ -11,6 +11,7 @@ from ..io import save
 from . import models, solve
 from .assemblies import assemblies
 from .models import Modelled
+from .poses import assemble_many
 from .report import report
 
 
@@ -48,6 +49,7 @@ class Mechanism(Modelled):
     compile = models.compile
     assemble = solve.assemble
     assemblies = assemblies
+    assemble_many = assemble_many
     convert = solve.convert
     simulate = solve.simulate
     compare = compare_mechanism

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,15 +16,20 @@ from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
+from .branches import on_branch
+from .goals import Goal, asked, goals_of, inputs_of
 from .models import Modelled, compile, layout_of
 
 
 def assemble(
     self: Modelled,
-    targets: Mapping[Any, Any] | None = None,
+    targets: Mapping[Any, Any] | Sequence[Mapping[Any, Any]] | None = None,
     rates: Mapping[Any, Any] | None = None,
     near: State | None = None,
     *,
+    fixed: Iterable[Any] = (),
+    guess: Mapping[Any, Any] | None = None,
+    branch: str | None = None,
     t: float | None = None,
     tolerance: float = 1e-12,
     coordinates: str = "relative",
@@ -34,10 +39,21 @@ def assemble(
 
     Args:
         targets: joint (name or handle) -> position [rad or m] that it shall have; a sequence for a joint with
-            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`).
-        rates: the same for velocities [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
+            several coordinates, or a single one by its name, such as "C.slide" (see `compile().names`). Joints that
+            close loops count as all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its place in
+            the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its coordinates. A list of such dicts gives
+            priorities, strictly one after the other: the targets of the first are met; those of each next one come as
+            near as the earlier ones let them, in the sense of least squares (angles in radians, lengths in parts of
+            the mechanism's).
+        rates: the same for velocities of joints [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
             it can.
         near: where to start, for another branch; None: the drawing at rest.
+        fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed
+            and targets met.
+        guess: joint -> position in the start, which need not close: for a branch that the drawing does not show. Prefer
+            `near` or `branch` where the branch is known.
+        branch: signs of the blocks in which the loops are closed, such as "+-", as `Assembled.branch` of `assemblies`
+            names them for the targets as inputs (where there is a target for each degree of freedom).
         t: time [s], which matters where motion is prescribed; None: that of `near`, else 0.
         tolerance: largest residual |Phi| allowed, in radians for directions and in parts of the loop's own length for
             points; what is closed is then closed further, to round-off.
@@ -45,12 +61,12 @@ def assemble(
         parameters: numbers other than the drawn ones, as `CompiledModel.with_parameters` takes them.
 
     Returns:
-        The state; `state.assembly` says what residual was reached.
+        The state; `state.assembly` says what residual was reached, and of each target what was asked and reached.
 
     Raises:
-        AssemblyError: the lengths cannot close, or not with these targets.
-        UnknownNameError: a key is no joint and no coordinate. ArgumentError: the joint closes a loop, or a
-            value does not fit it.
+        AssemblyError: the lengths cannot close, or not with these targets: which contradict each other, where a joint
+            ends, what length is missing.
+        UnknownNameError: a key is no joint and no coordinate. ArgumentError: a value does not fit its joint.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -62,12 +78,62 @@ def assemble(
     model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES), parameters)
     start = near if near is not None else State(0.0, *model.core.initial(), layout=layout)
     _fitting("near", start, model)
-    wanted = _indexed("targets", {} if targets is None else targets, layout.names, layout.q, layout)
-    speeds = _indexed("rates", {} if rates is None else rates, layout.velocity_names, layout.v, layout)
+    levels = [_valued("targets", level, model) for level in _levels(targets)]
+    own, turns = _rates({} if rates is None else rates, model, layout)
+    if isinstance(fixed, (str, bytes)) or not isinstance(fixed, Iterable):
+        raise ArgumentError(f"fixed must be a list of joints such as ['A'], not {shown(fixed)}", argument="fixed")
+    held = [goal for key in fixed for goal in goals_of("fixed", key, model)]
+    guessed = _valued("guess", {} if guess is None else guess, model)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
-    q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
+    if branch is None:
+        q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
+    else:
+        q, _, said = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
+        inputs = inputs_of([goal for goal, _ in levels[0]], model) if levels[0] else None
+        q = on_branch(model, time, q, branch, inputs)
+        q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
     return State(time, q, v, layout=layout, assembly=json.loads(said))
+
+
+def _levels(targets: Any) -> list[Any]:
+    """Targets in order of priority."""
+    if targets is None or isinstance(targets, Mapping):
+        return [{} if targets is None else targets]
+    if isinstance(targets, (str, bytes)) or not isinstance(targets, Sequence):
+        raise ArgumentError(
+            "targets must be a dict such as {'A': 1.0}, or a list of them in order of priority, not "
+            f"{shown(targets)}",
+            argument="targets",
+        )
+    return list(targets) or [{}]
+
+
+def _valued(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Goal, float]]:
+    """Goals and their values."""
+    found: list[tuple[Goal, float]] = []
+    for key, goals, value in asked(what, wanted, model):
+        found += zip(goals, _numbers(what, key, value, len(goals)), strict=True)
+    return found
+
+
+def _rates(
+    wanted: Any, model: CompiledModel, layout: Layout
+) -> tuple[list[tuple[int, float]], list[tuple[Goal, float]]]:
+    """Rates of velocities of the state, by their number, and of coordinates outside of it."""
+    if not isinstance(wanted, Mapping):
+        return _indexed("rates", wanted, layout.velocity_names, layout.v, layout), []
+    outside = {key: value for key, value in wanted.items() if _is_outside(str(key), model, layout)}
+    inside = {key: value for key, value in wanted.items() if key not in outside}
+    return _indexed("rates", inside, layout.velocity_names, layout.v, layout), _valued("rates", outside, model)
+
+
+def _is_outside(key: str, model: CompiledModel, layout: Layout) -> bool:
+    """Is it a joint, or one of its coordinates, that is no part of the state?"""
+    if key in layout.velocity_names:
+        return False
+    names = {joint["name"] for joint in model.summary["joints"] if joint["state_v"] is None and joint["v"][1] > 0}
+    return key in names or key.rpartition(".")[0] in names
 
 
 def convert(self: Modelled, state: State, coordinates: str) -> State:

@@ -1,0 +1,518 @@
+//! Thousands of positions for values of the goals, each on the branch of one state.
+
+use super::field::Duty;
+use super::goal::Target;
+use super::nearest::nearest;
+use super::way::{Ending, Start, Way, CLOSED};
+use crate::instant::Levels;
+use crate::outputs::{tables, Rows, Watch};
+use partita_model::loop_closure::LoopClosing;
+use partita_model::Model;
+use partita_system::closing::Closing;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Farthest a goal goes at once where closed forms serve, in reaches: no angle of a healthy loop turns by π meanwhile.
+const STRIDE: f64 = 0.1;
+/// Farthest a goal may be from the state's, in reaches: more is a slip of the pen.
+const FARTHEST: f64 = 1e4;
+/// Largest |Φ| (in reaches) that a closed form leaves: its round-off, multiplied a hundred thousand times next to a limit.
+const CLOSES: f64 = 1e-10;
+/// Strides that move the goals by less than this (in reaches) do not count: six digits of where a way ends.
+const SHORTEST: f64 = 1e-6;
+/// Signs of so many blocks are tried where a pose does not close on its branch.
+const BLOCKS: usize = 6;
+/// Goals that depend on each other agree within this, in reaches.
+const AGREE: f64 = 1e-9;
+
+/// What became of a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Assembled on the branch.
+    Closed,
+    /// The loops stay open there.
+    Open,
+    /// It closes, but not on this branch.
+    OtherBranch,
+    /// A position in which branches meet stands in the way.
+    Singular,
+    /// The goals contradict each other.
+    Contradiction,
+}
+
+impl Outcome {
+    const ALL: [Self; 5] = [Self::Closed, Self::Open, Self::OtherBranch, Self::Singular, Self::Contradiction];
+
+    /// In one word, as people read it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Closed => "closed",
+            Self::Open => "open",
+            Self::OtherBranch => "other branch",
+            Self::Singular => "singular",
+            Self::Contradiction => "contradiction",
+        }
+    }
+}
+
+/// Poses, row by row.
+#[derive(Clone, Debug, Default)]
+pub struct Poses {
+    /// Coordinates; NaN where the pose was not assembled.
+    pub q: Vec<f64>,
+    /// What became of each.
+    pub outcomes: Vec<Outcome>,
+    /// How far the goals came on the straight way.
+    pub reached: Vec<f64>,
+    /// By how much the nearest position is open [m]; NaN where it is not told.
+    pub shortfall: Vec<f64>,
+    /// The same for directions [rad].
+    pub angle: Vec<f64>,
+    /// Was the straight way left?
+    pub detour: Vec<bool>,
+    /// Why the others were not assembled: number and sentence.
+    pub reasons: Vec<(usize, String)>,
+    /// Blocks of loops with their signs on this branch, where closed forms served.
+    pub branch: Option<Vec<(String, i8)>>,
+}
+
+/// One pose as numbers.
+struct Found {
+    outcome: Outcome,
+    shortfall: f64,
+    angle: f64,
+    /// Row, block or goal that is at fault.
+    culprit: usize,
+    detour: bool,
+}
+
+impl Found {
+    fn closed(detour: bool) -> Self {
+        Self { outcome: Outcome::Closed, shortfall: 0.0, angle: 0.0, culprit: 0, detour }
+    }
+}
+
+/// The rows of the tables in which poses are found.
+const RESULT: usize = 5;
+
+fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
+    let number = Outcome::ALL.iter().position(|x| *x == found.outcome).unwrap_or(0);
+    match found.outcome {
+        Outcome::Closed => rows.row(0, i).copy_from_slice(q),
+        _ => rows.row(0, i).fill(f64::NAN),
+    }
+    rows.row(1, i).copy_from_slice(reached);
+    let told = [number as f64, found.shortfall, found.angle, found.culprit as f64, f64::from(u8::from(found.detour))];
+    rows.row(2, i).copy_from_slice(&told);
+}
+
+/// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
+///
+/// The branch is what the straight way of the goals leads to from q without meeting a limit or a singular position. Where
+/// several goals are inputs from which all loops follow in closed form, it is the signs of their blocks: a pose is found
+/// wherever it closes with them, whatever stands in the straight way. Each pose depends on its own values and on q alone.
+///
+/// # Errors
+/// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
+pub fn many<E: Send + From<SystemError>>(
+    model: &Model,
+    t: f64,
+    q: &[f64],
+    targets: &[Target],
+    values: &[f64],
+    watch: Watch<E>,
+) -> Result<Poses, E> {
+    let width = targets.len();
+    if width == 0 || values.len() % width != 0 {
+        let message = format!("{} values do not fit {width} goals", values.len());
+        return Err(SystemError::argument("targets", message).into());
+    }
+    let count = values.len() / width;
+    let widths = [model.size().nq, width, RESULT];
+    let chunk = if model.calls_functions() { usize::MAX } else { 1 };
+    let start = Way::new(model, targets, t).start(q)?;
+    for (i, &value) in values.iter().enumerate() {
+        let (x, here) = (&targets[i % width], start.y[i % width]);
+        if (value - here).abs() > FARTHEST * x.reach {
+            let message = format!(
+                "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from the branch's \
+                 state, in which it is {here:.6} {}",
+                x.name,
+                i / width,
+                x.unit
+            );
+            return Err(SystemError::argument("targets", message).into());
+        }
+    }
+    let explicit = Explicit::new(model, t, q, targets, &start);
+    let of = |i: usize| &values[i * width..][..width];
+    let tables = match &explicit {
+        Some(explicit) => {
+            let row = |i: usize, room: &mut Option<Explicit>, rows: &mut Rows| {
+                let Some(room) = room else {
+                    let message = "the loops could not be ordered a second time; give a state away from a limit";
+                    return Err(SystemError::argument("near", message.into()).into());
+                };
+                let (found, reached) = room.pose(of(i))?;
+                put(&found, &reached, &room.there, i, rows);
+                Ok(())
+            };
+            tables(count, &widths, chunk, || explicit.again(), row, watch)?
+        }
+        None => {
+            let row = |i: usize, room: &mut Numeric, rows: &mut Rows| {
+                let (found, reached) = room.pose(of(i))?;
+                put(&found, &reached, &room.there, i, rows);
+                Ok(())
+            };
+            tables(count, &widths, chunk, || Numeric::new(model, t, targets, &start), row, watch)?
+        }
+    };
+    let mut tables = tables.into_iter();
+    let mut next = || tables.next().unwrap_or_default();
+    let (q, reached, told) = (next(), next(), next());
+    let mut poses = Poses { q, reached, ..Poses::default() };
+    for (i, x) in told.chunks(RESULT).enumerate() {
+        let outcome = Outcome::ALL[x[0] as usize];
+        let found = Found { outcome, shortfall: x[1], angle: x[2], culprit: x[3] as usize, detour: x[4] != 0.0 };
+        if outcome != Outcome::Closed {
+            let reached = &poses.reached[i * width..][..width];
+            let what = Asked { model, targets, wanted: of(i), reached, from: &start.y, free: &start.free };
+            poses.reasons.push((i, what.reason(&found, explicit.as_ref())));
+        }
+        poses.outcomes.push(outcome);
+        poses.shortfall.push(found.shortfall);
+        poses.angle.push(found.angle);
+        poses.detour.push(found.detour);
+    }
+    poses.branch = explicit.map(|x| {
+        let words = x.closing.blocks().iter().map(|b| b.words.clone());
+        words.zip(x.signs.iter().copied()).filter(|(_, sign)| *sign != 0).collect()
+    });
+    Ok(poses)
+}
+
+/// Poses by closed forms.
+struct Explicit<'m> {
+    model: &'m Model,
+    t: f64,
+    q: Vec<f64>,
+    targets: &'m [Target],
+    inputs: Vec<usize>,
+    closing: LoopClosing<'m>,
+    signs: Vec<i8>,
+    there: Vec<f64>,
+    before: Vec<f64>,
+    trial: Vec<f64>,
+    /// Pivots in q, and where the way has come to.
+    first: Vec<f64>,
+    pivots: Vec<f64>,
+    levels: Levels<'m, Model>,
+}
+
+impl<'m> Explicit<'m> {
+    /// Where the goals are inputs that order all loops.
+    fn new(model: &'m Model, t: f64, q: &[f64], targets: &'m [Target], start: &Start) -> Option<Self> {
+        if start.rest > 0 || !start.free.iter().all(|f| *f) {
+            return None;
+        }
+        let inputs: Option<Vec<usize>> = targets.iter().map(|x| x.own().map(|own| own.1)).collect();
+        let inputs = inputs?;
+        let closing = model.loop_closing(t, q, Some(&inputs)).ok()?;
+        if !closing.is_explicit() {
+            return None;
+        }
+        let signs = closing.state().iter().map(|s| s.branch).collect();
+        let pivots: Vec<f64> = closing.state().iter().map(|s| s.pivot).collect();
+        Some(Self {
+            model,
+            t,
+            targets,
+            inputs,
+            closing,
+            signs,
+            q: q.to_vec(),
+            there: q.to_vec(),
+            before: q.to_vec(),
+            trial: q.to_vec(),
+            first: pivots.clone(),
+            pivots,
+            levels: Levels::new(model),
+        })
+    }
+
+    /// The same for another thread: the plan follows from the position alone.
+    fn again(&self) -> Option<Self> {
+        Some(Self {
+            closing: self.model.loop_closing(self.t, &self.q, Some(&self.inputs)).ok()?,
+            q: self.q.clone(),
+            inputs: self.inputs.clone(),
+            signs: self.signs.clone(),
+            there: self.q.clone(),
+            before: self.q.clone(),
+            trial: self.q.clone(),
+            first: self.first.clone(),
+            pivots: self.first.clone(),
+            levels: Levels::new(self.model),
+            ..*self
+        })
+    }
+
+    fn set(&mut self, values: &[f64], part: f64) {
+        for (x, &value) in self.targets.iter().zip(values) {
+            if let Some((at, _)) = x.own() {
+                self.trial[at] = if part == 1.0 { value } else { self.q[at] + (value - self.q[at]) * part };
+            }
+        }
+    }
+
+    /// Close with the goals this part of the way; by how much which block misses otherwise.
+    fn close(&mut self, values: &[f64], part: f64) -> Result<Option<(f64, usize)>, SystemError> {
+        self.trial.clone_from(&self.there);
+        self.set(values, part);
+        match self.closing.close(self.t, &mut self.trial) {
+            Ok(()) => {}
+            Err(SystemError::Limit { block, shortfall, .. }) => {
+                let place = self.closing.blocks().iter().position(|b| b.words.starts_with(&block)).unwrap_or(0);
+                return Ok(Some((shortfall, place)));
+            }
+            Err(e) => return Err(e),
+        }
+        self.levels.position(self.t, &self.trial)?;
+        let open = |(i, x): (usize, &f64)| x.abs() / self.model.row_reach(i).unwrap_or(1.0);
+        let worst = self.levels.phi.iter().enumerate().map(open).fold(0.0, f64::max);
+        if !worst.is_finite() {
+            return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
+        }
+        if worst > CLOSES {
+            let raw = self.levels.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            return Ok(Some((raw, 0)));
+        }
+        std::mem::swap(&mut self.there, &mut self.trial);
+        Ok(None)
+    }
+
+    fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
+        self.closing.set_branches(&self.signs);
+        self.there.clone_from(&self.q);
+        self.pivots.clone_from(&self.first);
+        let mut far = 0.0f64;
+        for (x, &value) in self.targets.iter().zip(values) {
+            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.reach));
+        }
+        let longest = STRIDE / far;
+        let (mut done, mut stride) = (0.0f64, longest);
+        // whole strides where nothing resists, so that the last one is no shorter than need be
+        if longest < 1.0 {
+            stride = 1.0 / (1.0 / longest).ceil();
+        }
+        while done < 1.0 {
+            let next = if done + stride > 1.0 - 1e-9 { 1.0 } else { done + stride };
+            self.before.clone_from(&self.there);
+            let limit = self.close(values, next)?.is_some();
+            // a pivot that loses half of itself in a stride may have been, or may next be, at zero
+            let well = !limit
+                && self
+                    .pivots
+                    .iter()
+                    .zip(self.closing.state())
+                    .all(|(before, now)| now.branch == 0 || now.pivot >= 2.0 * (now.pivot - before).abs());
+            if well {
+                self.pivots.iter_mut().zip(self.closing.state()).for_each(|(before, now)| *before = now.pivot);
+                done = next;
+                stride = (2.0 * stride).min(longest);
+                continue;
+            }
+            if !limit {
+                std::mem::swap(&mut self.there, &mut self.before);
+            }
+            stride *= 0.5;
+            if stride * far < SHORTEST {
+                return self.beyond(values, done, limit);
+            }
+        }
+        Ok((Found::closed(false), values.to_vec()))
+    }
+
+    /// The straight way ends here, this part of it done: at a limit, or where branches meet.
+    fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(Found, Vec<f64>), SystemError> {
+        let missing = self.close(values, 1.0)?;
+        // one goal has one way only; of several the signs are the branch, no matter which way leads there
+        if missing.is_none() && values.len() > 1 {
+            return Ok((Found::closed(true), values.to_vec()));
+        }
+        let (shortfall, culprit) = missing.unwrap_or((0.0, 0));
+        let at = |x: &Target| x.own().map_or(f64::NAN, |own| self.q[own.0]);
+        let reached = self.targets.iter().zip(values).map(|(x, value)| at(x) + (value - at(x)) * done).collect();
+        let outcome = match missing {
+            None if !limit => Outcome::Singular,
+            None => Outcome::OtherBranch,
+            Some(_) if self.other_branch(values)? => Outcome::OtherBranch,
+            Some(_) => Outcome::Open,
+        };
+        Ok((Found { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
+    }
+
+    /// Do other signs close it?
+    fn other_branch(&mut self, values: &[f64]) -> Result<bool, SystemError> {
+        let free: Vec<usize> = (0..self.signs.len()).filter(|&i| self.signs[i] != 0).collect();
+        if free.len() > BLOCKS {
+            return Ok(false);
+        }
+        for combination in 1usize..1 << free.len() {
+            let mut signs = self.signs.clone();
+            for (bit, &i) in free.iter().enumerate() {
+                if combination >> bit & 1 == 1 {
+                    signs[i] = -signs[i];
+                }
+            }
+            self.closing.set_branches(&signs);
+            if self.close(values, 1.0)?.is_none() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+}
+
+/// Poses by following the motion.
+struct Numeric<'m> {
+    way: Way<'m>,
+    start: &'m Start,
+    there: Vec<f64>,
+}
+
+impl<'m> Numeric<'m> {
+    fn new(model: &'m Model, t: f64, targets: &'m [Target], start: &'m Start) -> Self {
+        Self { way: Way::new(model, targets, t), start, there: start.q.clone() }
+    }
+
+    /// Places between which the goals go one after the other, forward and backward.
+    fn detours(&self, values: &[f64]) -> [Vec<Vec<f64>>; 2] {
+        let one_by_one = |order: &mut dyn Iterator<Item = usize>| {
+            let mut now = self.start.y.clone();
+            let mut by = Vec::with_capacity(values.len());
+            for k in order {
+                now[k] = values[k];
+                by.push(now.clone());
+            }
+            by.pop();
+            by
+        };
+        [one_by_one(&mut (0..values.len())), one_by_one(&mut (0..values.len()).rev())]
+    }
+
+    fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
+        let first = self.way.go(self.start, values, &mut self.there)?;
+        if first == Ending::There {
+            return Ok((self.agreeing(values, false), values.to_vec()));
+        }
+        let reached = self.way.field.y.clone();
+        let here = self.there.clone();
+        if self.start.free.iter().filter(|f| **f).count() > 1 {
+            for by in self.detours(values) {
+                if self.way.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
+                    return Ok((self.agreeing(values, true), values.to_vec()));
+                }
+            }
+        }
+        // from where the straight way ended: how open are the loops with the goals there?
+        self.there.clone_from(&here);
+        let f = &mut self.way.field;
+        f.y.copy_from_slice(&reached);
+        let m = f.closings();
+        f.duty[..m].fill(Duty::Soft);
+        nearest(f, &mut self.there, values)?;
+        let goals_met = f.worst(Duty::Hard) <= CLOSED.sqrt();
+        let (culprit, shortfall, angle) = f.open();
+        let closes = goals_met && f.worst(Duty::Soft) <= CLOSED.sqrt();
+        let outcome = match first {
+            Ending::Crossing(_) => Outcome::Singular,
+            _ if closes => Outcome::OtherBranch,
+            _ => Outcome::Open,
+        };
+        let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
+        Ok((Found { outcome, shortfall, angle, culprit, detour: false }, reached))
+    }
+
+    /// Goals that follow from the others must have come out as they were asked for.
+    fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
+        self.way.field.look(&self.there);
+        let f = &self.way.field;
+        let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].reach;
+        let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
+        match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
+            Some(k) if off(k) > AGREE => {
+                Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
+            }
+            _ => Found::closed(detour),
+        }
+    }
+}
+
+/// What was asked of one pose, for words about it.
+struct Asked<'a> {
+    model: &'a Model,
+    targets: &'a [Target],
+    wanted: &'a [f64],
+    reached: &'a [f64],
+    from: &'a [f64],
+    free: &'a [bool],
+}
+
+impl Asked<'_> {
+    /// "A = 1 and E = 2".
+    fn goals(&self, which: impl Fn(usize) -> bool) -> String {
+        let of = (0..self.wanted.len()).filter(|&k| which(k));
+        super::words::listed(
+            &of.map(|k| format!("{} = {:.6}", self.targets[k].name, self.wanted[k])).collect::<Vec<_>>(),
+        )
+    }
+
+    fn ends(&self) -> String {
+        let moved = (0..self.wanted.len()).filter(|&k| self.free[k] && self.wanted[k] != self.from[k]);
+        let words = moved.map(|k| {
+            let x = &self.targets[k];
+            format!("{} at {:.6} {} of {:.6}", x.name, self.reached[k], x.unit, self.wanted[k])
+        });
+        super::words::listed(&words.collect::<Vec<_>>())
+    }
+
+    fn reason(&self, found: &Found, explicit: Option<&Explicit>) -> String {
+        let place = match explicit {
+            Some(x) => x.closing.blocks().get(found.culprit).map_or_else(String::new, |b| b.words.clone()),
+            None => super::words::loop_of(self.model, found.culprit),
+        };
+        let open = super::words::gap(found.shortfall, found.angle);
+        let (goals, ends) = (self.goals(|_| true), self.ends());
+        match found.outcome {
+            Outcome::Closed => String::new(),
+            Outcome::Open => format!(
+                "{goals} cannot be reached: the straight way from the branch's state ends with {ends}; at the target {place} \
+                 stays open by {open}"
+            ),
+            Outcome::OtherBranch if found.shortfall > 0.0 && explicit.is_some() => format!(
+                "{goals} closes on another branch only: on this one {place} misses by {open}, and the straight way ends with \
+                 {ends}"
+            ),
+            Outcome::OtherBranch => format!(
+                "{goals} closes, but no motion leads there on this branch: the straight way from its state meets a limit with \
+                 {ends}"
+            ),
+            Outcome::Singular => format!(
+                "{goals} lies behind a singular position, in which branches meet, on the way from the branch's state: it comes \
+                 with {ends}; give a state of the branch meant beyond it"
+            ),
+            Outcome::Contradiction => {
+                let (k, x) = (found.culprit, &self.targets[found.culprit]);
+                format!(
+                    "the targets contradict each other: with {} on this branch {} is {:.6} {}, not {:.6}",
+                    self.goals(|i| self.free[i]),
+                    x.name,
+                    found.shortfall,
+                    x.unit,
+                    self.wanted[k]
+                )
+            }
+        }
+    }
+}

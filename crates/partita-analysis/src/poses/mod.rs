@@ -1,0 +1,19 @@
+//! Positions for goals: coordinates of any joint, places of points, met from a given state on its branch.
+
+mod explain;
+mod field;
+mod goal;
+mod many;
+mod nearest;
+mod one;
+mod rates;
+mod way;
+mod words;
+
+pub use goal::{Goal, Target};
+pub use many::{many, Outcome, Poses};
+pub use one::{one, Ask, Met, One};
+pub use rates::with_rates;
+
+#[cfg(test)]
+mod tests;

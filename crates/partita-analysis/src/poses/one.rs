@@ -1,0 +1,209 @@
+//! One position: closed from a drawing or a guess, held where it is to be held, brought to its targets in their order.
+
+use super::explain;
+use super::field::Duty;
+use super::goal::Target;
+use super::nearest::nearest;
+use super::way::{Ending, Way, CLOSED};
+use partita_model::Model;
+use partita_system::kinematics::assembly;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// What is asked of a position.
+#[derive(Clone, Debug, Default)]
+pub struct Ask {
+    /// Coordinates from which closing starts, instead of those of the drawing.
+    pub guess: Vec<(Target, f64)>,
+    /// Coordinates that stay as they are in the start.
+    pub fixed: Vec<Target>,
+    /// Targets in order of priority: the first are met, those of each next level as nearly as the earlier ones let them
+    /// be, in the sense of least squares.
+    pub levels: Vec<Vec<(Target, f64)>>,
+    /// Largest residual, relative.
+    pub tolerance: f64,
+}
+
+/// What became of one target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Met {
+    /// Its name.
+    pub name: String,
+    /// Its level, from 0.
+    pub level: usize,
+    /// What was asked for.
+    pub asked: f64,
+    /// Its value.
+    pub value: f64,
+}
+
+/// A position that was asked for.
+#[derive(Clone, Debug, Default)]
+pub struct One {
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Iterations in all.
+    pub iterations: usize,
+    /// Largest |Φ| at the end.
+    pub residual: f64,
+    /// Steps on the way to the targets.
+    pub steps: usize,
+    /// By closed forms?
+    pub explicit: bool,
+    /// The targets.
+    pub met: Vec<Met>,
+}
+
+/// The loops of the model closed from q, and what is asked met.
+///
+/// # Errors
+/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense.
+pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemError> {
+    let mut found = One { q: q.to_vec(), ..One::default() };
+    guess(model, t, &mut found.q, &ask.guess)?;
+    let held = held(model, &found.q, &ask.fixed);
+    let locked: Vec<usize> = ask.fixed.iter().filter_map(|x| x.own().map(|own| own.1)).collect();
+    let drawn = found.q.clone();
+    let closed = assembly::close(model, t, &mut found.q, ask.tolerance, &locked)
+        .map_err(|e| explain::held(model, t, &drawn, ask, e))?;
+    (found.iterations, found.residual) = (closed.iterations, closed.residual);
+    let (required, lower) = ask.levels.split_first().map_or((&[][..], &[][..]), |(a, b)| (&a[..], b));
+    let mut wanted: Vec<(Target, f64)> = held;
+    wanted.extend_from_slice(required);
+    meet(model, t, &mut found, &wanted, ask.tolerance)?;
+    let mut kept = wanted;
+    for (level, wishes) in lower.iter().enumerate() {
+        wish(model, t, &mut found, &mut kept, wishes).map_err(|e| {
+            if let SystemError::NotFinite { .. } = e {
+                stopped(level + 1, &e)
+            } else {
+                e
+            }
+        })?;
+    }
+    let asked = ask.levels.iter().enumerate().flat_map(|(level, x)| x.iter().map(move |x| (level, x)));
+    let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
+    for (level, (x, asked)) in asked {
+        let value = x.value(model, &found.q, &rest, &mut s, *asked);
+        found.met.push(Met { name: x.name.clone(), level, asked: *asked, value });
+    }
+    Ok(found)
+}
+
+fn stopped(level: usize, e: &SystemError) -> SystemError {
+    SystemError::argument(
+        "targets",
+        format!("the targets of priority {level} lead where nothing can be evaluated: {e}"),
+    )
+}
+
+/// q with the guessed coordinates: those of the state as they are given, others as nearly as moves of the state allow, the
+/// loops left open.
+fn guess(model: &Model, t: f64, q: &mut Vec<f64>, guess: &[(Target, f64)]) -> Result<(), SystemError> {
+    for (x, value) in guess {
+        if let Some((at, _)) = x.own() {
+            q[at] = *value;
+        }
+    }
+    if guess.iter().all(|(x, _)| x.own().is_some()) {
+        return Ok(());
+    }
+    let (targets, aims): (Vec<Target>, Vec<f64>) = guess.iter().cloned().unzip();
+    let mut way = Way::new(model, &targets, t);
+    let f = &mut way.field;
+    let m = f.closings();
+    f.duty[..m].fill(Duty::Idle);
+    for (k, x) in targets.iter().enumerate() {
+        f.duty[m + k] = if x.own().is_some() { Duty::Hard } else { Duty::Soft };
+    }
+    f.y.copy_from_slice(&aims);
+    nearest(f, q, &aims)?;
+    Ok(())
+}
+
+/// The coordinates that are held, with their values.
+fn held(model: &Model, q: &[f64], fixed: &[Target]) -> Vec<(Target, f64)> {
+    let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
+    let mut of = |x: &Target| (x.clone(), x.value(model, q, &rest, &mut s, 0.0));
+    fixed.iter().map(&mut of).collect()
+}
+
+/// The loops kept closed, to where all of these targets are met.
+fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolerance: f64) -> Result<(), SystemError> {
+    if wanted.is_empty() {
+        return Ok(());
+    }
+    let own: Option<Vec<(usize, f64)>> = wanted.iter().map(|(x, value)| x.own().map(|own| (own.0, *value))).collect();
+    let velocities: Vec<usize> = wanted.iter().filter_map(|(x, _)| x.own().map(|own| own.1)).collect();
+    let closed = found.q.clone();
+    match own {
+        Some(own) => match model.place(t, &found.q, &own) {
+            Some(q) => (found.q, found.explicit) = (q, true),
+            None => {
+                let moved = assembly::move_to(model, t, &mut found.q, &own, tolerance)
+                    .map_err(|e| explain::targets(model, t, &closed, wanted, e))?;
+                found.iterations += moved.iterations;
+                found.steps += moved.target_steps;
+            }
+        },
+        None => {
+            let (targets, aims): (Vec<Target>, Vec<f64>) = wanted.iter().cloned().unzip();
+            let mut way = Way::new(model, &targets, t);
+            let start = way.start(&closed)?;
+            let ending = way.go(&start, &aims, &mut found.q)?;
+            let off = explain::off(&mut way, &found.q, &aims);
+            if ending != Ending::There || off > CLOSED.sqrt() {
+                let nothing = SystemError::Targets {
+                    message: "the targets cannot be met".into(),
+                    residual: f64::NAN,
+                    iterations: found.iterations,
+                    loops: String::new(),
+                };
+                return Err(explain::targets(model, t, &closed, wanted, nothing));
+            }
+        }
+    }
+    let last = assembly::close(model, t, &mut found.q, tolerance, &velocities)?;
+    found.iterations += last.iterations;
+    found.residual = last.residual;
+    Ok(())
+}
+
+/// As near to these wishes as the targets kept so far allow; they are kept from then on where they came to.
+fn wish(
+    model: &Model,
+    t: f64,
+    found: &mut One,
+    kept: &mut Vec<(Target, f64)>,
+    wishes: &[(Target, f64)],
+) -> Result<(), SystemError> {
+    let first = kept.len();
+    kept.extend_from_slice(wishes);
+    let (targets, mut aims): (Vec<Target>, Vec<f64>) = kept.iter().cloned().unzip();
+    let mut way = Way::new(model, &targets, t);
+    let start = way.start(&found.q)?;
+    // angles read off poses are wished to the nearest of their turns
+    for k in first..aims.len() {
+        if targets[k].wraps() {
+            let turn = std::f64::consts::TAU;
+            aims[k] += ((start.y[k] - aims[k]) / turn).round() * turn;
+        }
+    }
+    aims[..first].copy_from_slice(&start.y[..first]);
+    // straight there where that can be; else on from where it ends
+    way.go(&start, &aims, &mut found.q)?;
+    let f = &mut way.field;
+    let m = f.closings();
+    for k in 0..targets.len() {
+        f.duty[m + k] = if k < first { Duty::Hard } else { Duty::Soft };
+    }
+    nearest(f, &mut found.q, &aims)?;
+    f.look(&found.q);
+    let own: Vec<usize> = kept[..first].iter().filter_map(|(x, _)| x.own().map(|own| own.1)).collect();
+    for (k, (_, value)) in kept.iter_mut().enumerate().skip(first) {
+        *value = f.y[k];
+    }
+    let last = assembly::close(model, t, &mut found.q, CLOSED, &own)?;
+    found.iterations += last.iterations;
+    found.residual = last.residual;
+    Ok(())
+}

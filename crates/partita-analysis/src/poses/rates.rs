@@ -1,0 +1,112 @@
+//! Velocities with given rates, of coordinates of any joint.
+
+use super::goal::Target;
+use partita_math::dense;
+use partita_math::dense::Matrix;
+use partita_math::factor::least_squares_min_norm;
+use partita_model::Model;
+use partita_system::kinematics::velocity::near_with_rates;
+use partita_system::reduction::Reduction;
+use partita_system::{start, ConstrainedSystem, SystemError};
+
+/// Rates that hold together are met to this part of the largest one: what solutions with a condition up to a million leave.
+const MET: f64 = 1e-9;
+/// Singular values below this part of the largest belong to rates that follow from the others.
+const FOLLOWS: f64 = 1e-10;
+
+/// Velocities that satisfy S4 with `v_i = rate` for the pairs `own` and these rates of goals, otherwise as near to `near` as
+/// they can be in the mass metric.
+///
+/// # Errors
+/// `Argument` where the rates cannot hold together.
+pub fn with_rates(
+    model: &Model,
+    t: f64,
+    q: &[f64],
+    near: &[f64],
+    own: &[(usize, f64)],
+    others: &[(Target, f64)],
+) -> Result<Vec<f64>, SystemError> {
+    let found = start::analyse(model, t, q)?;
+    let mut r = Reduction::new(model, found.rank);
+    start::choose_partition(&mut r, t, q, None, None)?;
+    let mut own = own.to_vec();
+    let mut rows: Vec<(&Target, f64)> = Vec::new();
+    for (x, rate) in others {
+        match x.own() {
+            Some((_, v)) => own.push((v, *rate)),
+            None => rows.push((x, *rate)),
+        }
+    }
+    let mut v = near_with_rates(&mut r, t, q, near, &own)?;
+    if rows.is_empty() {
+        return Ok(v);
+    }
+    let (n, mut s, mut room) = (v.len(), model.scratch(), vec![0.0; v.len()]);
+    let gradients: Vec<Vec<f64>> = rows
+        .iter()
+        .map(|(x, _)| {
+            let mut g = vec![0.0; n];
+            let mut at = x.velocities.iter();
+            x.gradient(model, q, &mut room, &mut s, |value| {
+                if let Some(&i) = at.next() {
+                    g[i] = value;
+                }
+            });
+            g
+        })
+        .collect();
+    // what an impulse along each of them does: the projection of M^-1 g
+    let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
+    for ((x, _), g) in rows.iter().zip(&gradients) {
+        let (mut phi, mut c, mut a) =
+            (vec![0.0; model.size().holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; model.size().rows]);
+        model.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
+        let which = &x.velocities;
+        let mut columns = vec![0.0; n * which.len()];
+        model.inverse_mass_columns(t, q, which, &mut s, &mut columns)?;
+        let kick: Vec<f64> = (0..n)
+            .map(|i| near[i] + which.iter().enumerate().map(|(j, &w)| columns[i * which.len() + j] * g[w]).sum::<f64>())
+            .collect();
+        let moved = near_with_rates(&mut r, t, q, &kick, &own)?;
+        moves.push(moved.iter().zip(&v).map(|(a, b)| a - b).collect());
+    }
+    let p = rows.len();
+    let mut system = Matrix::new(p, p);
+    let mut want = vec![0.0; p];
+    for i in 0..p {
+        let scale = dense::dot(&gradients[i], &moves[i]).sqrt();
+        let scale = if scale > 0.0 { scale } else { 1.0 };
+        for j in 0..p {
+            let other = dense::dot(&gradients[j], &moves[j]).sqrt();
+            system[(i, j)] = dense::dot(&gradients[i], &moves[j]) / scale / if other > 0.0 { other } else { 1.0 };
+        }
+        want[i] = (rows[i].1 - dense::dot(&gradients[i], &v)) / scale;
+    }
+    let (mut parts, _) = least_squares_min_norm(&system, &want, FOLLOWS)
+        .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
+    for (part, (g, m)) in parts.iter_mut().zip(gradients.iter().zip(&moves)) {
+        let scale = dense::dot(g, m).sqrt();
+        *part = if scale > 0.0 { *part / scale } else { 0.0 };
+    }
+    for (part, m) in parts.iter().zip(&moves) {
+        v.iter_mut().zip(m).for_each(|(v, m)| *v += part * m);
+    }
+    let speed = |x: &Target, rate: f64| rate.abs() / x.reach;
+    let asked = rows.iter().fold(0.0, |m: f64, (x, rate)| m.max(speed(x, *rate)));
+    let fastest = (0..n).fold(asked, |m: f64, i| m.max(v[i].abs() / model.reach(i)));
+    let miss = |i: usize| dense::dot(&gradients[i], &v) - rows[i].1;
+    if (0..p).any(|i| speed(rows[i].0, miss(i)) > MET * fastest) {
+        let words: Vec<String> = (0..p)
+            .map(|i| format!("{} = {} (possible: {:.6})", rows[i].0.name, rows[i].1, dense::dot(&gradients[i], &v)))
+            .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.velocity_name(i))))
+            .collect();
+        let message = format!(
+            "the rates {} cannot hold together: the loops leave {} degrees of freedom here",
+            words.join(", "),
+            r.k()
+        );
+        return Err(SystemError::argument("rates", message));
+    }
+    Ok(v)
+}

@@ -1,0 +1,162 @@
+"""What a position is asked for, by name: coordinates of joints and places of points."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..builder.compiled import CompiledModel
+from ..errors import ArgumentError, UnknownNameError
+from ..numeric import floats, shown
+
+Goal = tuple[str, str, int, int, tuple[float, float, float]]
+"""Name, kind, number of the coordinate, joint or body, that of the coordinate or axis in it, point in body axes."""
+
+_NOWHERE = (0.0, 0.0, 0.0)
+_AXES = "xyz"
+
+
+def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
+    """The numbers that `key` means: coordinates of a joint, one of them, one of the state, or those of a point."""
+    if isinstance(key, tuple):
+        return _point(what, key, model)
+    name = str(key)
+    joints = model.summary["joints"]
+    for j, joint in enumerate(joints):
+        if joint["name"] == name:
+            count = joint["q"][1]
+            if count == 0:
+                raise ArgumentError(f"{what}: joint {name!r} has no coordinate: it lets nothing move", argument=what)
+            labels = [name] if count == 1 else [f"{name}.{axis}" for axis in _axes(joint)]
+            return [(label, "joint", j, i, _NOWHERE) for i, label in enumerate(labels)]
+    for j, joint in enumerate(joints):
+        if joint["q"][1] > 1 and name.startswith(joint["name"] + "."):
+            labels = [f"{joint['name']}.{axis}" for axis in _axes(joint)]
+            if name in labels:
+                return [(name, "joint", j, labels.index(name), _NOWHERE)]
+    if name in model.names:
+        return [(name, "own", model.names.index(name), 0, _NOWHERE)]
+    known = sorted({joint["name"] for joint in joints if joint["q"][1]} | set(model.names))
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f'did you mean "{near[0]}"?' if near else f"known: {', '.join(known)}"
+    raise UnknownNameError(
+        f"{what}: {name!r} is neither a joint nor a coordinate; {hint}; a point is given as (body, (x, y, z))",
+        name=name,
+        known=known,
+    )
+
+
+def _axes(joint: Mapping[str, Any]) -> list[str]:
+    """Names of a joint's coordinates; those of a turn in space stand together for its four numbers."""
+    count: int = joint["q"][1]
+    axes: list[str] = list(joint["axes"])
+    return axes if len(axes) == count else [f"q{i}" for i in range(count)]
+
+
+def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
+    """The world coordinates of a point of a body: ("coupler", (0.6, 0, 0)), or some: ("coupler", (0.6, 0, 0), "xy")."""
+    if not 2 <= len(key) <= 3:
+        raise ArgumentError(
+            f"{what}: a point is given as (body, (x, y, z)) or (body, (x, y, z), axes) with axes such as 'xy', not "
+            f"{shown(key)}",
+            argument=what,
+        )
+    bodies = [body["name"] for body in model.summary["bodies"]]
+    name = str(key[0])
+    if name not in bodies:
+        raise UnknownNameError(
+            f"{what}: there is no body {name!r}; known: {', '.join(bodies)}", name=name, known=bodies
+        )
+    try:
+        point = floats(key[1])
+    except TypeError:
+        point = np.empty(0)
+    if point.shape != (3,) or not np.all(np.isfinite(point)):
+        raise ArgumentError(
+            f"{what}: the point of {name!r} must be three finite numbers in body axes, not {shown(key[1])}",
+            argument=what,
+        )
+    axes = key[2] if len(key) == 3 else _AXES
+    if not isinstance(axes, str) or not axes or len(set(axes)) != len(axes) or set(axes) - set(_AXES):
+        raise ArgumentError(
+            f"{what}: the axes of a point are letters of 'xyz', each once, such as 'xy', not {shown(axes)}",
+            argument=what,
+        )
+    place = (float(point[0]), float(point[1]), float(point[2]))
+    words = f"point ({', '.join(f'{x:g}' for x in place)}) of {name}"
+    return [(f"{words} in {axis}", "point", bodies.index(name), _AXES.index(axis), place) for axis in axes]
+
+
+def asked(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Any, list[Goal], Any]]:
+    """Key, goals and value of each entry of a dict of targets; every number at most once."""
+    if not isinstance(wanted, Mapping):
+        raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {shown(wanted)}", argument=what)
+    found, seen = [], set[tuple[Any, ...]]()
+    for key, value in wanted.items():
+        goals = goals_of(what, key, model)
+        for goal in goals:
+            same = goal[1:]
+            if same in seen:
+                raise ArgumentError(f"{what} sets {goal[0]!r} twice; give it once", argument=what)
+            seen.add(same)
+        found.append((key, goals, value))
+    return found
+
+
+def inputs_of(goals: list[Goal], model: CompiledModel) -> list[int] | None:
+    """Velocities whose coordinates the goals are, where they are as many as degrees of freedom; else None."""
+    names = model.velocity_names
+    if len(goals) != model.mobility or any(goal[0] not in names for goal in goals):
+        return None
+    return [names.index(goal[0]) for goal in goals]
+
+
+def columns(
+    what: str, wanted: Any, model: CompiledModel
+) -> tuple[list[Goal], NDArray[np.float64], dict[str, list[int]]]:
+    """Goals and their values, a row for each pose; also the columns of each key.
+
+    Numbers stand for all poses; arrays of n (or n times as many as the key has numbers) for each one its own.
+    """
+    entries = asked(what, wanted, model)
+    if not entries:
+        raise ArgumentError(f"{what} is empty; name what differs from pose to pose", argument=what)
+    goals: list[Goal] = []
+    parts: list[tuple[Any, NDArray[np.float64]]] = []
+    places: dict[str, list[int]] = {}
+    for key, own, value in entries:
+        try:
+            array = floats(value)
+        except TypeError as error:
+            message = f"{what}[{shown(key)}] must be an array of numbers, not {shown(value)}"
+            raise ArgumentError(message, argument=what) from error
+        count = len(own)
+        if (array.shape == () and count == 1) or (array.shape == (count,) and count > 1):
+            array = array.reshape(1, count)
+        elif array.ndim == 1 and count == 1:
+            array = array.reshape(-1, 1)
+        elif array.ndim != 2 or array.shape[1] != count:
+            each = "(n,)" if count == 1 else f"(n, {count})"
+            message = (
+                f"{what}[{shown(key)}] has shape {array.shape}; it must be {each}, a row for each pose, or one value "
+                "for all"
+            )
+            raise ArgumentError(message, argument=what)
+        if not np.isfinite(array).all():
+            row = int(np.argmin(np.isfinite(array).all(axis=1)))
+            message = f"{what}[{shown(key)}] of pose {row} is {shown(array[row].tolist())}; give finite numbers"
+            raise ArgumentError(message, argument=what)
+        places[str(key)] = list(range(len(goals), len(goals) + count))
+        goals += own
+        parts.append((key, array))
+    counts = {len(array): key for key, array in parts if np.ndim(wanted[key]) > 1 or len(array) != 1}
+    if len(counts) > 1:
+        words = ", ".join(f"{shown(key)}: {n}" for n, key in counts.items())
+        raise ArgumentError(f"{what} has different numbers of poses ({words}); give the same for all", argument=what)
+    rows = next(iter(counts), 1)
+    values = np.concatenate([np.broadcast_to(array, (rows, array.shape[1])) for _, array in parts], axis=1)
+    return goals, np.ascontiguousarray(values), places
