@@ -22,11 +22,12 @@ AGREED = 1e-7
 
 @dataclass
 class Judged:
-    """What was wrong, in words, and the largest differences to the independent program."""
+    """What was wrong, in words, the largest differences, and until when paths were compared [s]."""
 
     name: str
     wrong: list[str] = field(default_factory=list)
     worst: dict[str, float] = field(default_factory=dict)
+    until: float | None = None
 
 
 def judge(name: str, result: Result, coordinates: str = "relative") -> Judged:

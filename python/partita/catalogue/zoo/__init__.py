@@ -15,10 +15,10 @@ from . import (
     spherical_and_overconstrained,
     suspensions,
 )
-from .checks import checks
+from .checks import checks, size
 from .member import Theme
 
-__all__ = ["ENTRIES", "THEMES", "checks"]
+__all__ = ["ENTRIES", "THEMES", "checks", "size"]
 
 THEMES: dict[str, Theme] = {
     "Four-bars, slider-cranks, five-bar": linkages.MEMBERS,

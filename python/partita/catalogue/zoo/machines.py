@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...mechanism import Mechanism
 from ..truth import planar
 from .drawing import Slide, beside, flat, linkage, meet, polar
-from .member import Theme, member
+from .member import FALL, Theme, member
 
 MEMBERS: Theme = {}
 NORTON = "R. L. Norton, Design of Machinery"
@@ -46,13 +46,17 @@ def hart_inversor(m: Mechanism) -> None:
 
 @member(MEMBERS, "pantograph", "pantograph: its pen draws twice what its tracer is led along, two degrees of freedom",
         planar(4, 5, "C. Scheiner, Pantographice, 1631; L. Burmester, Lehrbuch der Kinematik", bridges=("O",)),
-        rates={"O": 0.6, "A": 0.4})  # fmt: skip
+        rates={"O": 0.6, "A": 0.4}, gravity=FALL)  # fmt: skip
 def pantograph(m: Mechanism) -> None:
-    """A parallelogram A B C T on bars twice as long; O, the tracer T and the pen P stay in one line."""
+    """A parallelogram A B C T on bars twice as long; O, the tracer T and the pen P stay in one line.
+
+    It lies on a table; a rubber band across the parallelogram keeps it from folding flat.
+    """
     a, arm = polar(0.3, -60.0), polar(0.3, -120.0)
     points = {"O": 0j, "A": a, "B": 2 * a, "C": 2 * a + arm, "P": 2 * a + 2 * arm, "T": a + arm}
     links = {"long 1": "O A B", "long 2": "B C P", "short 1": "A T", "short 2": "C T"}
     linkage(m, points, links, ground="O")
+    m.add_spring("band", "short 1", (0, 0, 0), "short 2", (0, 0, 0), stiffness=30.0)
 
 
 @member(MEMBERS, "scissor-lift", "scissor lift of three stages: seven bars, two blocks and a platform on a spring",
