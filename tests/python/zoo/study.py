@@ -47,7 +47,7 @@ def long_run(name: str, rtol: float | None = None) -> Judged:
 
 
 def both_coordinates(name: str) -> Judged:
-    """The same motion in relative and absolute coordinates, as long as it tells starts next to each other apart little."""
+    """One motion in relative and absolute coordinates, as long as starts next to each other stay together."""
     entry, found = pt.catalogue.entry(name), Judged(f"{name}, absolute")
     m = entry.mechanism()
     start = entry.initial(m)
