@@ -175,6 +175,7 @@ def fold_balls(robot: Robot) -> None:
         )
         for j in (first, second):
             robot.joints.remove(j)
+            del robot.frames[j.name]
         for n in between:
             del robot.links[n]
         balls += 1
