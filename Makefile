@@ -60,8 +60,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts are right;
-## the zoo is as theory says
+## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)

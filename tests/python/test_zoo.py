@@ -9,8 +9,20 @@ from zoo.judging import judge
 
 import partita as pt
 from partita.catalogue import Truth, zoo
+from partita.catalogue.truth import EVERYTHING, planar
 
 NAMES = sorted(zoo.ENTRIES)
+OTHERS = {
+    "andrews-squeezer": planar(7, 10, ""),
+    "four-bar": planar(3, 4, ""),
+    "watt-six-bar": planar(5, 7, ""),
+    "stephenson-six-bar": planar(5, 7, ""),
+    "three-rrr": planar(7, 9, ""),
+    "spatial-four-bar": Truth(1, 3, {"*": "fx fy mz"}, axes="joint", why="a four-bar in a tilted plane", source=""),
+    "rssr": Truth(2, 0, EVERYTHING, why="1 + 3 + 3 + 1 - 6 = 2", source="", idle=("coupler",)),
+    "spatial-slider-crank": Truth(1, 0, EVERYTHING, why="1 + 3 + 2 + 1 - 6 = 1", source=""),
+}
+"""Mechanisms of the catalogue with known paths, and what theory says of them."""
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -20,6 +32,16 @@ def test_theory_the_independent_program_and_partita_agree(name: str) -> None:
     result = m.simulate(0.3, initial=entry.initial(m), t_eval=[0.0, 0.3], **entry.options)
     assert not [str(m) for m in entry.measure(result) if not m.passed]
     assert judge(name, result).wrong == []
+
+
+@pytest.mark.parametrize("name", sorted(OTHERS))
+def test_theory_of_mechanisms_with_known_paths(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    end = min(0.3, entry.duration)
+    result = m.simulate(end, initial=entry.initial(m), t_eval=[0.0, end])
+    assert [check.run(result).passed for check in zoo.checks(OTHERS[name])][:2] == [True, True]
+    assert judge(name, result, OTHERS[name]).wrong == []
 
 
 def test_the_zoo_is_as_large_as_it_says() -> None:

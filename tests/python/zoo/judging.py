@@ -30,10 +30,10 @@ class Judged:
     until: float | None = None
 
 
-def judge(name: str, result: Result, coordinates: str = "relative") -> Judged:
-    """A run of the mechanism `name` at all its outputs."""
+def judge(name: str, result: Result, told: Truth | None = None) -> Judged:
+    """A run of the mechanism `name` in relative coordinates at all its outputs; `told`: the truth, if not its own."""
     entry = pt.catalogue.entry(name)
-    truth, mechanism, found = entry.truth, entry.mechanism(), Judged(name)
+    truth, mechanism, found = told or entry.truth, entry.mechanism(), Judged(name)
     assert truth is not None
     if not result.success:
         found.wrong.append(f"{result.status}: {result.message}")
@@ -42,7 +42,7 @@ def judge(name: str, result: Result, coordinates: str = "relative") -> Judged:
     for i, t in enumerate(result.t):
         against_theory(found, program, truth, drawing, result, i, float(t))
     verdict = Verdict()
-    look(drawing, mechanism, result, coordinates, verdict, np.random.default_rng(0))
+    look(drawing, mechanism, result, "relative", verdict, np.random.default_rng(0))
     found.wrong += verdict.wrong
     found.wrong += [f"{what}: {n}" for what, n in verdict.counts.items() if what.startswith(("unclear", "marked"))]
     found.worst = {what: verdict.worst[what] for what in ("acceleration", "reaction") if what in verdict.worst}

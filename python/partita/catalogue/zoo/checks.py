@@ -36,8 +36,8 @@ def size(result: Result) -> float:
 
 
 def closure(result: Result) -> float:
-    """Largest residual of the closing conditions over the outputs, in parts of the size; zero without loops."""
-    open_by = float(result.closure.max(initial=0.0))
+    """Largest residual of the closing conditions over outputs and steps, in parts of the size; zero without loops."""
+    open_by = max(float(result.closure.max(initial=0.0)), float(result.record.steps_open[0]))
     return open_by / size(result) if open_by > 0.0 else 0.0
 
 
