@@ -43,6 +43,8 @@ def long_run(name: str, rtol: float | None = None) -> Judged:
             return Judged(title, [f"{type(error).__name__}: {error}"])
     found.name = title
     found.wrong += [str(warning.message) for warning in heard]
+    # no member of the zoo comes to one: by the independent program the smallest singular value that counts stays large
+    found.wrong += [note for note in result.certificate.notes if "singular positions" in note]
     return found
 
 
