@@ -60,13 +60,14 @@ test-rust: $(TOOLS)
 test-python: $(BUILT)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts are right
+## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; the zoo
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
 	PYTHONPATH=tests/python $(BIN)/python -m verdicts 1000
+	PYTHONPATH=tests/python $(BIN)/python -m zoo
 
 ## errors: deliberate errors, one at a time; each must be caught by the tests. ONLY="name name" makes some of them
 ONLY ?=

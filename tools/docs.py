@@ -86,17 +86,29 @@ def current(page: Path) -> str:
 
 def catalogue_page() -> str:
     """A table of all entries, then each of them."""
-    entries = [catalogue.entry(name) for name in catalogue.names()]
+    entries = [catalogue.entry(name) for name in catalogue.names() if name not in catalogue.zoo.ENTRIES]
     lines = ["| name | what |", "|---|---|"]
     lines += [f"| [{e.name}](#{anchor(e.name)}) | {e.title} |" for e in entries]
-    for name in catalogue.names():
-        e = catalogue.entry(name)
+    for e in entries:
         options = "".join(f", {key} {value:g}" for key, value in e.options.items())
-        lines += ["", f"## {name}", "", f"{capital(e.title)}.", "", f"Source: {e.source}.", ""]
+        lines += ["", f"## {e.name}", "", f"{capital(e.title)}.", "", f"Source: {e.source}.", ""]
         lines += [f"Run: {e.duration:g} s{options}.", "", "| check | within | why so much |", "|---|---|---|"]
         lines += [f"| {check.name} | {check.tolerance:.0e} | {check.reason} |" for check in e.checks]
         if e.notes:
             lines += ["", e.notes]
+    return "\n".join([*lines, ""])
+
+
+def zoo_page() -> str:
+    """Every mechanism of the zoo, theme by theme, with what theory says of it."""
+    lines: list[str] = []
+    for theme, members in catalogue.zoo.THEMES.items():
+        lines += ["", f"### {theme}", "", "| name | what | freedoms | redundant | why |", "|---|---|---|---|---|"]
+        for make in members.values():
+            e = make()
+            assert e.truth is not None
+            counts = f"{e.truth.mobility} | {e.truth.redundant}"
+            lines.append(f"| {e.name} | {e.title} | {counts} | {e.truth.why} ({e.source}) |")
     return "\n".join([*lines, ""])
 
 
@@ -170,6 +182,7 @@ def anchor(heading: str) -> str:
 
 GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
+    "zoo": zoo_page,
     "model-files": schema_page,
     "trust": trust_page,
 }

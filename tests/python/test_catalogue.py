@@ -7,7 +7,8 @@ from catalogue_runs import column, entry_of, extent, run_of
 import partita as pt
 from partita.catalogue import spring_four_bar, three_rrr
 
-NAMES = pt.catalogue.names()
+NAMES = [name for name in pt.catalogue.names() if pt.catalogue.entry(name).truth is None]
+"""Those with known answers; `test_zoo` has the others."""
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -116,13 +117,14 @@ def test_three_rrr_and_its_parallel_singularity() -> None:
 
 
 def test_names_are_sorted_and_loadable() -> None:
-    assert sorted(NAMES) == NAMES
-    assert all(pt.catalogue.load(name).bodies for name in NAMES)
+    names = pt.catalogue.names()
+    assert sorted(names) == names
+    assert all(pt.catalogue.load(name).bodies for name in names)
     assert len(pt.catalogue.load("n-four-bar", loops=3).bodies) == 7
     assert pt.catalogue.load("double-four-bar").bodies == pt.catalogue.load("n-four-bar", loops=2).bodies
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", pt.catalogue.names())
 def test_about_tells_title_source_and_reasons(name: str) -> None:
     entry, text = entry_of(name), pt.catalogue.about(name)
     assert entry.title in text and entry.source in text

@@ -20,6 +20,7 @@ from partita.results.energy import EnergyResult
 from partita.results.verdict import Finding, of_arrays, of_energy, of_reactions, word_of
 
 CLOSED = ["projective", "wehage-haug", "explicit-closing", "zero-eigenvalue", "svd", "qr", "gram-schmidt"]
+PROBLEMS = [name for name in pt.catalogue.names() if pt.catalogue.entry(name).truth is None]
 CLOSED += ["tangent-space", "multipliers", "range-space", "proximal"]
 
 
@@ -32,7 +33,7 @@ def test_mechanisms_by_chance_are_judged_rightly() -> None:
 
 
 @pytest.mark.parametrize("formulation", CLOSED)
-@pytest.mark.parametrize("name", pt.catalogue.names())
+@pytest.mark.parametrize("name", PROBLEMS)
 def test_what_is_right_holds(name: str, formulation: str) -> None:
     """Short runs of the catalogue at loose, usual and tight tolerances; a warning would be an error here."""
     entry = pt.catalogue.entry(name)

@@ -1,12 +1,13 @@
 """Problems with known answers.
 
 Each entry is a mechanism, its start, and numbers from closed forms, extended precision or other programs that
-its motion must meet. They show how mechanisms are described, and they tell whether this build of Partita
-computes them right.
+its motion must meet. Those of the zoo come with what the theory of mechanisms says of them: mobility,
+redundancy and which reactions are unique. They show how mechanisms are described, and they tell whether this
+build of Partita computes them right.
 
 >>> import partita as pt
 >>> pt.catalogue.names()[:3]
-['andrews-squeezer', 'bricard', 'car-axis']
+['agile-eye', 'andrews-squeezer', 'antiparallelogram']
 >>> m = pt.catalogue.load("n-four-bar", loops=3)
 """
 
@@ -36,13 +37,15 @@ from . import (
     stephenson_six_bar,
     three_rrr,
     watt_six_bar,
+    zoo,
 )
 from .entry import Check, Entry, Measurement
+from .truth import Truth
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-__all__ = ["Check", "Entry", "Measurement", "about", "entry", "load", "names"]
+__all__ = ["Check", "Entry", "Measurement", "Truth", "about", "entry", "load", "names"]
 
 _ENTRIES: dict[str, Callable[..., Entry]] = {
     "andrews-squeezer": andrews.entry,
@@ -62,6 +65,7 @@ _ENTRIES: dict[str, Callable[..., Entry]] = {
     "stephenson-six-bar": stephenson_six_bar.entry,
     "three-rrr": three_rrr.entry,
     "watt-six-bar": watt_six_bar.entry,
+    **zoo.ENTRIES,
 }
 
 

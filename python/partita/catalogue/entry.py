@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from ..results import Result
     from ..state import State
+    from .truth import Truth
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +57,8 @@ class Entry:
     """A problem with a known answer.
 
     `title` and `source` are words for people; `duration` [s] is the length of the run that `checks` judge, with
-    `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need; `notes` tells conventions and traps.
+    `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need; `notes` tells conventions and traps. A
+    member of the zoo has `truth`: its mobility, redundancy and unique reactions by the theory of mechanisms.
 
     >>> import partita as pt
     >>> entry = pt.catalogue.entry("planar-pendulum")
@@ -74,6 +76,7 @@ class Entry:
     times: Sequence[float] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: str = ""
+    truth: Truth | None = None
 
     def mechanism(self) -> Mechanism:
         """A new mechanism, drawn closed in its starting position: all joint coordinates begin at zero."""
@@ -105,7 +108,8 @@ class Entry:
         checks = [f"  {check.name}: within {check.tolerance:.0e} ({check.reason})" for check in self.checks]
         run = f"Run: {self.duration:g} s" + "".join(f", {key} {value:g}" for key, value in self.options.items())
         parts = [f"{self.name}: {self.title}", f"Source: {self.source}", run, "Checks:", *checks]
-        return "\n".join([*parts, self.notes] if self.notes else parts)
+        known = [str(self.truth)] if self.truth is not None else []
+        return "\n".join([*parts, *known, *([self.notes] if self.notes else [])])
 
 
 def row_at(result: Result, t: float) -> int:

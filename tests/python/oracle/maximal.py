@@ -139,6 +139,8 @@ class Maximal:
             stress_moment[name] += np.outer(stress, m) / d.size
         top_force = max([np.abs(f).max() for f in force.values()], default=0.0)
         top_moment = max([np.abs(m).max() for m in moment.values()], default=0.0)
+        # constants are sums of centripetal accelerations, which may cancel
+        pace = max((float(p.w @ p.w) for p in poses.values()), default=0.0) * d.size
         fed = max([np.abs(h[i : i + 6]).max() * d.mass for i in range(0, n, 6)], default=0.0)
         return Motion(
             {name: (acc[i : i + 3], acc[i + 3 : i + 6]) for name, i in self.place.items()},
@@ -146,7 +148,7 @@ class Maximal:
             {name: x.rows @ acc + x.rest for name, x in rates.items()},
             {j.name: self._backwards(j, sides, acc) for j in d.joints},
             free.shape[1], stresses.shape[1], unclear, gap, slip,
-            float(wanting) / max(np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
+            float(wanting) / max(pace, np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
             max(top_force, top_moment / d.size, fed),
         )  # fmt: skip
 
@@ -164,6 +166,16 @@ class Maximal:
         rows, wanted = rows / weights[:, None], wanted / weights
         v = np.linalg.lstsq(rows, wanted, rcond=NOTHING)[0]
         return float(np.abs(rows @ v - wanted).max(initial=0.0) / np.abs(wanted).max(initial=1e-300))
+
+    def motions_of(self, poses: dict[str, Pose], names: list[str]) -> int:
+        """In how many ways these bodies can move while all others rest."""
+        sides = {name: self._side(name, poses) for name in [GROUND, *self.bodies]}
+        which = [self.place[name] + i for name in names for i in range(6)]
+        scale = np.tile(np.repeat([1.0, 1.0 / self.drawing.size], 3), len(names))
+        held = np.array([row for j in self.drawing.joints for row in self._rows(j, sides)[0]])[:, which] * scale
+        lengths = np.linalg.norm(held, axis=1)
+        s = np.linalg.svd(held[lengths > 0.0] / lengths[lengths > 0.0, None], compute_uv=False)
+        return len(which) - int(np.sum(s > NOTHING * s[0]))
 
     def _side(self, name: str, poses: dict[str, Pose]) -> Side:
         if name == GROUND:

@@ -1,0 +1,46 @@
+"""What must hold for every run of a mechanism whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...results import Result
+from ..entry import Check
+from ..truth import Truth
+
+
+def checks(truth: Truth) -> tuple[Check, ...]:
+    """The counts, the flags of the reactions, loops that are closed, energy that is kept."""
+
+    def counts(result: Result) -> float:
+        rows, rank = result.summary["joint_rows"], result.summary["joint_rank"]
+        return float(abs(result.summary["mobility"] - truth.mobility) + abs(rows - rank - truth.redundant))
+
+    def judged(result: Result) -> float:
+        joints = {name: result.joint(name).in_frame(truth.axes) for name in result.names.joints}
+        return float(sum((joint.determined_at != truth.flags(name)).sum() for name, joint in joints.items()))
+
+    return (
+        Check("degrees of freedom and redundant conditions", 0.0, "whole numbers", counts),
+        Check("reactions judged otherwise", 0.0, "whole numbers, over all components and outputs", judged),
+        Check("closure over size", 1e-12, "round-off over the few joints of a loop", closure),
+        Check("energy balance over rtol", 100.0, "errors of some thousand steps, some of them alike", energy),
+    )
+
+
+def size(result: Result) -> float:
+    """Diagonal of the box around all joints and origins of bodies at the first output [m]."""
+    places = [result.joint(name).point[0] for name in result.names.joints]
+    places += [result.body(name).position[0] for name in result.names.bodies]
+    return float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
+
+
+def closure(result: Result) -> float:
+    """Largest residual of the closing conditions over outputs and steps, in parts of the size; zero without loops."""
+    open_by = max(float(result.closure.max(initial=0.0)), float(result.record.steps_open[0]))
+    return open_by / size(result) if open_by > 0.0 else 0.0
+
+
+def energy(result: Result) -> float:
+    """Largest imbalance over the largest energy exchanged, in parts of the tolerance of the run."""
+    return result.energy.relative_balance / float(result.record.options["rtol"])

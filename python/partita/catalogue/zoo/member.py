@@ -1,0 +1,59 @@
+"""How a mechanism of the zoo is written: a function that draws it, and what theory says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ...mechanism import Mechanism
+from ...state import State
+from ..entry import Entry
+from ..truth import Truth
+from .checks import checks
+
+Draw = Callable[[Mechanism], None]
+Theme = dict[str, Callable[[], Entry]]
+DOWN = (0.0, -9.81, 0.0)
+FALL = (0.0, 0.0, -9.81)
+OPTIONS = {"rtol": 1e-9, "atol": 1e-11}
+
+
+def member(
+    theme: Theme,
+    name: str,
+    title: str,
+    truth: Truth,
+    *,
+    rates: Mapping[str, Any] | None = None,
+    gravity: tuple[float, float, float] = DOWN,
+    notes: str = "",
+) -> Callable[[Draw], Draw]:
+    """Enter what the decorated function draws: closed as drawn, it starts with `rates` and runs ten seconds."""
+
+    def enter(draw: Draw) -> Draw:
+        def build() -> Mechanism:
+            m = Mechanism(name, gravity=gravity)
+            draw(m)
+            return m
+
+        def start(m: Mechanism) -> State:
+            return m.assemble(rates=rates)
+
+        def entry() -> Entry:
+            return Entry(
+                name=name,
+                title=title,
+                source=truth.source,
+                duration=10.0,
+                build=build,
+                start=start,
+                checks=checks(truth),
+                options=OPTIONS,
+                notes=notes,
+                truth=truth,
+            )
+
+        theme[name] = entry
+        return draw
+
+    return enter

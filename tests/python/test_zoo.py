@@ -1,0 +1,94 @@
+"""Every mechanism of the zoo for a moment: theory, the independent program and Partita agree at the start and later.
+
+`python -m zoo`, a part of `make trust`, runs them for ten seconds.
+"""
+
+import numpy as np
+import pytest
+from zoo.judging import judge
+
+import partita as pt
+from partita.catalogue import Truth, zoo
+from partita.catalogue.truth import EVERYTHING, planar
+
+NAMES = sorted(zoo.ENTRIES)
+OTHERS = {
+    "andrews-squeezer": planar(7, 10, ""),
+    "four-bar": planar(3, 4, ""),
+    "watt-six-bar": planar(5, 7, ""),
+    "stephenson-six-bar": planar(5, 7, ""),
+    "three-rrr": planar(7, 9, ""),
+    "spatial-four-bar": Truth(1, 3, {"*": "fx fy mz"}, axes="joint", why="a four-bar in a tilted plane", source=""),
+    "rssr": Truth(2, 0, EVERYTHING, why="1 + 3 + 3 + 1 - 6 = 2", source="", idle=("coupler",)),
+    "spatial-slider-crank": Truth(1, 0, EVERYTHING, why="1 + 3 + 2 + 1 - 6 = 1", source=""),
+}
+"""Mechanisms of the catalogue with known paths, and what theory says of them."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_theory_the_independent_program_and_partita_agree(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    result = m.simulate(0.3, initial=entry.initial(m), t_eval=[0.0, 0.3], **entry.options)
+    assert not [str(m) for m in entry.measure(result) if not m.passed]
+    assert judge(name, result).wrong == []
+
+
+@pytest.mark.parametrize("name", sorted(OTHERS))
+def test_theory_of_mechanisms_with_known_paths(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    m = entry.mechanism()
+    end = min(0.3, entry.duration)
+    result = m.simulate(end, initial=entry.initial(m), t_eval=[0.0, end])
+    assert [check.run(result).passed for check in zoo.checks(OTHERS[name])][:2] == [True, True]
+    assert judge(name, result, OTHERS[name]).wrong == []
+
+
+def test_the_zoo_is_as_large_as_it_says() -> None:
+    assert len(NAMES) >= 50
+    assert sum(len(theme) for theme in zoo.THEMES.values()) == len(NAMES)
+    assert set(NAMES) <= set(pt.catalogue.names())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_drawings_are_closed_to_round_off(name: str) -> None:
+    """Drawn by closed forms, nothing is left for `assemble` to do."""
+    found = pt.catalogue.load(name).assemble().assembly
+    assert found is not None and found["iterations"] == 0 and found["residual"] <= 1e-14
+
+
+def test_the_self_stress_of_the_plane_symmetric_loop_is_a_force_in_its_plane() -> None:
+    """As drawn, along the plane's normal the force is unique, and at hinges in the plane moments in it are."""
+    entry = pt.catalogue.entry("bricard-plane-symmetric")
+    result = entry.simulate(t_eval=[0.0])
+    m = entry.mechanism()
+    at = {joint["name"]: np.array(joint["point"]) for joint in m.to_spec()["joints"]}
+    normal = at["B"] - at["F"]
+    normal /= np.linalg.norm(normal)
+    along = np.linalg.qr(np.column_stack([normal, at["D"] - at["A"], at["B"] + at["F"] - 2 * at["A"]]))[0]
+    along *= np.linalg.det(along)
+    for name in "ABCDEF":
+        flags = result.joint(name).in_frame(along).determined_at[0]
+        in_plane = name in "AD"
+        assert flags.tolist() == [True, False, False, False, in_plane, in_plane], name
+
+
+def test_truth_says_what_is_unique() -> None:
+    truth = Truth(1, 3, {"hook": "fx fy fz mx my mz", "*": "fx fy mz"}, why="a reason", source="a book", idle=("rod",))
+    assert truth.flags("hook").all()
+    assert truth.flags("A").tolist() == [True, True, False, False, False, True]
+    assert not Truth(0, 0, {"A": "fx"}, why="", source="").flags("B").any()
+    assert "1 degree of freedom, 3 redundant conditions (a reason). Idle: rod." in str(truth)
+
+
+def test_a_wrong_statement_is_found() -> None:
+    """The checks of an entry and the judge would see theory err."""
+    entry = pt.catalogue.entry("bennett")
+    result = entry.simulate(t_eval=[0.0, 0.1])
+    assert entry.truth is not None
+    for wrong in (
+        Truth(2, 3, entry.truth.determined, why="", source="", axes="joint"),
+        Truth(1, 2, entry.truth.determined, why="", source="", axes="joint"),
+        Truth(1, 3, {"*": "fx mz"}, why="", source="", axes="joint"),
+    ):
+        assert [check.run(result).passed for check in zoo.checks(wrong)].count(False) == 1
