@@ -13,6 +13,7 @@ pub mod outputs;
 mod reason;
 pub mod report;
 pub mod run;
+pub mod sharing;
 mod stress;
 
 pub use determined::determined;

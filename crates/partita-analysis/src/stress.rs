@@ -25,8 +25,12 @@ const ZERO: f64 = 1e-9;
 pub(crate) struct Stress {
     /// Wrench of each joint that carries any, on its child, about the joint's point there; world axes.
     pub(crate) joints: Vec<(usize, Wrench)>,
+    /// Effort of each drive that works in it, along its velocity.
+    pub(crate) drives: Vec<(usize, f64)>,
     /// Forces (and moments over the mechanism's size) up to this are zero.
     pub(crate) zero: f64,
+    /// What it leaves unbalanced over its largest force: how nearly dependent the rows are.
+    pub(crate) unbalanced: f64,
 }
 
 /// Poses of the tree and the way from each body to the ground.
@@ -127,58 +131,104 @@ pub(crate) fn stresses(
     if start.dropped.is_empty() {
         return Ok(Vec::new());
     }
-    let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
-    let length = system.model.placed.size;
-    let c = system.jacobian(t, q)?;
-    let row_norm = |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-    let row_scale: Vec<f64> =
-        (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
-    let mut kept = vec![true; size.rows];
-    start.dropped.iter().for_each(|&i| kept[i] = false);
-    let any = vec![true; size.nv];
-    let singular = || SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT };
-    let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &reach, start.rank, PlanOptions::default())
-        .map_err(|_| singular())?;
-    let mut factors = vec![0.0; plan.factor_len()];
-    plan.factor(&c, &mut factors).map_err(|_| singular())?;
-    let mut step_of = vec![None; size.nv];
-    plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
-    let mut room = SparseRoom::new(plan.rank());
-    let mut balance = |row: usize| -> Vec<(usize, f64)> {
-        let b: Vec<(usize, f64)> =
-            pattern.row(row).filter_map(|e| step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
-        let mut lambda = plan.solve_transposed_sparse(&factors, &b, &mut room);
-        lambda.sort_unstable_by_key(|x| x.0);
-        let of_rows = lambda.into_iter().map(|(step, x)| (plan.pivot_rows()[step], x));
-        std::iter::once((row, 1.0)).chain(of_rows).collect()
-    };
+    let (balance, c) = Balance::new(system, start, t, q)?;
+    balance.stresses(pose, &c).ok_or_else(|| singular(t).into())
+}
 
-    let mut closing_of = Vec::with_capacity(size.rows);
-    let mut unit = vec![1.0; size.rows];
-    for (i, k) in system.model.full.closings.iter().enumerate() {
-        closing_of.extend(std::iter::repeat_n(i, k.rows()));
-        unit[k.row + k.slide_rows()..k.row + k.rows()].fill(1.0 / length);
+fn singular(t: f64) -> SystemError {
+    SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT }
+}
+
+/// The elimination that balances dropped rows by those kept: made at one position, of use where its pivots last.
+pub(crate) struct Balance<'g, 'm> {
+    system: &'g Geometry<'m>,
+    dropped: Vec<usize>,
+    plan: Plan,
+    /// Step of the elimination that uses a column.
+    step_of: Vec<Option<usize>>,
+    /// Closing of each row of a closing.
+    closing_of: Vec<usize>,
+    /// Drive of each row of a drive.
+    drive_of: Vec<Option<usize>>,
+    /// What makes a force of each multiplier.
+    unit: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+impl<'g, 'm> Balance<'g, 'm> {
+    /// At a position whose rank is known; and the values of C there.
+    pub(crate) fn new(
+        system: &'g Geometry<'m>,
+        start: &Start,
+        t: f64,
+        q: &[f64],
+    ) -> Result<(Self, Vec<f64>), AnalysisError> {
+        let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
+        let length = system.model.placed.size;
+        let c = system.jacobian(t, q)?;
+        let row_norm =
+            |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+        let row_scale: Vec<f64> =
+            (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
+        let mut kept = vec![true; size.rows];
+        start.dropped.iter().for_each(|&i| kept[i] = false);
+        let any = vec![true; size.nv];
+        let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &reach, start.rank, PlanOptions::default())
+            .map_err(|_| singular(t))?;
+        let mut step_of = vec![None; size.nv];
+        plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
+        let mut closing_of = Vec::with_capacity(size.rows);
+        let mut unit = vec![1.0; size.rows];
+        for (i, k) in system.model.full.closings.iter().enumerate() {
+            closing_of.extend(std::iter::repeat_n(i, k.rows()));
+            unit[k.row + k.slide_rows()..k.row + k.rows()].fill(1.0 / length);
+        }
+        let mut drive_of = vec![None; size.rows];
+        let drives = system.model.drives.iter().enumerate().filter(|(_, d)| d.row < size.rows);
+        drives.for_each(|(i, d)| drive_of[d.row] = Some(i));
+        Ok((Self { system, dropped: start.dropped.clone(), plan, step_of, closing_of, drive_of, unit, reach }, c))
     }
-    let mut dense = vec![0.0; system.model.pattern().rows];
-    let mut off = vec![0.0; size.nv];
-    let mut found = Vec::with_capacity(start.dropped.len());
-    for &row in &start.dropped {
-        let mut lambda = balance(row);
-        let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * unit[row]).abs()));
-        lambda.retain(|&(row, x)| (x * unit[row]).abs() > NEGLIGIBLE * top);
-        // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
-        let entries = || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
-        entries().for_each(|(j, e, x)| off[j] += x * c[e] * reach[j] / length);
-        let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
-        entries().for_each(|(j, _, _)| off[j] = 0.0);
-        let mut joints = pose.wrenches(&lambda, &closing_of, &mut dense);
-        let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
-        let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-        let zero = (ZERO * largest).max(10.0 * unbalanced);
-        joints.retain(|(_, w)| magnitude(w) > zero);
-        found.push(Stress { joints, zero });
+
+    /// The multipliers `(row, λ)` that balance one row, itself first, for the factors of C.
+    fn multipliers(&self, row: usize, c: &[f64], factors: &[f64], room: &mut SparseRoom) -> Vec<(usize, f64)> {
+        let pattern = self.system.pattern();
+        let b: Vec<(usize, f64)> =
+            pattern.row(row).filter_map(|e| self.step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
+        let mut lambda = self.plan.solve_transposed_sparse(factors, &b, room);
+        lambda.sort_unstable_by_key(|x| x.0);
+        let of_rows = lambda.into_iter().map(|(step, x)| (self.plan.pivot_rows()[step], x));
+        std::iter::once((row, 1.0)).chain(of_rows).collect()
     }
-    Ok(found)
+
+    /// The self-stresses for the values of C at a position; `None` where the elimination has worn out.
+    pub(crate) fn stresses(&self, pose: &Pose, c: &[f64]) -> Option<Vec<Stress>> {
+        let (size, pattern, model) = (self.system.size(), self.system.pattern(), self.system.model);
+        let length = model.placed.size;
+        let mut factors = vec![0.0; self.plan.factor_len()];
+        self.plan.factor(c, &mut factors).ok()?;
+        let mut room = SparseRoom::new(self.plan.rank());
+        let mut dense = vec![0.0; model.pattern().rows];
+        let mut off = vec![0.0; size.nv];
+        let mut found = Vec::with_capacity(self.dropped.len());
+        for &row in &self.dropped {
+            let mut lambda = self.multipliers(row, c, &factors, &mut room);
+            let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
+            lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
+            // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
+            let entries = || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
+            entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.reach[j] / length);
+            let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
+            entries().for_each(|(j, _, _)| off[j] = 0.0);
+            let mut joints = pose.wrenches(&lambda, &self.closing_of, &mut dense);
+            let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
+            let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
+            let zero = (ZERO * largest).max(10.0 * unbalanced);
+            joints.retain(|(_, w)| magnitude(w) > zero);
+            let drives = lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))).collect();
+            found.push(Stress { joints, drives, zero, unbalanced: unbalanced / largest });
+        }
+        Some(found)
+    }
 }
 
 #[cfg(test)]

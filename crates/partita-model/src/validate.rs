@@ -121,6 +121,12 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 finite(&x, "joint", &j.name, what)?;
             }
         }
+        if let Some(c) = j.compliance {
+            finite(&c, "joint", &j.name, "compliance")?;
+            if let Some(x) = c.iter().find(|x| **x < 0.0) {
+                return fail(format!("its compliance has the entry {x}; nothing gives against the load, 0 is rigid"));
+            }
+        }
     }
     let joint = |element: &'static str, name: &str, joint: &str| match names.get(joint) {
         Some(_) => Ok(()),

@@ -423,6 +423,23 @@ impl Model {
         })
     }
 
+    /// Is part of the reactions at nt samples a matter of a rule, for which all joints are asked?
+    fn shares_loads<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<bool> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::shares(py, &self.inner, &motion, &acting)
+        })
+    }
+
     /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,

@@ -203,12 +203,13 @@ pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -
     let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
     let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
     let nv = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    let shapes: [(&str, &[usize]); 5] = [
+    let shapes: [(&str, &[usize]); 6] = [
         ("force", &[nj, 3]),
         ("moment", &[nj, 3]),
         ("drive", &[nv]),
         ("joint_rotation", &[nj, 3, 3]),
         ("residual", &[]),
+        ("residuals", &[m.spec.bodies.len()]),
     ];
     named(py, states.len(), found, &shapes)
 }
@@ -224,6 +225,11 @@ pub fn augmented_reactions<'py>(
     let mut found = tables(py, |watch| outputs::augmented(m, &states, &forces, watch))?;
     let mut next = || array(py, &[states.len(), nj, 3], found.next().unwrap_or_default());
     Ok((next(), next()))
+}
+
+/// Do self-stresses leave reactions of this motion open?
+pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<bool> {
+    watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
 }
 
 /// Answers of yes or no.

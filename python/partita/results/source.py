@@ -16,7 +16,7 @@ Span = tuple[int, int]
 BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velocity")
 JOINTS = ("joint_position", "joint_velocity", "joint_point")
 OBSERVED = (*BODIES, *JOINTS)
-REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual")
+REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual", "residuals")
 ENERGIES = ("kinetic", "potential")
 
 
@@ -85,8 +85,16 @@ class ModelSource:
 
     def reaction(self, j: int, v: Span) -> Arrays:
         if j not in self._reactions:
-            self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
+            if self._shares_loads:  # one costs as much as all
+                self._reactions[j] = one_of(self.reactions, j, v)
+            else:
+                self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
         return self._reactions[j]
+
+    @cached_property
+    def _shares_loads(self) -> bool:
+        """Are there loads that redundant joints share, so that the reaction of one depends on all?"""
+        return bool(self._model.shares_loads(*self._motion, *self._acting))
 
     @cached_property
     def observed(self) -> Arrays:
@@ -156,8 +164,7 @@ class StoredSource:
         }
 
     def reaction(self, j: int, v: Span) -> Arrays:
-        found = {key: self._arrays[key][:, j] for key in ("force", "moment", "joint_rotation")}
-        return {**found, "drive": columns(self._arrays["drive"], v)}
+        return one_of(self._arrays, j, v)
 
     @property
     def observed(self) -> Arrays:
@@ -199,6 +206,12 @@ def complete(source: Source) -> dict[str, NDArray[Any]]:
 def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:
     """Arrays of a single body or joint, without that axis."""
     return {key: a[:, 0] if key in keys else a for key, a in arrays.items()}
+
+
+def one_of(reactions: Arrays, j: int, v: Span) -> Arrays:
+    """The reaction of joint j, whose freedoms are at `v`, out of those of all joints."""
+    found = {key: reactions[key][:, j] for key in ("force", "moment", "joint_rotation")}
+    return {**found, "drive": columns(reactions["drive"], v)}
 
 
 def columns(array: NDArray[Any], span: Span) -> NDArray[Any]:

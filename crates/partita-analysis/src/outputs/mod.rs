@@ -6,7 +6,7 @@ mod reactions;
 mod rows;
 
 pub use motion::{bodies, energies, joints, BODY, JOINT_POINT};
-pub use reactions::{augmented, reaction, reactions, JOINT_AXES};
+pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
 pub use rows::{tables, Rows, Watch};
 
 use partita_model::Model;

@@ -72,6 +72,12 @@ pub struct Reactions<S = f64> {
     /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size), inertia's
     /// terms among them: a body that moves freely has no other.
     pub residual: S,
+    /// The same of each body.
+    pub residuals: Vec<S>,
+    /// What is left over on each body, about its centre of mass, mechanism axes.
+    left: Vec<Wrench<S>>,
+    /// The largest force besides those of the joints.
+    largest: S,
 }
 
 /// What is known before the sweep.
@@ -355,7 +361,7 @@ impl<S: Scalar> Evaluator<S> {
         for d in &self.drives {
             drives[d.joint][d.coordinate] = lambda[d.row];
         }
-        let mut result = Reactions { joints, drives, residual: S::zero() };
+        let mut result = Reactions { joints, drives, ..Reactions::default() };
         let transmitted = self.inward(whole, s, needed.clone());
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
@@ -393,16 +399,38 @@ impl<S: Scalar> Evaluator<S> {
             self.put(s, &mut left, parent, &acting, point);
             largest = largest.max(acting.force.norm());
         }
-        for w in &result.joints {
-            largest = largest.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
-        }
-        for w in &left {
-            result.residual = result.residual.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
-        }
-        result.residual = largest.where_positive(result.residual / largest, result.residual);
         let basis = constant(&self.placed.basis);
         result.joints.iter_mut().for_each(|w| *w = w.out_of(&basis));
+        (result.left, result.largest) = (left, largest);
+        self.judge(&mut result);
         Ok(result)
+    }
+
+    /// Hold what is left over against the largest force.
+    fn judge(&self, r: &mut Reactions<S>) {
+        let size = |w: &Wrench<S>| w.force.norm().max(w.moment.norm().scale(1.0 / self.placed.size));
+        let largest = r.joints.iter().fold(r.largest, |m, w| m.max(size(w)));
+        let over = |w: &Wrench<S>| largest.where_positive(size(w) / largest, size(w));
+        r.residuals = r.left.iter().map(over).collect();
+        r.residual = r.residuals.iter().fold(S::zero(), |m, x| m.max(*x));
+    }
+
+    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What differs is
+    /// meant to be a self-stress, with the efforts of drives in it.
+    pub fn replace_reactions(&self, r: &mut Reactions<S>, joints: &[Wrench<S>], s: &Scratch<S>) {
+        let basis: Mat3<S> = constant(&self.placed.basis);
+        let mut left = std::mem::take(&mut r.left);
+        for (j, w) in joints.iter().enumerate() {
+            let mut more = r.joints[j].opposite();
+            more.add(w);
+            let more = Wrench { moment: basis.apply(more.moment), force: basis.apply(more.force) };
+            let (p, point) = (&self.placed.joints[j], self.joint_point_now(s, j));
+            self.put(s, &mut left, p.child, &more.opposite(), point);
+            self.put(s, &mut left, p.parent, &more, point);
+        }
+        r.joints.copy_from_slice(joints);
+        r.left = left;
+        self.judge(r);
     }
 
     /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.
