@@ -235,15 +235,21 @@ pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResul
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Flags of all joints in world axes and in joint axes (nt, nj, 6).
-pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>)> {
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6), and of the efforts along their freedoms (nt, freedoms).
+pub fn determined<'py>(
+    py: Python<'py>,
+    m: &Model,
+    x: &Motion,
+) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
     let (states, nj) = (x.states(), m.spec.joints.len());
+    let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
-    let mut next = || {
+    let mut next = |shape: &[usize]| {
         let flags = found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect();
-        shaped(py, &[states.len(), nj, 6], flags)
+        shaped(py, shape, flags)
     };
-    Ok((next(), next()))
+    let wrench = [states.len(), nj, 6];
+    Ok((next(&wrench), next(&wrench), next(&[states.len(), freedoms])))
 }
 
 /// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..state import Layout
 from . import bodies as body_room
+from . import compliances as compliance_room
 from . import drives as drive_room
 from . import forces as force_room
 from . import joints as joint_room
@@ -29,6 +30,7 @@ class Builder(Drawing):
     add_free = joint_room.add_free
     add_joint = joint_room.add_joint
 
+    add_compliance = compliance_room.add_compliance
     add_drive = drive_room.add_drive
     add_spring = force_room.add_spring
     add_torsion_spring = force_room.add_torsion_spring

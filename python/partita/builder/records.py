@@ -79,6 +79,7 @@ class JointRecord:
     child_point: Array | None = None
     child_axis: Array | None = None
     cut: str = "auto"
+    compliance: Array | None = None  # (6,) along and about the joint axes
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,8 @@ class Writer:
             spec["child_point"] = record.child_point.tolist()
         if record.child_axis is not None:
             spec["child_axis"] = (record.child_axis / np.linalg.norm(record.child_axis)).tolist()
+        if record.compliance is not None:
+            spec["compliance"] = record.compliance.tolist()
         return {**spec, "cut": record.cut}
 
     def _origin(self, child: str, parent: str) -> Any:

@@ -52,7 +52,7 @@ Maker = Callable[..., Builder]
 SEAL = "# as saved by partita (delete this line after editing): "
 
 # Tables that are made together, in the order of the file.
-_STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
+_STAGES = (("body", "rod"), ("joint",), ("compliance",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
 
 
 def read(path: Path, make: Maker) -> Any:

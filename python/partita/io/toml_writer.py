@@ -40,6 +40,10 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         yield _table("[[body]]", _body(body)) if body.rod is None else _table("[[rod]]", _rod(body))
     for joint in d.joints.values():
         yield _table("[[joint]]", _joint(joint))
+    for joint in d.joints.values():
+        if joint.compliance is not None:
+            along, about = joint.compliance[:3], joint.compliance[3:]
+            yield _table("[[compliance]]", {"joint": joint.name, "translation": along, "rotation": about})
     for drive in d.drives.values():
         yield _table("[[drive]]", _drive(drive))
     for force in d.forces.values():

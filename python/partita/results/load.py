@@ -28,7 +28,7 @@ UNREADABLE = (
 )  # fmt: skip
 """What reading raises where the content is not as it should be."""
 
-STORED = (*ENERGIES, *OBSERVED, *REACTIONS, "determined_world", "determined_joint")
+STORED = (*ENERGIES, *OBSERVED, *REACTIONS, "determined_world", "determined_joint", "determined_drive")
 
 
 def load(path: str | os.PathLike[str]) -> Result:
@@ -68,7 +68,9 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
     nb, nj = len(summary.get("bodies", ())), len(summary.get("joints", ()))
     if key.startswith("body"):
         return (nt, nb, 3, 3) if key == "body_rotation" else (nt, nb, 3)
-    if key in ("joint_position", "joint_velocity", "drive"):
+    if key == "residuals":
+        return (nt, nb)
+    if key in ("joint_position", "joint_velocity", "drive", "determined_drive"):
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
         return (nt, nj, 6)

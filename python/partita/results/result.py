@@ -21,6 +21,7 @@ from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
+from .self_stress import SelfStresses, self_stresses_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, word_of
 
@@ -291,6 +292,36 @@ class Result:
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
         return self._source_for("joint", "all").determined
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        """Uniqueness of the efforts of all drives: (nt, freedoms of all joints); for tools."""
+        return self._source_for("joint", "all").determined_drive
+
+    def self_stresses(self, output: int = -1) -> SelfStresses:
+        """Orthonormal base of what can be added to the reactions at one output without any change of the motion.
+
+        Raises `ArgumentError` for an output that is not there, and for a stored result, which has no model.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("bricard").simulate(0.1)
+        >>> run.self_stresses()
+        <1 self-stress of 6 joints>
+        """
+        source = self._source_for("joint", "all")
+        nt = len(self.t)
+        if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
+            raise ArgumentError(
+                f"self_stresses: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from the "
+                "end by -1, -2, ...",
+                argument="output",
+            )
+        found = source.self_stress_basis(int(output) % nt)
+        if found is None:
+            raise ArgumentError(
+                "self-stresses need the model, which a stored result does not have; simulate again", argument="output"
+            )
+        return self_stresses_of(self.summary, *found)
 
     def _source_for(self, kind: str, name: str) -> Source:
         if self._source is None:

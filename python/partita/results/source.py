@@ -51,6 +51,14 @@ class Source(Protocol):
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which reaction components are unique: (nt, nj, 6) in world axes, (nt, nj, 6) in joint axes."""
 
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        """Which efforts of drives are unique: (nt, freedoms of all joints)."""
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives) and the
+        length that moments are divided by; None where no model is at hand."""
+
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         """(nt, 2, 3, 3): directions, as rows, in which self-stresses load joint j by forces and by moments, in units of
         what counts as zero; None where no model is at hand."""
@@ -118,9 +126,23 @@ class ModelSource:
         return {"force": force, "moment": moment}
 
     @cached_property
+    def _flags(self) -> tuple[NDArray[np.bool_], ...]:
+        return tuple(self._model.determined(*self._motion))
+
+    @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        world, joint = self._model.determined(*self._motion)
+        world, joint, _ = self._flags
         return world, joint
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        return self._flags[2]
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        found: tuple[NDArray[np.float64], NDArray[np.float64], float] = self._model.self_stress_basis(
+            float(self._run["t"][i]), np.ascontiguousarray(self._run["q"][i])
+        )
+        return found
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         if j not in self._stresses:
@@ -188,6 +210,13 @@ class StoredSource:
             self._arrays["determined_joint"].astype(bool),
         )
 
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        return np.asarray(self._arrays["determined_drive"].astype(bool))
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        return None
+
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         return None
 
@@ -200,7 +229,8 @@ def complete(source: Source) -> dict[str, NDArray[Any]]:
     """Everything that a source can tell, as a stored result holds it."""
     world, joint = source.determined
     told = {**source.energies, **source.observed, **source.reactions}
-    return {**told, "determined_world": world, "determined_joint": joint}
+    flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}
+    return {**told, **flags}
 
 
 def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:

@@ -67,6 +67,7 @@ REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "drive": (("joint_freedom",), "", "effort of the drive along each freedom, N for slides, N m for turns"),
     "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
     "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
+    "residuals": (("body",), "1", "Newton-Euler residual of each body over the largest force"),
 }
 
 DETERMINED = {
@@ -83,6 +84,8 @@ def variables(result: Readable) -> list[Variable]:
         found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
         flags = zip(DETERMINED.items(), result.determined, strict=True)
         found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
+        text = "1 where the effort of the drive along the freedom is unique"
+        found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
     return found
 
 

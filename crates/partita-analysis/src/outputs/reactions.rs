@@ -4,7 +4,7 @@ use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::error::AnalysisError;
-use crate::sharing::{with_rule, Room, Rule};
+use crate::sharing::{efforts, with_rule, Room, Rule};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
@@ -36,11 +36,6 @@ pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, A
 /// Room of a thread: that of the model, and of the rule where there is one.
 fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room>) + 'a {
     move || (model.scratch(), rule.map(Rule::room))
-}
-
-/// Efforts of all drives, by their number.
-fn efforts(model: &Model, lambda: &[f64]) -> Vec<f64> {
-    model.drives.iter().map(|d| lambda[d.row]).collect()
 }
 
 /// Force, moment, efforts of the drives and axes of one joint, for a motion with its accelerations and multipliers.
