@@ -215,7 +215,8 @@ impl<'g, 'm> Balance<'g, 'm> {
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
             lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
             // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
-            let entries = || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
+            let entries =
+                || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
             entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.reach[j] / length);
             let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
             entries().for_each(|(j, _, _)| off[j] = 0.0);

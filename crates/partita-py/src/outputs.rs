@@ -236,11 +236,7 @@ pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResul
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
 /// Flags of all joints in world axes and in joint axes (nt, nj, 6), and of the efforts along their freedoms (nt, freedoms).
-pub fn determined<'py>(
-    py: Python<'py>,
-    m: &Model,
-    x: &Motion,
-) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
+pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
     let (states, nj) = (x.states(), m.spec.joints.len());
     let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;

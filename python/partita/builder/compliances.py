@@ -13,9 +13,7 @@ from .forces import joint_record
 from .records import Joint
 
 
-def add_compliance(
-    self: Drawing, joint: Joint | str, translation: ArrayLike = 0.0, rotation: ArrayLike = 0.0
-) -> Joint:
+def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0.0, rotation: ArrayLike = 0.0) -> Joint:
     """Say how far a joint gives under load: by this, redundant joints share what rigid bodies leave open.
 
     The motion does not change, and no reaction that is determined does. Of all ways to carry the load that one is
@@ -46,7 +44,9 @@ def add_compliance(
     record = joint_record(self, element, joint)
     both = np.concatenate([_three(element, "translation", translation), _three(element, "rotation", rotation)])
     if not both.any():
-        element.fail("all of it is 0, which is a rigid joint; give how far it gives [m/N], [rad/(N m)], or leave it out")
+        element.fail(
+            "all of it is 0, which is a rigid joint; give how far it gives [m/N], [rad/(N m)], or leave it out"
+        )
     self._description.store(self._description.joints, replace(record, compliance=both))
     return Joint(record.name, self)
 
