@@ -139,8 +139,8 @@ class Model:
         of the efforts of drives along the freedoms of all joints (nt, freedoms)."""
 
     def self_stress_basis(self, t: float, q: Array) -> tuple[Array, Array, float]:
-        """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and the length
-        that moments are divided by."""
+        """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and what
+        moments are divided by."""
 
     def self_stresses(self, t: Array, q: Array, v: Array, joint: int) -> Array:
         """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component

@@ -166,8 +166,8 @@ def rows_of_hinges(run: pt.Result, m: pt.Mechanism, i: int) -> tuple[np.ndarray,
 def test_across_the_plane_too(tilt: float, coordinates: str) -> None:
     """A planar four-bar loaded across its plane, against least squares by hand.
 
-    By hand: the balance of each body is linear in the wrenches of the joints, those along a hinge's axis are zero; of all
-    solutions the least, with moments over the length. What the bodies need is read off the returned wrenches, and the
+    By hand: the balance of each body is linear in the wrenches of the joints, those along a hinge's axis are zero; of
+    all solutions the least, with moments over the length. What the bodies need is read off the returned wrenches, and the
     Newton-Euler residual holds these to the motion.
     """
     m = four_bar(tilt=tilt)

@@ -10,8 +10,8 @@ from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
 
 
 def draw_reactions(result: Readable, canvas: Canvas) -> None:
-    """|force| and |moment| of each joint; of many joints, the most loaded. Marked * when not all is unique, dashed where
-    what is not unique carries load."""
+    """|force| and |moment| of each joint; of many joints, the most loaded. Marked * when not all is unique, dashed
+    where what is not unique carries load."""
     upper, lower = canvas.subplots(2, 1, sharex=True)
     dressed(upper, "Forces of the joints", "|force| [N]", time_axis=False)
     dressed(lower, "Moments of the joints", "|moment| [N m]")
@@ -35,5 +35,5 @@ def draw_reactions(result: Readable, canvas: Canvas) -> None:
         legend(ax, len(loaded), size.shape[1], "shown")
         level(ax, size)
     if not unique.all():
-        words = "* some components are not unique (redundant constraints); dashed: and they carry load, shared by least squares"
+        words = "* not all is unique (redundant constraints); dashed: what is not carries load, shared by least squares"
         canvas.supxlabel(words, fontsize=8, color="#555555")

@@ -200,7 +200,7 @@ class JointResult:
         return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
 
     def directions(self, output: int = -1) -> Directions:
-        """Which forces and moments at an output are unique and which are open, as directions in the axes named by `axes`.
+        """Which forces and moments at an output are unique and which are open, as directions along `axes`.
 
         In the axes of a tilted guide a force may be unique that no axis of the world shows alone.
         Raises `ArgumentError` for a result read from a file, which has no model to ask.

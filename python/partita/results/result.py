@@ -312,8 +312,8 @@ class Result:
         nt = len(self.t)
         if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
             raise ArgumentError(
-                f"self_stresses: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from the "
-                "end by -1, -2, ...",
+                f"self_stresses: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from "
+                "the end by -1, -2, ...",
                 argument="output",
             )
         found = source.self_stress_basis(int(output) % nt)

@@ -56,8 +56,8 @@ class Source(Protocol):
         """Which efforts of drives are unique: (nt, freedoms of all joints)."""
 
     def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives) and the
-        length that moments are divided by; None where no model is at hand."""
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and
+        what moments are divided by; None where no model is at hand."""
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         """(nt, 2, 3, 3): directions, as rows, in which self-stresses load joint j by forces and by moments, in units of

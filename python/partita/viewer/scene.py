@@ -43,8 +43,8 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
     motion = _motion(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     bodies = _bodies(result, spec, motion, joints)
-    for joint in joints:
-        joint["open"] = _open(result, joint["name"])
+    for name, joint in zip(result.names.joints, joints, strict=True):
+        joint["open"] = _open(result, name)
     tables, frames = pack_tables(_tables(result, motion))
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
