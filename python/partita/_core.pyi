@@ -146,6 +146,9 @@ class Model:
         """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
         along a unit axis is determined where no product with them exceeds 1."""
 
+    def suspicious(self) -> list[str]:
+        """Data that are possible and unlikely, in sentences."""
+
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
 

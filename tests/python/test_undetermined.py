@@ -167,8 +167,8 @@ def test_across_the_plane_too(tilt: float, coordinates: str) -> None:
     """A planar four-bar loaded across its plane, against least squares by hand.
 
     By hand: the balance of each body is linear in the wrenches of the joints, those along a hinge's axis are zero; of
-    all solutions the least, with moments over the length. What the bodies need is read off the returned wrenches, and the
-    Newton-Euler residual holds these to the motion.
+    all solutions the least, with moments over the length. What the bodies need is read off the returned wrenches, and
+    the Newton-Euler residual holds these to the motion.
     """
     m = four_bar(tilt=tilt)
     run = m.simulate(0.5, initial=m.assemble(rates={"A": 2.0}), coordinates=coordinates, t_eval=(0.0, 0.3, 0.5))

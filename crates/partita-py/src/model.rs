@@ -519,6 +519,11 @@ impl Model {
         })
     }
 
+    /// Data that are possible and unlikely, in sentences.
+    fn suspicious(&self) -> Vec<String> {
+        analysis::report::suspicious(&self.inner)
+    }
+
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
         let py = slf.py();
         guarded(py, || {

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, UnknownNameError
+from ..errors import ArgumentError, AssemblyError, UnknownNameError
 from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
@@ -66,7 +66,13 @@ def assemble(
     speeds = _indexed("rates", {} if rates is None else rates, layout.velocity_names, layout.v, layout)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
-    q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
+    try:
+        q, v, said = model.core.assemble(time, start.q, start.v, wanted, speeds, limit)
+    except AssemblyError as error:
+        doubts = model.core.suspicious()
+        if not doubts:
+            raise
+        raise AssemblyError(f"{error.message}; suspicious: {'; '.join(doubts)}", **error.fields) from None
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 

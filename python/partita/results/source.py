@@ -56,7 +56,7 @@ class Source(Protocol):
         """Which efforts of drives are unique: (nt, freedoms of all joints)."""
 
     def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives, and
         what moments are divided by; None where no model is at hand."""
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
