@@ -123,6 +123,9 @@ class Model:
     def reaction(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array, joint: int) -> dict[str, Array]:
         """Wrench of one joint at nt samples."""
 
+    def checks(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
+        """Acceleration closure with its row, worst row of the closure, rank and margin of nt samples, (nt,) each."""
+
     def shares_loads(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> bool:
         """Is part of the reactions of nt samples a matter of a rule, for which all joints are asked?"""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,7 +99,7 @@ def test_suspicious_data() -> None:
     assert "90 degrees are meant, that is 1.570796 rad" in " ".join(m.report().split())
     m = four_bar()
     m.add_drive("A", position=90.0)
-    with pytest.raises(pt.errors.AssemblyError, match="if 90 degrees are meant, that is 1.570796 rad"):
+    with pytest.raises(pt.errors.AssemblyError, match=r"if 90 degrees are meant, that is 1\.570796 rad"):
         m.report()
     m = four_bar()
     m.add_rod("mast", start=(0, 0, 0), end=(0, 300, 0), mass=1.0)
@@ -125,3 +126,37 @@ def test_dead_position_and_locked_coordinate() -> None:
     assert said.to_dict()["dead"] == ["S"] and "A dead position of S" in said
     aside = m.report(m.assemble(targets={"A": 0.5}))
     assert aside.to_dict()["dead"] == [] and aside.to_dict()["locked"] == []
+
+
+def test_the_certificate_says_who_and_when() -> None:
+    m = four_bar()
+    run = m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), t_eval=np.linspace(0, 1, 21))
+    found, model = run.certificate, m.compile()
+    accelerations = [
+        np.abs(model.jacobian(q, t=t) @ a + model.bias(q, v, t=t))
+        for t, q, v, a in zip(run.t, run.q, run.v, run.vdot, strict=True)
+    ]
+    assert found.acceleration_closure == pytest.approx(np.max(accelerations), abs=1e-13)
+    assert found.acceleration_row in run.names.multipliers and found.closure_row in run.names.multipliers
+    assert [body[0] for body in found.bodies] == list(run.names.bodies)
+    assert max(worst for _, worst, _ in found.bodies) == found.newton_euler
+    assert found.worst_body in run.names.bodies and found.worst_body_t in run.t
+    assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.misfit is None
+    assert run.reactions["residuals"].shape == (21, 3)
+    said = str(found)
+    assert f"{found.worst_body} at t = " in said and "rank              2, margin" in said
+
+
+def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:
+    run = pt.catalogue.load("n-four-bar", loops=40).simulate(0.05)
+    assert len(str(run.certificate).splitlines()) < 40
+    run.save(tmp_path / "run.json")
+    again = pt.results.load(tmp_path / "run.json").certificate
+    assert (again.rank, again.bodies, again.closure_row) == (
+        run.certificate.rank,
+        run.certificate.bodies,
+        run.certificate.closure_row,
+    )
+    assert again.acceleration_closure == run.certificate.acceleration_closure
+    hand = pt.simulate(pt.System(n=1, mass=np.eye(1), forces=(0.0,)), 0.1, [0.0], [1.0]).certificate
+    assert hand.acceleration_closure is None and hand.bodies == () and hand.rank == ()

@@ -445,6 +445,23 @@ impl Model {
         })
     }
 
+    /// What a certificate holds nt samples against.
+    fn checks<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::checks(py, &self.inner, &motion, &acting)
+        })
+    }
+
     /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,

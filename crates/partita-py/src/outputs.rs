@@ -232,6 +232,20 @@ pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResul
     watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
 }
 
+/// Acceleration closure with its row, worst row of the closure, rank and margin.
+pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<Bound<'py, PyDict>> {
+    let (states, forces) = (x.states(), acting.forces());
+    let found = tables(py, |watch| outputs::checks(m, &states, &forces, watch))?;
+    let shapes: [(&str, &[usize]); 5] = [
+        ("acceleration_closure", &[]),
+        ("acceleration_row", &[]),
+        ("closure_row", &[]),
+        ("rank", &[]),
+        ("margin", &[]),
+    ];
+    named(py, states.len(), found, &shapes)
+}
+
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 

@@ -141,8 +141,8 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:
         lines.append(
-            f"{count}; it takes all {rows} conditions of the joints for independent, of which {rank} are: the true number "
-            f"is larger by the {redundant} that {'is' if redundant == 1 else 'are'} redundant."
+            f"{count}; it takes all {rows} conditions of the joints for independent, of which {rank} are: the true "
+            f"number is larger by the {redundant} that {'is' if redundant == 1 else 'are'} redundant."
         )
     else:
         lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")
@@ -187,8 +187,8 @@ def _coordinates(found: dict[str, Any]) -> _Section | None:
     if not rows:
         return None
     lead = (
-        "The measure rho says how mobile a coordinate is with the loops closed, relative to the loops opened: 1 = they do "
-        "not hinder it, 0 = locked. It has no units. The most mobile ones are chosen as independent."
+        "The measure rho says how mobile a coordinate is with the loops closed, relative to the loops opened: 1 = they "
+        "do not hinder it, 0 = locked. It has no units. The most mobile ones are chosen as independent."
     )
     below = []
     if found["sigma"] is not None:
@@ -206,8 +206,8 @@ def _reactions(found: dict[str, Any]) -> _Section | None:
         return _Section("Reactions", ["All components of all reactions are determined."])
     verdict = (
         f"{_count(undetermined, 'component is', 'components are')} not determined: rigid bodies alone cannot say how "
-        "redundant joints share the load. Numbers given for them are one possibility among many, chosen by the least sum "
-        "of squares over all joints, or by the compliances given."
+        "redundant joints share the load. Numbers given for them are one possibility among many, chosen by the least "
+        "sum of squares over all joints, or by the compliances given."
     )
     return _Section("Reactions", ["Components along the joint axes:"], ("joint", *_COMPONENTS), rows, [verdict])
 
@@ -252,7 +252,8 @@ def _shortened(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], 
 
 def _freedoms(number: int, before: str = "") -> str:
     """'1 degree of freedom', '2 degrees of freedom'."""
-    return f"{before}{_count(number, 'degree')} of freedom{' is' * (number == 1) + ' are' * (number != 1) if before else ''}"
+    verb = "" if not before else " is" if number == 1 else " are"
+    return f"{before}{_count(number, 'degree')} of freedom{verb}"
 
 
 def _named(names: Sequence[str]) -> str:

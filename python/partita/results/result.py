@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError, DoubtfulResultWarning
+from ..naming import listed
 from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
@@ -201,7 +202,10 @@ class Result:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the compiler and the run had to tell: rows dropped, repairs, passages."""
-        removed = (f"row {r['row']} removed: {r['why']}" for r in self.summary.get("removed", ()))
+        rows: dict[str, list[str]] = {}
+        for item in self.summary.get("removed", ()):
+            rows.setdefault(item["why"], []).append(item["row"])
+        removed = (f"row{'s' * (len(of) > 1)} {listed(of)} removed: {why}" for why, of in rows.items())
         return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.all_notes]))
 
     @cached_property
@@ -292,6 +296,11 @@ class Result:
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
         return self._source_for("joint", "all").determined
+
+    @property
+    def checks(self) -> Arrays:
+        """What the certificate holds the outputs against besides, by array name; for tools."""
+        return self._source_for("joint", "all").checks
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:

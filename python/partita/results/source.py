@@ -18,6 +18,7 @@ JOINTS = ("joint_position", "joint_velocity", "joint_point")
 OBSERVED = (*BODIES, *JOINTS)
 REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual", "residuals")
 ENERGIES = ("kinetic", "potential")
+CHECKS = ("acceleration_closure", "acceleration_row", "closure_row", "rank", "margin")
 
 
 class Source(Protocol):
@@ -50,6 +51,10 @@ class Source(Protocol):
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which reaction components are unique: (nt, nj, 6) in world axes, (nt, nj, 6) in joint axes."""
+
+    @property
+    def checks(self) -> Arrays:
+        """What a certificate holds the outputs against (the `CHECKS` arrays, (nt,) each; NaN where nothing is)."""
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
@@ -124,6 +129,11 @@ class ModelSource:
     def augmented(self) -> Arrays | None:
         force, moment = self._model.augmented_reactions(*self._motion, *self._acting)
         return {"force": force, "moment": moment}
+
+    @cached_property
+    def checks(self) -> Arrays:
+        found: Arrays = self._model.checks(*self._motion, *self._acting)
+        return found
 
     @cached_property
     def _flags(self) -> tuple[NDArray[np.bool_], ...]:
@@ -211,6 +221,10 @@ class StoredSource:
         )
 
     @property
+    def checks(self) -> Arrays:
+        return {key: self._arrays[key] for key in CHECKS}
+
+    @property
     def determined_drive(self) -> NDArray[np.bool_]:
         return np.asarray(self._arrays["determined_drive"].astype(bool))
 
@@ -228,7 +242,7 @@ class StoredSource:
 def complete(source: Source) -> dict[str, NDArray[Any]]:
     """Everything that a source can tell, as a stored result holds it."""
     world, joint = source.determined
-    told = {**source.energies, **source.observed, **source.reactions}
+    told = {**source.energies, **source.observed, **source.reactions, **source.checks}
     flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}
     return {**told, **flags}
 
