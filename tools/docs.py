@@ -120,6 +120,11 @@ def schema_page() -> str:
     return "\n".join(lines)
 
 
+def messages_page() -> str:
+    """What is said of broken and odd models."""
+    return str(scripts(TESTS, "messages").page())
+
+
 def trust_page() -> str:
     """The cases that the tests ask, class by class, with what comes out of them."""
     trust = scripts(TESTS, "trust")
@@ -170,6 +175,7 @@ def anchor(heading: str) -> str:
 GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
     "model-files": schema_page,
+    "messages": messages_page,
     "trust": trust_page,
 }
 

@@ -152,6 +152,9 @@ class Model:
     def suspicious(self) -> list[str]:
         """Data that are possible and unlikely, in sentences."""
 
+    def weightless(self) -> str | None:
+        """Which body lacks mass or inertia, in a sentence."""
+
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
 

@@ -262,6 +262,13 @@ fn idle(model: &Model) -> Vec<Idle> {
     found
 }
 
+/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where all have
+/// both.
+pub fn weightless(model: &Model) -> Option<String> {
+    let light = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
+    model.spec.bodies.iter().any(light).then(|| without_inertia(model, &idle(model)))
+}
+
 /// Which body it is whose missing inertia leaves the motion open.
 fn without_inertia(model: &Model, idle: &[Idle]) -> String {
     let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);

@@ -541,6 +541,11 @@ impl Model {
         analysis::report::suspicious(&self.inner)
     }
 
+    /// Which body lacks mass or inertia, in a sentence.
+    fn weightless(&self) -> Option<String> {
+        analysis::report::weightless(&self.inner)
+    }
+
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
         let py = slf.py();
         guarded(py, || {

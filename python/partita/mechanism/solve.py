@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, AssemblyError, UnknownNameError
+from ..errors import ArgumentError, AssemblyError, DescriptionError, UnknownNameError
 from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
@@ -303,7 +303,13 @@ def simulate(
         renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
+    try:
+        raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
+    except DescriptionError as error:
+        who = model.core.weightless() if "mass matrix" in error.message else None
+        if who is None:
+            raise
+        raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)
