@@ -1,7 +1,7 @@
 //! Which joints to replace by which, so that nothing is redundant and nothing moves that did not.
 //!
-//! A component that a joint is freed of takes a self-stress away if some self-stress loads it; else it adds a motion. So the
-//! components freed must be as many as there are self-stresses, and the self-stresses independent in them.
+//! A component that a joint is freed of takes a self-stress away if some self-stress loads it; else it adds a motion.
+//! So the components freed must be as many as there are self-stresses, and the self-stresses independent in them.
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};

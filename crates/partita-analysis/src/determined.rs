@@ -119,8 +119,8 @@ fn open_drives(model: &Model, stresses: &[Stress]) -> Vec<bool> {
     open
 }
 
-/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, and one for the
-/// effort along each velocity of each joint.
+/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, and one
+/// for the effort along each velocity of each joint.
 ///
 /// In a singular position more is open than next to it, and is said to be.
 ///
@@ -164,8 +164,8 @@ pub fn flags<E: Send + From<AnalysisError>>(
     tables(states.len(), &[width, width, freedoms], 1, || twin.scratch(), row, watch)
 }
 
-/// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component along a
-/// unit axis is determined where its product with none of the three exceeds 1.
+/// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component
+/// along a unit axis is determined where its product with none of the three exceeds 1.
 ///
 /// # Errors
 /// Those of [`flags`].

@@ -142,8 +142,8 @@ struct Measured {
 
 /// The report at an assembled position, at rest.
 ///
-/// Fails at a singular position. Of a mechanism with a body that moves without mass or inertia it says which that is, and
-/// leaves the measures out.
+/// Fails at a singular position. Of a mechanism with a body that moves without mass or inertia it says which that is,
+/// and leaves the measures out.
 pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError> {
     let found = mobility(model, t, q)?;
     let known = determined(model, t, q, true)?;
@@ -262,8 +262,8 @@ fn idle(model: &Model) -> Vec<Idle> {
     found
 }
 
-/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where all have
-/// both.
+/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
+/// all have both.
 pub fn weightless(model: &Model) -> Option<String> {
     let light = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
     model.spec.bodies.iter().any(light).then(|| without_inertia(model, &idle(model)))

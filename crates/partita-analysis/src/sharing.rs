@@ -1,17 +1,17 @@
 //! One rule for what rigid bodies leave open: how redundant joints share their load.                          (R2)
 //!
-//! Reactions w of all joints are known up to self-stresses, w + S α. Of all that are possible those are returned that are
-//! least in a metric W,
+//! Reactions w of all joints are known up to self-stresses, w + S α. Of all that are possible those are returned that
+//! are least in a metric W,
 //!
 //! ```text
 //! min Σ_j w_jᵀ W_j w_j     w* = w − S (Sᵀ W S)⁻¹ Sᵀ W w
 //! ```
 //!
-//! over all joints, whether they carry coordinates or close loops. Without compliances W_j weighs forces by 1 and moments
-//! about the joint's point by 1/L², L the typical length of a body: a number without units, the same in all axes and for
-//! every choice of coordinates, cuts and rows. With compliances of the joints it is twice their elastic energy, so that w*
-//! are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves continuously with the mechanism,
-//! and what every self-stress leaves alone is left alone.
+//! over all joints, whether they carry coordinates or close loops. Without compliances W_j weighs forces by 1 and
+//! moments about the joint's point by 1/L², L the typical length of a body: a number without units, the same in all
+//! axes and for every choice of coordinates, cuts and rows. With compliances of the joints it is twice their elastic
+//! energy, so that w* are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves
+//! continuously with the mechanism, and what every self-stress leaves alone is left alone.
 
 use crate::error::AnalysisError;
 use crate::geometry::{lifted, Geometry};
@@ -36,7 +36,8 @@ const REPETITIONS: usize = 12;
 const SETTLED: f64 = 1e-14;
 /// What an elimination of another position may leave unbalanced, over what the reference left.
 const WORN: f64 = 1e-9;
-/// Compliance of what is not said to be elastic, over the least compliance that was: nothing, as far as six digits show it.
+/// Compliance of what is not said to be elastic, over the least compliance that was: nothing, as far as six digits show
+/// it.
 const RIGID: f64 = 1e-6;
 
 /// Weights of the six components of each joint's wrench, square roots, along the joint's axes.
@@ -133,8 +134,9 @@ impl<'g, 'm> Sharing<'g, 'm> {
         crate::stress::stresses(self.system, &pose, &start, t, q)
     }
 
-    /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their children, and
-    /// the efforts of the drives, by their number. Reactions that are not finite (a singular position) stay so.
+    /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their
+    /// children, and the efforts of the drives, by their number. Reactions that are not finite (a singular position)
+    /// stay so.
     pub(crate) fn share(
         &self,
         t: f64,
@@ -266,7 +268,8 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
 /// Orthonormal self-stresses at one position: a base of all that can be added to the reactions there.
 #[derive(Clone, Debug, Default)]
 pub struct SelfStresses {
-    /// Force and moment about the joint's point on its child, world axes, of every joint in each self-stress (s x 6 nj).
+    /// Force and moment about the joint's point on its child, world axes, of every joint in each self-stress (s x 6
+    /// nj).
     pub wrenches: Vec<f64>,
     /// Effort of every drive in each (s x drives).
     pub efforts: Vec<f64>,
@@ -281,8 +284,9 @@ const EQUAL: f64 = 1e-6;
 /// Singular values of self-stresses of length 1 below this part of the largest are nothing.
 const SAME: f64 = 1e-10;
 
-/// The self-stresses at (t, q), orthonormal in the metric of the rule, in an order that depends on the mechanism alone: the
-/// first loads some component as heavily as any can, the next loads it not at all and another one as heavily as is left.
+/// The self-stresses at (t, q), orthonormal in the metric of the rule, in an order that depends on the mechanism alone:
+/// the first loads some component as heavily as any can, the next loads it not at all and another one as heavily as is
+/// left.
 ///
 /// For looking at; dense, O(s² nj).
 ///
@@ -344,8 +348,8 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
     })
 }
 
-/// Turn an orthonormal base (rows of `along`) so that row i is the projection of a unit component onto what the rows before it
-/// leave, the longest there is, the first of equals; `weights` along with it.
+/// Turn an orthonormal base (rows of `along`) so that row i is the projection of a unit component onto what the rows
+/// before it leave, the longest there is, the first of equals; `weights` along with it.
 fn turn_to_pivots(along: &mut Matrix, weights: &mut Matrix) {
     let (s, n) = (along.rows(), along.cols());
     for a in 0..s {
@@ -373,8 +377,8 @@ fn turn_to_pivots(along: &mut Matrix, weights: &mut Matrix) {
     }
 }
 
-/// Multipliers of the reactions that the rule chooses, from any that belong to the motion: `split` says which rows were kept, c
-/// is C (m x n). Dense.
+/// Multipliers of the reactions that the rule chooses, from any that belong to the motion: `split` says which rows were
+/// kept, c is C (m x n). Dense.
 ///
 /// # Errors
 /// Where the mechanism cannot be compiled in space, and what a user's function raises.

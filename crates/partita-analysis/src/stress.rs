@@ -1,8 +1,8 @@
 //! Self-stresses as people feel them: joint wrenches that balance one another without any load.
 //!
 //! The multipliers of a self-stress, `Cᵀ λ = 0`, act in the cut joints; the tree joints between the two sides of a cut
-//! pass its wrench on. Only the joints around the loops are touched, so that a long chain of loops costs no more per loop
-//! than a short one.
+//! pass its wrench on. Only the joints around the loops are touched, so that a long chain of loops costs no more per
+//! loop than a short one.
 
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
