@@ -469,3 +469,98 @@ impl Rule<'_> {
         self.sharing.share(t, &lifted(self.model, self.twin, q), joints, drives, room)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::examples::*;
+    use partita_model::place::Coordinates;
+    use partita_model::spec::JointKind::Revolute;
+    use partita_model::spec::Spec;
+
+    /// A leaf on three hinges of one axis, which carries its weight of 9.81 N.
+    fn shaft() -> Spec {
+        let mut spec = empty("shaft");
+        spec.gravity = [0.0, 0.0, -9.81];
+        spec.bodies.push(body("shaft", [0.0; 3], [0.8, 0.0, 0.0]));
+        for (name, z) in [("low", -0.8), ("middle", 0.1), ("high", 0.8)] {
+            spec.joints.push(joint(name, Revolute, "ground", "shaft", [0.0, 0.0, z], Z));
+        }
+        spec
+    }
+
+    /// Shared wrenches at rest in the drawn position.
+    fn shared(m: &Model) -> Vec<Wrench> {
+        let (q, v) = (m.initial(), vec![0.0; m.placed.nv]);
+        let i = crate::instant::at(m, 0.0, &q, Some(&v)).unwrap();
+        let mut s = m.scratch();
+        let mut joints = m.reactions(0.0, &q, &v, &i.vdot, &i.multipliers, &mut s).unwrap().joints;
+        with_rule::<_, AnalysisError>(m, Some((0.0, &q)), |rule| {
+            let rule = rule.expect("something is redundant");
+            rule.share(0.0, &q, &mut joints, &mut efforts(m, &i.multipliers), &mut rule.room())
+        })
+        .unwrap();
+        joints
+    }
+
+    #[test]
+    fn perpendicular_to_an_orthonormal_base_in_any_coordinates() {
+        for spec in [shaft(), tilted(four_bar([Revolute; 4])), bricard(), spherical_four_bar(), tilted(chain(3, 0.4))] {
+            let mut before: Option<Vec<Wrench>> = None;
+            for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
+                let m = compiled(spec.clone(), coordinates);
+                let (nj, w) = (m.placed.joints.len(), shared(&m));
+                let base = self_stresses(&m, 0.0, &m.initial()).unwrap();
+                let per = |c: usize| if c < 3 { 1.0 } else { base.length.powi(-2) };
+                let of = |a: usize, j: usize, c: usize| base.wrenches[(a * nj + j) * 6 + c];
+                let all = || (0..nj).flat_map(|j| (0..6).map(move |c| (j, c)));
+                for a in 0..base.count {
+                    for b in 0..base.count {
+                        let dot: f64 = all().map(|(j, c)| of(a, j, c) * of(b, j, c) * per(c)).sum();
+                        assert!((dot - f64::from(u8::from(a == b))).abs() < 1e-10, "{a} {b} {dot}");
+                    }
+                    let number = |j: usize, c: usize| if c < 3 { w[j].force.0[c] } else { w[j].moment.0[c - 3] };
+                    let along: f64 = all().map(|(j, c)| of(a, j, c) * number(j, c) * per(c)).sum();
+                    assert!(along.abs() < 1e-9, "{} {along}", m.spec.name);
+                }
+                if let Some(before) = &before {
+                    for (x, y) in before.iter().zip(&w) {
+                        assert!((x.force - y.force).norm() + (x.moment - y.moment).norm() < 1e-9, "{}", m.spec.name);
+                    }
+                }
+                before = Some(w);
+            }
+        }
+    }
+
+    /// Along the axis a self-stress is a force alone: elastic hinges share the weight as 1 / compliance.
+    #[test]
+    fn elastic_hinges_share_by_their_compliance() {
+        let even = shared(&model(shaft()));
+        assert!(even.iter().all(|w| (w.force.0[2] - 3.27).abs() < 1e-10));
+        let mut spec = shaft();
+        for (j, c) in spec.joints.iter_mut().zip([1e-8, 2e-8, 4e-8]) {
+            j.compliance = Some([c, c, c, 1e-7, 1e-7, 0.0]);
+        }
+        let shares = shared(&model(spec));
+        for (w, part) in shares.iter().zip([4.0, 2.0, 1.0]) {
+            assert!((w.force.0[2] - 9.81 * part / 7.0).abs() < 1e-8, "{:?}", w.force);
+        }
+    }
+
+    #[test]
+    fn multipliers_of_the_rule_balance_the_same_motion() {
+        let m = model(bricard());
+        let (q, v) = (m.initial(), vec![0.0; m.placed.nv]);
+        let i = crate::instant::at(&m, 0.0, &q, Some(&v)).unwrap();
+        let mut lambda = i.multipliers.clone();
+        multipliers(&m, (0.0, &q, &v), &i.vdot, &mut lambda, &i.c, &i.split).unwrap();
+        assert!(lambda.iter().zip(&i.multipliers).any(|(x, y)| (x - y).abs() > 1e-3));
+        let change: Vec<f64> = lambda.iter().zip(&i.multipliers).map(|(x, y)| x - y).collect();
+        assert!(i.c.transpose().matvec(&change).iter().all(|x| x.abs() < 1e-10));
+        let own = m.reactions(0.0, &q, &v, &i.vdot, &lambda, &mut m.scratch()).unwrap().joints;
+        for (x, y) in own.iter().zip(shared(&m)) {
+            assert!((x.force - y.force).norm() < 1e-9);
+        }
+    }
+}
