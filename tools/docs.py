@@ -133,6 +133,11 @@ def schema_page() -> str:
     return "\n".join(lines)
 
 
+def messages_page() -> str:
+    """What is said of broken and odd models."""
+    return str(scripts(TESTS, "messages").page())
+
+
 def trust_page() -> str:
     """The cases that the tests ask, class by class, with what comes out of them."""
     trust = scripts(TESTS, "trust")
@@ -184,6 +189,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
     "zoo": zoo_page,
     "model-files": schema_page,
+    "messages": messages_page,
     "trust": trust_page,
 }
 

@@ -727,6 +727,22 @@ ERRORS = (
         ("lib stress",),
     ),
     Error(
+        "shared-metric",
+        "moments weigh L^2 in place of 1 / L^2 when redundant joints share their load (R2)",
+        f"{ANALYSIS}/sharing.rs",
+        "let plain = |x: f64| [x, x, x, x / length, x / length, x / length];",
+        "let plain = |x: f64| [x, x, x, x * length, x * length, x * length];",
+        ("lib sharing", "python test_undetermined.py"),
+    ),
+    Error(
+        "shared-drives",
+        "the share that a drive has in a self-stress is left out of its effort (R2)",
+        f"{ANALYSIS}/sharing.rs",
+        "drives[*d] += effort * alpha;",
+        "drives[*d] += 0.0 * effort * alpha;",
+        ("python test_undetermined.py",),
+    ),
+    Error(
         "body-velocity",
         "velocity of a body's origin is that of its reference point",
         f"{MODEL}/observe.rs",

@@ -134,18 +134,37 @@ class Model:
     def reaction(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array, joint: int) -> dict[str, Array]:
         """Wrench of one joint at nt samples."""
 
+    def checks(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
+        """Acceleration closure with its row, worst row of the closure, rank and margin of nt samples, (nt,) each."""
+
+    def shares_loads(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> bool:
+        """Is part of the reactions of nt samples a matter of a rule, for which all joints are asked?"""
+
     def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
         """Joint wrenches of nt samples."""
 
     def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
         """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
-    def determined(self, t: Array, q: Array, v: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone."""
+    def determined(
+        self, t: Array, q: Array, v: Array
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; and the same
+        of the efforts of drives along the freedoms of all joints (nt, freedoms)."""
+
+    def self_stress_basis(self, t: float, q: Array) -> tuple[Array, Array, float]:
+        """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and what
+        moments are divided by."""
 
     def self_stresses(self, t: Array, q: Array, v: Array, joint: int) -> Array:
         """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
         along a unit axis is determined where no product with them exceeds 1."""
+
+    def suspicious(self) -> list[str]:
+        """Data that are possible and unlikely, in sentences."""
+
+    def weightless(self) -> str | None:
+        """Which body lacks mass or inertia, in a sentence."""
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""

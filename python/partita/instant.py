@@ -29,7 +29,8 @@ class Instant:
         D: (k, n) with D C^T = 0 and v = D^T v_I + [0; eta]. (P2)
         M_d, h_d: the equations free of reactions, M_d v'_I = h_d (k, k), (k,). (P3)
         vdot: accelerations (n,).
-        multipliers: lambda (m,), zero on rows that say nothing of their own.
+        multipliers: lambda (m,); of redundant rows of a mechanism those of the reactions with the least sum of squares
+            over all joints, of redundant rows by hand zero on those left out.
         rho: projective measure of every velocity (n,): 1 = not hindered by the constraints, 0 = locked. (P4)
         sigma, sqrt_mu: quality of the choice, 1 best, 0 singular; see `pt.partition.Partition`.
         independent, dependent: indices of velocities (k,) and (r,).

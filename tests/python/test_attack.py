@@ -180,6 +180,7 @@ def built() -> dict[str, Callable[[], Call]]:
             "coordinate": 0,
             "name": "d",
         },
+        "add_compliance": {"joint": "A", "translation": 1e-8, "rotation": (0.0, 1e-6, 0.0)},
         "add_torque": {"joint": "A", "value": 1.0, "coordinate": 0, "name": "t"},
         "add_force": {"body": "rod", "force": X, "point": ORIGIN, "axes": "world", "name": "f"},
         "add_spring": {
@@ -409,6 +410,8 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
+        "Result.self_stresses": (lambda output: run.self_stresses(output).wrenches, {"output": 0}),
+        "JointResult.directions": (lambda output: tuple(joint.directions(output)), {"output": 0}),
         "JointResult.in_frame": (joint.in_frame, {"axes": np.eye(3)}),
         "BodyResult.point": (body.point, {"point": X}),
         "BodyResult.point_velocity": (body.point_velocity, {"point": X}),

@@ -33,9 +33,9 @@ def watched(m: pt.Mechanism, run: Result) -> tuple[Result, Counting]:
     return Result.from_run(raw, model=counting, summary=model.summary, spec=model.description), counting
 
 
-def loaded() -> tuple[pt.Mechanism, dict[str, int]]:
-    """A four-bar with a user's torque in A and a user's force on the rocker, and how often each was called."""
-    m, calls = pt.catalogue.load("four-bar"), {"torque": 0, "force": 0}
+def loaded(name: str) -> tuple[pt.Mechanism, dict[str, int]]:
+    """A loop with a user's torque in A and a user's force on the last body, and how often each was called."""
+    m, calls = pt.catalogue.load(name), {"torque": 0, "force": 0}
     end = m.to_spec()["bodies"][-1]["name"]
 
     def torque(t: float, state: Any) -> float:
@@ -76,7 +76,7 @@ def test_one_by_one_is_what_all_at_once_is(name: str, coordinates: str) -> None:
 
 
 def test_what_is_not_read_is_not_computed() -> None:
-    m = pt.catalogue.load("four-bar")
+    m = pt.catalogue.load("rssr")  # nothing is redundant
     run, model = watched(m, m.simulate(0.5))
     assert model.asked == []
     first = run.names.joints[1]
@@ -84,17 +84,28 @@ def test_what_is_not_read_is_not_computed() -> None:
     assert model.asked == []
     for _ in range(2):
         assert joint.force.shape == (201, 3) and run.joint(first).moment.shape == (201, 3)
-    assert model.asked == [("reaction", 1)]
+    assert model.asked == [("shares_loads", None), ("reaction", 1)]
     assert run.joint(first).position.shape[0] == 201 and run.joint(first).point.shape == (201, 3)
-    assert model.asked[1:] == [("joints", [1])]
+    assert model.asked[2:] == [("joints", [1])]
     assert run.body(run.names.bodies[2]).position.shape == (201, 3)
-    assert model.asked[2:] == [("bodies", [2])]
+    assert model.asked[3:] == [("bodies", [2])]
     assert run.energy.total.shape == (201,) and run.energy.kinetic.shape == (201,)
-    assert model.asked[3:] == [("energies", None)]
+    assert model.asked[4:] == [("energies", None)]
+
+
+def test_redundant_joints_share_loads_so_that_all_are_asked_at_once() -> None:
+    m, calls = loaded("four-bar")
+    run, model = watched(m, m.simulate(0.2, t_eval=np.linspace(0.0, 0.2, 11)))
+    assert run.multipliers.shape[0] == 11
+    calls.update(torque=0, force=0)
+    for name in run.names.joints:
+        assert run.joint(name).force.shape == (11, 3)
+    assert model.asked == [("shares_loads", None), ("reactions", None)]
+    assert calls == {"torque": 11, "force": 11}
 
 
 def test_a_reaction_asks_only_what_acts_on_the_bodies_it_holds() -> None:
-    m, calls = loaded()
+    m, calls = loaded("rssr")
     run = m.simulate(0.2, t_eval=np.linspace(0.0, 0.2, 11))
     cut = next(j["name"] for j in run.summary["joints"] if not j["tree"])
     assert calls["torque"] == calls["force"]
@@ -157,7 +168,7 @@ def test_results_and_their_parts_are_pickled_and_copied(stored: bool, tmp_path: 
 
 
 def test_a_result_with_functions_is_pickled_without_them() -> None:
-    m, _ = loaded()
+    m, _ = loaded("four-bar")
     run = m.simulate(0.1, t_eval=[0.0, 0.1])
     other = pickle.loads(pickle.dumps(run))
     assert np.array_equal(other.joint("A").force, run.joint("A").force)

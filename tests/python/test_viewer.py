@@ -41,6 +41,7 @@ class Fake:
     has_energy: bool = True
     with_spec: bool = True
     title: str = "fake"
+    determined: np.ndarray = field(default_factory=lambda: np.ones(6, dtype=bool))
 
     def __post_init__(self) -> None:
         nt, nj = len(self.t), len(self.joints)
@@ -92,7 +93,9 @@ class Fake:
         position, rotation = self.poses[self.joints[i][3]]
         point = position + rotation @ np.array(self.joints[i][4])
         force = self._loads / self._phase[i]
-        return SimpleNamespace(point=point, force=force, moment=0.1 * force[:, ::-1])
+        found = SimpleNamespace(point=point, force=force, moment=0.1 * force[:, ::-1], determined=self.determined)
+        found.in_frame = lambda axes: found
+        return found
 
 
 def turned(angle: np.ndarray) -> np.ndarray:
@@ -283,6 +286,18 @@ def test_choices_and_exchanges() -> None:
     assert scene["switchCount"] == 2
     assert [s["t"] for s in scene["switches"]] == [1.9, 4.8]
     assert scene["switches"][0]["entering"] == ["C"]
+
+
+def test_what_is_not_unique_is_marked() -> None:
+    """Of a force along x and y, and a moment along y and z: what is open counts where it is not zero."""
+    for determined, expected in (
+        ([1, 1, 1, 1, 1, 1], [False, False]),
+        ([0, 1, 1, 1, 1, 1], [True, False]),
+        ([1, 1, 0, 0, 1, 1], [False, False]),
+        ([1, 1, 1, 1, 0, 1], [False, True]),
+    ):
+        seen = data(viewer.html(four_bar(determined=np.array(determined, dtype=bool))))
+        assert all(joint["open"] == expected for joint in seen["joints"])
 
 
 def test_rail_spans_the_travel() -> None:

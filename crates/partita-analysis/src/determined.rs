@@ -77,35 +77,50 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
     let (twin, q) = in_space(model, q)?;
     // drives belong to it: two that prescribe one motion can work against each other
     let system = Geometry::new(&twin, true);
-    let found = here(&system, &analyse(&system, t, &q)?, t, &q)?;
+    let (found, _) = here(&system, &analyse(&system, t, &q)?, t, &q)?;
     let mut scratch = twin.scratch();
     twin.look(&q, &vec![0.0; twin.placed.nv], &mut scratch);
     let frame = |j: usize| if in_joint_frame { twin.joint_frame(j, &scratch) } else { Mat3::identity() };
     Ok(found.iter().enumerate().map(|(j, x)| x.known(&frame(j))).collect())
 }
 
-/// All joints at a position whose rank is known.
-fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<Vec<Open>, AnalysisError> {
+/// All joints, and the drives that are open, at a position whose rank is known.
+fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
     let placed = &system.model.placed;
     if start.dropped.is_empty() {
-        return Ok(vec![Open::default(); placed.joints.len()]);
+        return Ok((vec![Open::default(); placed.joints.len()], vec![false; system.model.drives.len()]));
     }
-    let found = stresses(system, &Pose::new(system.model, q), start, t, q)?;
-    Ok(open(placed.joints.len(), placed.size, &found))
+    let found = stresses(system, &Pose::new(system.model, t, q), start, t, q)?;
+    Ok((open(placed.joints.len(), placed.size, &found), open_drives(system.model, &found)))
 }
 
-/// All joints at any position, a singular one too: what is open there for an instant only is open.
-fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<Vec<Open>, AnalysisError> {
+/// The same at any position, a singular one too: what is open there for an instant only is open.
+fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
     match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
         // not even that many conditions are independent: nothing is claimed
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
-            Ok(vec![Open::everything(); system.model.placed.joints.len()])
+            let model = system.model;
+            Ok((vec![Open::everything(); model.placed.joints.len()], vec![true; model.drives.len()]))
         }
         found => found,
     }
 }
 
-/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, and the same in joint axes.
+/// Efforts of drives that self-stresses change: of each joint, the velocities whose drive is open.
+fn open_drives(model: &Model, stresses: &[Stress]) -> Vec<bool> {
+    let mut open = vec![false; model.drives.len()];
+    for stress in stresses {
+        for &(d, effort) in &stress.drives {
+            let drive = &model.drives[d];
+            let turns = drive.joint.is_some_and(|(j, c)| model.placed.joints[j].shape.turns(c));
+            open[d] |= (if turns { effort / model.placed.size } else { effort }).abs() > stress.zero;
+        }
+    }
+    open
+}
+
+/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, and one
+/// for the effort along each velocity of each joint.
 ///
 /// In a singular position more is open than next to it, and is said to be.
 ///
@@ -118,11 +133,28 @@ pub fn flags<E: Send + From<AnalysisError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
     let (system, still) = (Geometry::new(&twin, true), vec![0.0; twin.placed.nv]);
+    let mut freedoms = 0;
+    let first: Vec<usize> = twin
+        .placed
+        .joints
+        .iter()
+        .map(|p| {
+            freedoms += p.shape.freedoms();
+            freedoms - p.shape.freedoms()
+        })
+        .collect();
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let q = lifted(model, &twin, q);
         twin.look(&q, &still, s);
-        for (j, x) in anywhere(&system, t, &q)?.iter().enumerate() {
+        let (found, drives) = anywhere(&system, t, &q)?;
+        rows.row(2, i).fill(1.0);
+        for (d, _) in twin.drives.iter().zip(drives).filter(|(_, open)| *open) {
+            if let Some((j, c)) = d.joint {
+                rows.row(2, i)[first[j] + c] = 0.0;
+            }
+        }
+        for (j, x) in found.iter().enumerate() {
             for (table, frame) in [Mat3::identity(), twin.joint_frame(j, s)].iter().enumerate() {
                 let known = x.known(frame).map(|yes| f64::from(u8::from(yes)));
                 rows.row(table, i)[6 * j..][..6].copy_from_slice(&known);
@@ -131,11 +163,11 @@ pub fn flags<E: Send + From<AnalysisError>>(
         Ok(())
     };
     let width = 6 * twin.placed.joints.len();
-    tables(states.len(), &[width, width], 1, || twin.scratch(), row, watch)
+    tables(states.len(), &[width, width, freedoms], 1, || twin.scratch(), row, watch)
 }
 
-/// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component along a
-/// unit axis is determined where its product with none of the three exceeds 1.
+/// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component
+/// along a unit axis is determined where its product with none of the three exceeds 1.
 ///
 /// # Errors
 /// Those of [`flags`].
@@ -149,7 +181,7 @@ pub fn directions<E: Send + From<AnalysisError>>(
     let system = Geometry::new(&twin, true);
     let row = |i: usize, (): &mut (), rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
-        let found = anywhere(&system, t, &lifted(model, &twin, q))?;
+        let (found, _) = anywhere(&system, t, &lifted(model, &twin, q))?;
         for (to, from) in rows.row(0, i).chunks_mut(3).zip(found[j].force.iter().chain(&found[j].moment)) {
             to.copy_from_slice(&from.0);
         }

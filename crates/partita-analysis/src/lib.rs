@@ -1,6 +1,7 @@
 //! Questions asked of a model: how many ways it can move, which of its joints' rows are superfluous and why, which
 //! reactions the motion determines, what it shows along a motion.
 
+pub mod cures;
 pub mod determined;
 pub mod error;
 #[cfg(test)]
@@ -14,6 +15,7 @@ pub mod poses;
 mod reason;
 pub mod report;
 pub mod run;
+pub mod sharing;
 mod stress;
 
 pub use determined::determined;

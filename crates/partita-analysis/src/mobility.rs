@@ -57,7 +57,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let released = Geometry::new(&twin, false);
     let free = analyse(&released, t, &q)?;
     let (nv, bodies) = (twin.placed.nv, twin.placed.bodies.len());
-    let pose = Pose::new(&twin, &q);
+    let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     for (stress, &row) in stresses(&released, &pose, &free, t, &q)?.iter().zip(&free.dropped) {
         redundant.push(Redundant {

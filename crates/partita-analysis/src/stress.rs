@@ -1,15 +1,17 @@
 //! Self-stresses as people feel them: joint wrenches that balance one another without any load.
 //!
 //! The multipliers of a self-stress, `Cᵀ λ = 0`, act in the cut joints; the tree joints between the two sides of a cut
-//! pass its wrench on. Only the joints around the loops are touched, so that a long chain of loops costs no more per loop
-//! than a short one.
+//! pass its wrench on. Only the joints around the loops are touched, so that a long chain of loops costs no more per
+//! loop than a short one.
 
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use partita_math::elimination::{Plan, PlanOptions, SparseRoom};
 use partita_math::spatial::{Spatial, Vec3};
+use partita_model::joint::Motion;
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
+use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
 use partita_system::reduction::SINGULAR_PIVOT;
 use partita_system::start::Start;
@@ -25,8 +27,12 @@ const ZERO: f64 = 1e-9;
 pub(crate) struct Stress {
     /// Wrench of each joint that carries any, on its child, about the joint's point there; world axes.
     pub(crate) joints: Vec<(usize, Wrench)>,
+    /// Effort of each drive that works in it, along its velocity.
+    pub(crate) drives: Vec<(usize, f64)>,
     /// Forces (and moments over the mechanism's size) up to this are zero.
     pub(crate) zero: f64,
+    /// What it leaves unbalanced over its largest force: how nearly dependent the rows are.
+    pub(crate) unbalanced: f64,
 }
 
 /// Poses of the tree and the way from each body to the ground.
@@ -39,11 +45,13 @@ pub(crate) struct Pose<'m> {
     pub(crate) points: Vec<Vec3<f64>>,
     /// Tree edge that holds each node, and the number of edges between it and the ground.
     held: Vec<(usize, usize)>,
+    /// When, and the coordinates.
+    at: (f64, Vec<f64>),
 }
 
 impl<'m> Pose<'m> {
     /// At q of the mechanism in space, whose axes are the world's.
-    pub(crate) fn new(model: &'m Model, q: &[f64]) -> Self {
+    pub(crate) fn new(model: &'m Model, t: f64, q: &[f64]) -> Self {
         let mut tree = model.full.scratch();
         model.full.poses(q, &mut tree);
         let placed = &model.placed;
@@ -60,7 +68,7 @@ impl<'m> Pose<'m> {
         for (i, e) in placed.topology.tree.iter().enumerate() {
             held[e.to] = (i, held[e.from].1 + 1);
         }
-        Self { model, tree, points, held }
+        Self { model, tree, points, held, at: (t, q.to_vec()) }
     }
 
     /// Tree edges between two nodes, each with the side it is on: away from the ground towards `b`?
@@ -75,6 +83,62 @@ impl<'m> Pose<'m> {
             *node = tree[edge].from;
         }
         edges
+    }
+
+    /// What a condition that is no closing passes through the joints: its own joint, those on the way between the bodies it
+    /// pushes, and, of couplings, not through the coordinates it acts along.
+    fn pass_condition(
+        &self,
+        (row, x): (usize, f64),
+        origin: Vec3<f64>,
+        sums: &mut BTreeMap<usize, Wrench>,
+    ) -> Result<(), SystemError> {
+        let (model, (t, q)) = (self.model, &self.at);
+        let owner = model.row_names[row].owner;
+        let own = match owner {
+            Owner::Joint(j) => Some(j),
+            Owner::Drive(i) => model.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
+            Owner::Coupling(_) => None,
+        };
+        let mut add = |joint: usize, sign: f64, w: &Wrench| {
+            let sum = sums.entry(joint).or_default();
+            sum.moment += w.moment.times(sign);
+            sum.force += w.force.times(sign);
+        };
+        let mut taken: Vec<(usize, f64)> = Vec::new();
+        model.condition_acts(
+            &self.tree,
+            (*t, q),
+            (row, x),
+            |[a, b], w, place| {
+                let w = Wrench { moment: w.moment + (place - origin).cross(w.force), force: w.force };
+                own.into_iter().for_each(|j| add(j, 1.0, &w));
+                for (edge, towards_b) in self.between(a, b) {
+                    let e = &model.placed.topology.tree[edge];
+                    if let Some(j) = e.joint {
+                        add(j, if towards_b == e.reversed { 1.0 } else { -1.0 }, &w);
+                    }
+                }
+            },
+            |v, effort| taken.push((v, effort)),
+        )?;
+        // what a coupling does along a coordinate is no reaction of its joint
+        for (v, effort) in taken.into_iter().filter(|_| own.is_none()) {
+            for (j, p) in model.placed.joints.iter().enumerate() {
+                for &l in p.links.iter().flatten().filter(|&&l| model.placed.links[l].v == v) {
+                    let (x, sign) = (&self.tree.links[l], if p.reversed { 1.0 } else { -1.0 });
+                    let w = match model.placed.links[l].motion {
+                        Motion::Turn(_) => Wrench { moment: x.axis.times(effort), force: Vec3::zero() },
+                        _ => {
+                            let force = x.direction.times(effort);
+                            Wrench { moment: (self.points[j] - origin).cross(force), force }
+                        }
+                    };
+                    add(j, sign, &w);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Joint wrenches of the multipliers `(row, λ)`; moments are collected about `origin` and then reduced.
@@ -107,6 +171,10 @@ impl<'m> Pose<'m> {
             }
         }
         lambda.iter().for_each(|&(row, _)| dense[row] = 0.0);
+        for &(row, x) in lambda.iter().filter(|(row, _)| *row >= self.model.closing_rows) {
+            // a function that fails here fails in every evaluation, which says so
+            let _ = self.pass_condition((row, x), origin, &mut sums);
+        }
         let about = |(j, w): (usize, Wrench)| {
             (j, Wrench { moment: w.moment - (self.points[j] - origin).cross(w.force), force: w.force })
         };
@@ -127,58 +195,115 @@ pub(crate) fn stresses(
     if start.dropped.is_empty() {
         return Ok(Vec::new());
     }
-    let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
-    let length = system.model.placed.size;
-    let c = system.jacobian(t, q)?;
-    let row_norm = |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-    let row_scale: Vec<f64> =
-        (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
-    let mut kept = vec![true; size.rows];
-    start.dropped.iter().for_each(|&i| kept[i] = false);
-    let any = vec![true; size.nv];
-    let singular = || SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT };
-    let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &reach, start.rank, PlanOptions::default())
-        .map_err(|_| singular())?;
-    let mut factors = vec![0.0; plan.factor_len()];
-    plan.factor(&c, &mut factors).map_err(|_| singular())?;
-    let mut step_of = vec![None; size.nv];
-    plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
-    let mut room = SparseRoom::new(plan.rank());
-    let mut balance = |row: usize| -> Vec<(usize, f64)> {
-        let b: Vec<(usize, f64)> =
-            pattern.row(row).filter_map(|e| step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
-        let mut lambda = plan.solve_transposed_sparse(&factors, &b, &mut room);
-        lambda.sort_unstable_by_key(|x| x.0);
-        let of_rows = lambda.into_iter().map(|(step, x)| (plan.pivot_rows()[step], x));
-        std::iter::once((row, 1.0)).chain(of_rows).collect()
-    };
+    let (balance, c) = Balance::new(system, start, t, q)?;
+    balance.stresses(pose, &c).ok_or_else(|| singular(t).into())
+}
 
-    let mut closing_of = Vec::with_capacity(size.rows);
-    let mut unit = vec![1.0; size.rows];
-    for (i, k) in system.model.full.closings.iter().enumerate() {
-        closing_of.extend(std::iter::repeat_n(i, k.rows()));
-        unit[k.row + k.slide_rows()..k.row + k.rows()].fill(1.0 / length);
+fn singular(t: f64) -> SystemError {
+    SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT }
+}
+
+/// The elimination that balances dropped rows by those kept: made at one position, of use where its pivots last.
+pub(crate) struct Balance<'g, 'm> {
+    system: &'g Geometry<'m>,
+    dropped: Vec<usize>,
+    plan: Plan,
+    /// Step of the elimination that uses a column.
+    step_of: Vec<Option<usize>>,
+    /// Closing of each row of a closing.
+    closing_of: Vec<usize>,
+    /// Drive of each row of a drive.
+    drive_of: Vec<Option<usize>>,
+    /// What makes a force of each multiplier.
+    unit: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+impl<'g, 'm> Balance<'g, 'm> {
+    /// At a position whose rank is known; and the values of C there.
+    pub(crate) fn new(
+        system: &'g Geometry<'m>,
+        start: &Start,
+        t: f64,
+        q: &[f64],
+    ) -> Result<(Self, Vec<f64>), AnalysisError> {
+        let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
+        let length = system.model.placed.size;
+        let c = system.jacobian(t, q)?;
+        let row_norm =
+            |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+        let row_scale: Vec<f64> =
+            (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
+        let mut kept = vec![true; size.rows];
+        start.dropped.iter().for_each(|&i| kept[i] = false);
+        let any = vec![true; size.nv];
+        let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &reach, start.rank, PlanOptions::default())
+            .map_err(|_| singular(t))?;
+        let mut step_of = vec![None; size.nv];
+        plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
+        let mut closing_of = Vec::with_capacity(size.rows);
+        let mut unit = vec![1.0; size.rows];
+        for (i, k) in system.model.full.closings.iter().enumerate() {
+            closing_of.extend(std::iter::repeat_n(i, k.rows()));
+            unit[k.row + k.slide_rows()..k.row + k.rows()].fill(1.0 / length);
+        }
+        let mut drive_of = vec![None; size.rows];
+        for (i, d) in system.model.drives.iter().enumerate() {
+            if let Some(row) = (0..size.rows).find(|&row| system.row_of_model(row) == d.row) {
+                drive_of[row] = Some(i);
+            }
+        }
+        for row in system.model.closing_rows.min(size.rows)..size.rows {
+            if system.model.row_is_angle(system.row_of_model(row)) {
+                unit[row] = 1.0 / length;
+            }
+        }
+        Ok((Self { system, dropped: start.dropped.clone(), plan, step_of, closing_of, drive_of, unit, reach }, c))
     }
-    let mut dense = vec![0.0; system.model.pattern().rows];
-    let mut off = vec![0.0; size.nv];
-    let mut found = Vec::with_capacity(start.dropped.len());
-    for &row in &start.dropped {
-        let mut lambda = balance(row);
-        let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * unit[row]).abs()));
-        lambda.retain(|&(row, x)| (x * unit[row]).abs() > NEGLIGIBLE * top);
-        // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
-        let entries = || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
-        entries().for_each(|(j, e, x)| off[j] += x * c[e] * reach[j] / length);
-        let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
-        entries().for_each(|(j, _, _)| off[j] = 0.0);
-        let mut joints = pose.wrenches(&lambda, &closing_of, &mut dense);
-        let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
-        let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-        let zero = (ZERO * largest).max(10.0 * unbalanced);
-        joints.retain(|(_, w)| magnitude(w) > zero);
-        found.push(Stress { joints, zero });
+
+    /// The multipliers `(row, λ)` that balance one row, itself first, for the factors of C.
+    fn multipliers(&self, row: usize, c: &[f64], factors: &[f64], room: &mut SparseRoom) -> Vec<(usize, f64)> {
+        let pattern = self.system.pattern();
+        let b: Vec<(usize, f64)> =
+            pattern.row(row).filter_map(|e| self.step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
+        let mut lambda = self.plan.solve_transposed_sparse(factors, &b, room);
+        lambda.sort_unstable_by_key(|x| x.0);
+        let of_rows = lambda.into_iter().map(|(step, x)| (self.plan.pivot_rows()[step], x));
+        std::iter::once((row, 1.0)).chain(of_rows).collect()
     }
-    Ok(found)
+
+    /// The self-stresses for the values of C at a position; `None` where the elimination has worn out.
+    pub(crate) fn stresses(&self, pose: &Pose, c: &[f64]) -> Option<Vec<Stress>> {
+        let (size, pattern, model) = (self.system.size(), self.system.pattern(), self.system.model);
+        let length = model.placed.size;
+        let mut factors = vec![0.0; self.plan.factor_len()];
+        self.plan.factor(c, &mut factors).ok()?;
+        let mut room = SparseRoom::new(self.plan.rank());
+        let mut dense = vec![0.0; model.pattern().rows];
+        let mut off = vec![0.0; size.nv];
+        let mut found = Vec::with_capacity(self.dropped.len());
+        for &row in &self.dropped {
+            let mut lambda = self.multipliers(row, c, &factors, &mut room);
+            let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
+            lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
+            // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
+            let entries =
+                || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
+            entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.reach[j] / length);
+            let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
+            entries().for_each(|(j, _, _)| off[j] = 0.0);
+            let of_model: Vec<(usize, f64)> =
+                lambda.iter().map(|&(row, x)| (self.system.row_of_model(row), x)).collect();
+            let mut joints = pose.wrenches(&of_model, &self.closing_of, &mut dense);
+            let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
+            let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
+            let zero = (ZERO * largest).max(10.0 * unbalanced);
+            joints.retain(|(_, w)| magnitude(w) > zero);
+            let drives = lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))).collect();
+            found.push(Stress { joints, drives, zero, unbalanced: unbalanced / largest });
+        }
+        Some(found)
+    }
 }
 
 #[cfg(test)]
@@ -205,7 +330,7 @@ mod tests {
             let swept = m.wrenches_of(&q, &full, &mut m.scratch());
             let mut closing_of = Vec::new();
             m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
-            let walked = Pose::new(&m, &q).wrenches(&lambda, &closing_of, &mut vec![0.0; full.len()]);
+            let walked = Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut vec![0.0; full.len()]);
             assert_eq!(walked.len(), m.spec.joints.len());
             for (j, w) in walked {
                 assert!((w.force - swept[j].force).norm() < 1e-14, "{}", m.spec.joints[j].name);

@@ -165,7 +165,7 @@ fn sentence(status: Status, t: f64, settings: &Settings) -> String {
     match status {
         Status::Interrupted => format!("interrupted at t = {t}; the outputs up to there are kept"),
         Status::MaxSteps => format!(
-            "stopped at t = {t} after {} steps; allow more with max_steps, or loosen the tolerances",
+            "stopped at t = {t:.6} s after {} steps; allow more with max_steps, or loosen the tolerances",
             settings.max_steps
         ),
         _ => format!("reached t = {t}"),
@@ -187,10 +187,10 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
     let message = failure.to_string();
     match failure {
         StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
-            (Status::Singular, format!("stopped at t = {t}: {e}"), Some(e))
+            (Status::Singular, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
         StepFailure::TooSmall { last: Some(e @ SystemError::Jump { .. }), .. } => {
-            (Status::EvaluationFailed, format!("stopped at t = {t}: {e}"), Some(e))
+            (Status::EvaluationFailed, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
@@ -199,7 +199,7 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
                 e if is_of_a_position(e) => Status::Singular,
                 _ => Status::EvaluationFailed,
             };
-            (status, format!("stopped at t = {t}: {error}"), Some(error))
+            (status, format!("stopped at t = {t:.6} s: {error}"), Some(error))
         }
         StepFailure::NotFinite { .. } => (Status::EvaluationFailed, message, None),
     }

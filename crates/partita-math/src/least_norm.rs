@@ -216,6 +216,11 @@ impl LeastNorm {
         y.iter_mut().zip(&self.place).for_each(|(y, &k)| *y = self.solution[k]);
     }
 
+    /// z of the last solution: the weights of the rows in y = Cᵀ z.
+    pub fn weights(&self, z: &mut [f64]) {
+        z.iter_mut().zip(&self.place[self.cols..]).for_each(|(z, &k)| *z = -self.solution[k]);
+    }
+
     /// `work ← work − A solution`.
     fn subtract_product(&mut self) {
         for k in 0..self.d.len() {

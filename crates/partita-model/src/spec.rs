@@ -171,6 +171,9 @@ pub struct Joint {
     /// May it be cut?
     #[serde(default)]
     pub cut: Cut,
+    /// How far it gives along and about the joint axes x, y, z [m/N], [rad/(N m)]: by this redundant joints share loads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compliance: Option<[f64; 6]>,
 }
 
 impl Joint {
@@ -191,6 +194,7 @@ impl Joint {
             child_axis: None,
             child_frame: None,
             cut: Cut::Auto,
+            compliance: None,
         }
     }
 }

@@ -143,6 +143,12 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
         if j.child_frame.is_some() && j.child_axis.is_some() {
             return fail("child_axis and child_frame both say how it sits on its child; give one of them".into());
         }
+        if let Some(c) = j.compliance {
+            finite(&c, "joint", &j.name, "compliance")?;
+            if let Some(x) = c.iter().find(|x| **x < 0.0) {
+                return fail(format!("its compliance has the entry {x}; nothing gives against the load, 0 is rigid"));
+            }
+        }
     }
     let joint = |element: &'static str, name: &str, joint: &str| match names.get(joint) {
         Some(_) => Ok(()),

@@ -339,7 +339,12 @@ impl Model {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
             let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
-            state::at(py, &*self.inner, t, &q, v.as_deref())
+            let mut i = analysis::instant::at(&*self.inner, t, &q, v.as_deref()).map_err(|e| failure::system(py, e))?;
+            let known = (t, &q[..], &i.v[..]);
+            let shared =
+                analysis::sharing::multipliers(&self.inner, known, &i.vdot, &mut i.multipliers, &i.c, &i.split);
+            shared.map_err(|e| failure::analysis(py, e))?;
+            state::told(py, i)
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
@@ -439,6 +444,40 @@ impl Model {
         })
     }
 
+    /// Is part of the reactions at nt samples a matter of a rule, for which all joints are asked?
+    fn shares_loads<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<bool> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::shares(py, &self.inner, &motion, &acting)
+        })
+    }
+
+    /// What a certificate holds nt samples against.
+    fn checks<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        multipliers: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
+            outputs::checks(py, &self.inner, &motion, &acting)
+        })
+    }
+
     /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,
@@ -480,7 +519,7 @@ impl Model {
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<(Flags<'py>, Flags<'py>)> {
+    ) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
         guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 
@@ -494,6 +533,33 @@ impl Model {
         joint: usize,
     ) -> PyResult<Array<'py>> {
         guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
+    }
+
+    /// Orthonormal self-stresses at one position: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and the
+    /// length that moments are divided by.
+    fn self_stress_basis<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
+        guarded(py, || {
+            let q = vector(&q, self.nq(), "q")?;
+            let found = analysis::sharing::self_stresses(&self.inner, t, &q).map_err(|e| failure::analysis(py, e))?;
+            let (nj, nd) = (self.inner.spec.joints.len(), self.inner.spec.drives.len());
+            let wrenches = array(py, &[found.count, nj, 6], found.wrenches);
+            Ok((wrenches, array(py, &[found.count, nd], found.efforts), found.length))
+        })
+    }
+
+    /// Data that are possible and unlikely, in sentences.
+    fn suspicious(&self) -> Vec<String> {
+        analysis::report::suspicious(&self.inner)
+    }
+
+    /// Which body lacks mass or inertia, in a sentence.
+    fn weightless(&self) -> Option<String> {
+        analysis::report::weightless(&self.inner)
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {

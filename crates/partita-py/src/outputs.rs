@@ -203,12 +203,13 @@ pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -
     let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
     let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
     let nv = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    let shapes: [(&str, &[usize]); 5] = [
+    let shapes: [(&str, &[usize]); 6] = [
         ("force", &[nj, 3]),
         ("moment", &[nj, 3]),
         ("drive", &[nv]),
         ("joint_rotation", &[nj, 3, 3]),
         ("residual", &[]),
+        ("residuals", &[m.spec.bodies.len()]),
     ];
     named(py, states.len(), found, &shapes)
 }
@@ -226,18 +227,39 @@ pub fn augmented_reactions<'py>(
     Ok((next(), next()))
 }
 
+/// Do self-stresses leave reactions of this motion open?
+pub fn shares(py: Python<'_>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<bool> {
+    watched(py, |_| Ok(outputs::shares(m, &x.states(), &acting.forces())?))
+}
+
+/// Acceleration closure with its row, worst row of the closure, rank and margin.
+pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<Bound<'py, PyDict>> {
+    let (states, forces) = (x.states(), acting.forces());
+    let found = tables(py, |watch| outputs::checks(m, &states, &forces, watch))?;
+    let shapes: [(&str, &[usize]); 5] = [
+        ("acceleration_closure", &[]),
+        ("acceleration_row", &[]),
+        ("closure_row", &[]),
+        ("rank", &[]),
+        ("margin", &[]),
+    ];
+    named(py, states.len(), found, &shapes)
+}
+
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Flags of all joints in world axes and in joint axes (nt, nj, 6).
-pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>)> {
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6), and of the efforts along their freedoms (nt, freedoms).
+pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
     let (states, nj) = (x.states(), m.spec.joints.len());
+    let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
-    let mut next = || {
+    let mut next = |shape: &[usize]| {
         let flags = found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect();
-        shaped(py, &[states.len(), nj, 6], flags)
+        shaped(py, shape, flags)
     };
-    Ok((next(), next()))
+    let wrench = [states.len(), nj, 6];
+    Ok((next(&wrench), next(&wrench), next(&[states.len(), freedoms])))
 }
 
 /// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.

@@ -80,7 +80,11 @@ pub fn at<'py, S: ConstrainedSystem>(
     q: &[f64],
     v: Option<&[f64]>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let i = instant::at(system, t, q, v).map_err(|e| failure::system(py, e))?;
+    told(py, instant::at(system, t, q, v).map_err(|e| failure::system(py, e))?)
+}
+
+/// An instant by name.
+pub fn told(py: Python<'_>, i: instant::Instant) -> PyResult<Bound<'_, PyDict>> {
     let d = PyDict::new(py);
     let s = i.split;
     for (name, x) in [("M", i.mass), ("C", i.c), ("A", s.a), ("D", s.d), ("M_d", i.md)] {

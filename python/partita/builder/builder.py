@@ -6,6 +6,7 @@ from typing import Any
 
 from ..state import Layout
 from . import bodies as body_room
+from . import compliances as compliance_room
 from . import couplings as coupling_room
 from . import drives as drive_room
 from . import forces as force_room
@@ -49,6 +50,7 @@ class Builder(Drawing):
     add_rolling = coupling_room.add_rolling
     add_constraint = coupling_room.add_constraint
 
+    add_compliance = compliance_room.add_compliance
     add_drive = drive_room.add_drive
     add_spring = force_room.add_spring
     add_torsion_spring = force_room.add_torsion_spring

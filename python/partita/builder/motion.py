@@ -103,7 +103,7 @@ class Motion:
             if abs(given - slope) > _ANOTHER * size + 10.0 * error:
                 self.element.fail(
                     f"at t = {t:g} s the {what} given is {given:g}, but the function it belongs to has "
-                    f"the slope {slope:g}"
+                    f"the slope {slope:g}; leave the {what} out, and it is found exactly"
                 )
 
     def _plain(self, function: TimeFunction, t: float) -> float:

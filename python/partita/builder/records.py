@@ -85,6 +85,7 @@ class JointRecord:
     child_frame: Array | None = None
     pitch: float | None = None
     cut: str = "auto"
+    compliance: Array | None = None  # (6,) along and about the joint axes
 
 
 @dataclass(frozen=True)

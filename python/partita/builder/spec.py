@@ -84,6 +84,8 @@ class Writer:
             spec["child_frame"] = record.child_frame.tolist()
         if record.pitch is not None:
             spec["pitch"] = record.pitch
+        if record.compliance is not None:
+            spec["compliance"] = record.compliance.tolist()
         return {**spec, "cut": record.cut}
 
     def _origin(self, child: str, parent: str) -> Any:

@@ -55,6 +55,7 @@ SEAL = "# as saved by partita (delete this line after editing): "
 _STAGES = (
     ("body", "rod"),
     ("joint",),
+    ("compliance",),
     ("coupler", "cam", "rolling"),
     ("drive",),
     ("spring", "torsion_spring", "torque", "force"),

@@ -43,6 +43,10 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         yield _table("[[joint]]", _joint(joint))
     for coupling in d.couplings.values():
         yield _coupling(coupling)
+    for joint in d.joints.values():
+        if joint.compliance is not None:
+            along, about = joint.compliance[:3], joint.compliance[3:]
+            yield _table("[[compliance]]", {"joint": joint.name, "translation": along, "rotation": about})
     for drive in d.drives.values():
         yield _table("[[drive]]", _drive(drive))
     for force in d.forces.values():

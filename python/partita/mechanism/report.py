@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from .. import options as run_options
@@ -12,18 +15,76 @@ from .models import Modelled, layout_of
 from .solve import _fitting, assemble
 
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+_LINES = 12
+"""Lines of a table before the rest is counted: the report of a chain of forty loops is a page, not a book."""
+_WIDTH = 118
 
 
-def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> str:
-    """Describe the mechanism in words: mobility, redundancy, coordinates and their measure, reactions.
+@dataclass(frozen=True)
+class _Section:
+    """A title, paragraphs, and a table with what is said below it."""
+
+    title: str
+    paragraphs: Sequence[str] = ()
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    below: Sequence[str] = ()
+    listed: bool = False
+
+
+class Report(str):
+    """What is worth knowing about a mechanism in one position. It is its own text; `markdown` has the same with
+    headings and tables, `to_dict()` the numbers and names.
+
+    >>> import partita as pt
+    >>> report = pt.catalogue.load("four-bar").report()
+    >>> report.to_dict()["gruebler"], report.to_dict()["mobility"]
+    (-2, 1)
+    >>> "| joint |" in report.markdown
+    True
+    """
+
+    _found: dict[str, Any]
+    _sections: tuple[_Section, ...]
+
+    @property
+    def text(self) -> str:
+        """The text by itself, to be printed."""
+        return str(self)
+
+    @property
+    def markdown(self) -> str:
+        """The same as Markdown."""
+        return "\n\n".join(_markdown(section, i == 0) for i, section in enumerate(self._sections)) + "\n"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The findings as plain data: numbers, names and sentences, complete where the text counts the rest."""
+        return copy.deepcopy(self._found)
+
+    def __reduce__(self) -> tuple[Callable[..., Report], tuple[dict[str, Any], tuple[_Section, ...]]]:
+        return _reported, (self._found, self._sections)
+
+
+def _reported(found: dict[str, Any], sections: tuple[_Section, ...]) -> Report:
+    made = Report("\n\n".join(_text(section, i == 0) for i, section in enumerate(sections)) + "\n")
+    made._found, made._sections = found, sections
+    return made
+
+
+def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> Report:
+    """Describe the mechanism in words: what moves and how freely, redundancy and its cures, coordinates and their
+    measure, reactions, data that look like a slip.
 
     Args:
         state: where to look; None: the drawing, assembled.
         coordinates: as in `compile`.
 
+    Returns:
+        A text, to be printed, which has `.markdown` and `.to_dict()` besides.
+
     Raises:
         AssemblyError: the loops of the drawing do not close. ArgumentError: the state belongs to another
-            model.
+            model. SingularityError: the position is singular; the message says what to do.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -35,51 +96,67 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
     model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
     where = state if state is not None else assemble(self, coordinates=coordinates)
     _fitting("state", where, model)
-    found = json.loads(model.core.report(where.t, where.q))
-    notes = [*found["notes"], *(note for note in model.notes if note not in found["notes"])]
-    parts = [
-        _title(self, model.summary, where),
-        _mobility(found),
-        _redundancy(found),
+    found: dict[str, Any] = json.loads(model.core.report(where.t, where.q))
+    found["notes"] = [*found["notes"], *(note for note in model.notes if note not in found["notes"])]
+    found = {"name": self.name, "t": where.t, "drives": list(self.drives), **found}
+    sections = [
+        _title(found, model.summary),
+        _mobility(found, len(model.summary["bodies"])),
+        _Section("Redundancy", [found["redundancy"]]) if found["redundancy"] else None,
         _structure(found),
         _coordinates(found),
         _reactions(found),
-        _section("Notes", [f"- {note}" for note in notes]) if notes else "",
+        _Section("Suspicious data", found["suspicious"], listed=True) if found["suspicious"] else None,
+        _Section("Notes", found["notes"], listed=True) if found["notes"] else None,
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
+    return _reported(found, tuple(section for section in sections if section is not None))
 
 
-def _title(mechanism: Modelled, summary: dict[str, Any], state: State) -> str:
-    title = f'Mechanism "{mechanism.name}"'
+def _title(found: dict[str, Any], summary: dict[str, Any]) -> _Section:
     bodies, joints = len(summary["bodies"]), len(summary["joints"])
-    kind = "planar (all motion parallel to one plane)" if summary["planar"] else "spatial"
-    text = f"{_count(bodies, 'body', 'bodies')}, {_count(joints, 'joint')}; {kind}. Position at t = {state.t:g} s."
-    return f"{title}\n{'=' * len(title)}\n{text}"
+    kind = "planar (all motion parallel to one plane)" if found["planar"] else "spatial"
+    text = f"{_count(bodies, 'body', 'bodies')}, {_count(joints, 'joint')}; {kind}. Position at t = {found['t']:g} s."
+    return _Section(f'Mechanism "{found["name"]}"', [text])
 
 
-def _mobility(found: dict[str, Any]) -> str:
-    rows, rank = found["joint_rows"], found["joint_rank"]
-    lines = [
-        f"The mechanism has {_count(found['mobility'], 'degree')} of freedom in this position.",
-        f"Its joints impose {_count(rows, 'condition')} on the velocities of the bodies, of which {rank} "
-        "are independent" + (f"; {rows - rank} say what others say already." if rows > rank else "."),
-    ]
-    if found["mobility"] == 0:
-        lines.append("It cannot move: it is a structure, or all its freedom is prescribed by drives.")
-    return _section("Mobility", lines)
+def _mobility(found: dict[str, Any], bodies: int) -> _Section:
+    rows, rank, general, here = found["joint_rows"], found["joint_rank"], found["freedoms"], found["mobility"]
+    driven, redundant = general - here, rows - rank
+    first = f"The mechanism has {_freedoms(general)}"
+    if driven:
+        prescribed = "all prescribed" if not here else f"{driven} of them prescribed"
+        first += f", {prescribed} by {_named(found['drives'])}"
+        first += ": it moves as driven." if not here else f"; {here} to integrate."
+    else:
+        first += "." if general else ": it cannot move, the joints make a structure of the bodies."
+    lines = [first]
+    idle = found["idle"]
+    if idle:
+        spins = [f"{item['body']} spins about its own line between {_named(item['joints'])}" for item in idle]
+        more = general - len(idle)
+        lines.append(
+            f"{_freedoms(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else; "
+            f"{_freedoms(more)} {'is' if more == 1 else 'are'} left to the rest."
+        )
+    count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
+    if redundant:
+        lines.append(
+            f"{count}; it takes all {rows} conditions of the joints for independent, of which {rank} are: the true "
+            f"number is larger by the {redundant} that {'is' if redundant == 1 else 'are'} redundant."
+        )
+    else:
+        lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")
+    if found["locked"]:
+        lines.append(f"Locked by the loops in any position: {_named(found['locked'])}.")
+    if found["dead"]:
+        lines.append(
+            f"A dead position of {_named(found['dead'])}: it stands still here and moves next to here; nothing can be "
+            "driven from it in this position."
+        )
+    return _Section("Mobility", lines)
 
 
-def _redundancy(found: dict[str, Any]) -> str:
-    redundant = found["redundant"]
-    if not redundant:
-        return ""
-    rows = [(item["row"], item["joint"], item["why"]) for item in redundant]
-    what = _count(len(rows), "closing condition was", "closing conditions were")
-    lead = f"{what} recognised as redundant and left out:"
-    return _section("Redundant conditions", [lead, *_table(("row", "joint", "why"), rows)])
-
-
-def _structure(found: dict[str, Any]) -> str:
+def _structure(found: dict[str, Any]) -> _Section:
     tree = [(item["joint"], item["kind"], item["parent"], item["child"], "tree") for item in found["tree"]]
     cuts = [
         (item["joint"], item["kind"], item["parent"], item["child"], "closes a loop")
@@ -88,7 +165,7 @@ def _structure(found: dict[str, Any]) -> str:
     lead = "Joints of the spanning tree carry the coordinates; " + (
         f"{_count(len(cuts), 'joint closes a loop', 'joints close loops')}." if cuts else "no joint closes a loop."
     )
-    return _section("Joints", [lead, *_table(("joint", "kind", "parent", "child", "role"), tree + cuts)])
+    return _Section("Joints", [lead], ("joint", "kind", "parent", "child", "role"), tree + cuts)
 
 
 def _cut(item: Any) -> dict[str, Any]:
@@ -97,7 +174,7 @@ def _cut(item: Any) -> dict[str, Any]:
     return {**blank, "joint": item} if isinstance(item, str) else {**blank, **item}
 
 
-def _coordinates(found: dict[str, Any]) -> str:
+def _coordinates(found: dict[str, Any]) -> _Section | None:
     rows = [
         (
             item["name"],
@@ -107,35 +184,83 @@ def _coordinates(found: dict[str, Any]) -> str:
         )
         for item in found["coordinates"]
     ]
-    lines = [
-        "The measure rho says how mobile a coordinate is with the loops closed, relative to the loops "
-        "opened: 1 = they do",
-        "not hinder it, 0 = locked. It has no units. The most mobile ones are chosen as independent.",
-        *_table(("coordinate", "rho", "role", "scale"), rows),
-    ]
-    if found.get("sigma") is not None:
+    if not rows:
+        return None
+    lead = (
+        "The measure rho says how mobile a coordinate is with the loops closed, relative to the loops opened: 1 = they "
+        "do not hinder it, 0 = locked. It has no units. The most mobile ones are chosen as independent."
+    )
+    below = []
+    if found["sigma"] is not None:
         sigma, sqrt_mu = found["sigma"], found["sqrt_mu"]
-        lines.append(f"Quality of this choice: sigma = {sigma:.3g}, sqrt(mu) = {sqrt_mu:.3g} (1 is best, 0 singular).")
-    return _section("Coordinates", lines)
+        below.append(f"Quality of this choice: sigma = {sigma:.3g}, sqrt(mu) = {sqrt_mu:.3g} (1 is best, 0 singular).")
+    return _Section("Coordinates", [lead], ("coordinate", "rho", "role", "scale"), rows, below)
 
 
-def _reactions(found: dict[str, Any]) -> str:
+def _reactions(found: dict[str, Any]) -> _Section | None:
     rows = [(item["joint"], *("yes" if known else "no" for known in item["determined"])) for item in found["reactions"]]
     if not rows:
-        return ""
+        return None
     undetermined = sum(item == "no" for row in rows for item in row[1:])
-    verdict = ["All components of all reactions are determined."]
-    if undetermined:
-        verdict = [
-            f"{_count(undetermined, 'component is', 'components are')} not determined: rigid bodies alone cannot say",
-            "how redundant joints share the load, and numbers given for them are one possibility among many.",
-        ]
-    lines = ["Components along the joint axes:", *_table(("joint", *_COMPONENTS), rows), *verdict]
-    return _section("Reactions", lines)
+    if not undetermined:
+        return _Section("Reactions", ["All components of all reactions are determined."])
+    verdict = (
+        f"{_count(undetermined, 'component is', 'components are')} not determined: rigid bodies alone cannot say how "
+        "redundant joints share the load. Numbers given for them are one possibility among many, chosen by the least "
+        "sum of squares over all joints, or by the compliances given."
+    )
+    return _Section("Reactions", ["Components along the joint axes:"], ("joint", *_COMPONENTS), rows, [verdict])
 
 
-def _section(title: str, lines: Sequence[str]) -> str:
-    return "\n".join([title, "-" * len(title), *lines])
+def _text(section: _Section, first: bool) -> str:
+    lines = [section.title, ("=" if first else "-") * len(section.title)]
+    for paragraph in section.paragraphs:
+        bullet = ("- ", "  ") if section.listed else ("", "")
+        lines += textwrap.wrap(paragraph, _WIDTH, initial_indent=bullet[0], subsequent_indent=bullet[1]) or [""]
+    if section.rows:
+        lines += _table(section.head, section.rows)
+    for paragraph in section.below:
+        lines += textwrap.wrap(paragraph, _WIDTH)
+    return "\n".join(lines)
+
+
+def _markdown(section: _Section, first: bool) -> str:
+    parts = [f"{'#' if first else '##'} {_escaped(section.title)}"]
+    paragraphs = [_escaped(paragraph) for paragraph in section.paragraphs]
+    parts += ["\n".join(f"- {line}" for line in paragraphs)] if section.listed else paragraphs
+    if section.rows:
+        shown, rest = _shortened(section.rows)
+        table = [section.head, ["---"] * len(section.head), *shown]
+        parts.append("\n".join("| " + " | ".join(_escaped(cell) for cell in row) + " |" for row in table))
+        parts += [rest] if rest else []
+    parts += [_escaped(line) for line in section.below]
+    return "\n\n".join(parts)
+
+
+def _escaped(text: str) -> str:
+    for sign in "\\`*_|<>[]#":
+        text = text.replace(sign, f"\\{sign}")
+    return text
+
+
+def _shortened(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], str]:
+    """The first rows, and what is said of the rest."""
+    if len(rows) <= _LINES:
+        return rows, ""
+    return rows[: _LINES - 1], f"and {len(rows) - _LINES + 1} more; to_dict() has all"
+
+
+def _freedoms(number: int, before: str = "") -> str:
+    """'1 degree of freedom', '2 degrees of freedom'."""
+    verb = "" if not before else " is" if number == 1 else " are"
+    return f"{before}{_count(number, 'degree')} of freedom{verb}"
+
+
+def _named(names: Sequence[str]) -> str:
+    """'A, B and C'; of many the first."""
+    if len(names) > 8:
+        return f"{', '.join(names[:8])} and {len(names) - 8} more"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]])) if names else "nothing"
 
 
 def _count(number: int, one: str, many: str | None = None) -> str:
@@ -144,9 +269,11 @@ def _count(number: int, one: str, many: str | None = None) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Left-aligned columns with two spaces before and between them."""
-    table = [list(map(str, head)), *(list(map(str, row)) for row in rows)]
+    """Left-aligned columns with two spaces before and between them; of many rows the first."""
+    shown, rest = _shortened(rows)
+    table = [list(map(str, head)), *(list(map(str, row)) for row in shown)]
     widths = [max(len(row[column]) for row in table) for column in range(len(head))]
-    return [
+    lines = [
         "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
     ]
+    return [*lines, f"  {rest}"] if rest else lines

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, UnknownNameError
+from ..errors import ArgumentError, AssemblyError, DescriptionError, UnknownNameError
 from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
@@ -86,13 +86,19 @@ def assemble(
     guessed = _valued("guess", {} if guess is None else guess, model)
     limit = run_options.positive("tolerance", tolerance)
     time = start.t if t is None else State(t, [], []).t
-    if branch is None:
-        q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
-    else:
-        q, _, said = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
-        inputs = inputs_of([goal for goal, _ in levels[0]], model) if levels[0] else None
-        q = on_branch(model, time, q, branch, inputs)
-        q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
+    try:
+        if branch is None:
+            q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
+        else:
+            q, _, said = model.core.assemble(time, start.q, start.v, levels, [], [], held, guessed, limit)
+            inputs = inputs_of([goal for goal, _ in levels[0]], model) if levels[0] else None
+            q = on_branch(model, time, q, branch, inputs)
+            q, v, _ = model.core.assemble(time, q, start.v, [], own, turns, [], [], limit)
+    except AssemblyError as error:
+        doubts = model.core.suspicious()
+        if not doubts:
+            raise
+        raise AssemblyError(f"{error.message}; suspicious: {'; '.join(doubts)}", **error.fields) from None
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
@@ -363,7 +369,13 @@ def simulate(
         renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
+    try:
+        raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
+    except DescriptionError as error:
+        who = model.core.weightless() if "mass matrix" in error.message else None
+        if who is None:
+            raise
+        raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)

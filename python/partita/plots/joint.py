@@ -70,5 +70,6 @@ def _effort(joint: Any, rates: list[str]) -> str:
     """For the title of the velocities: the greatest effort of a drive, where there is one."""
     peaks = np.max(np.abs(joint.drive), axis=0, initial=0.0)
     units = ["N" if rate == "m/s" else "N m" for rate in rates]
-    words = [f"{peak:.3g} {unit}" for peak, unit in zip(peaks, units, strict=True) if peak > 0]
+    known = np.where(joint.drive_determined, "", ", not unique")
+    words = [f"{peak:.3g} {unit}{more}" for peak, unit, more in zip(peaks, units, known, strict=True) if peak > 0]
     return f"; drive up to {', '.join(words)}" if words else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,11 @@ from numpy.typing import NDArray
 from ..errors import PartitaError
 from ..readable import Readable
 from .verdict import Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
+
+NOTES = 12
+"""Notes shown before the rest is counted."""
+NOTE = 400
+"""Letters of a note shown."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,25 @@ class Certificate:
     """Steps after which the remainder of the closure was removed."""
     notes: tuple[str, ...]
     """All that was dropped, switched, repaired or not found, in sentences."""
+    closure_row: str | None = None
+    """The condition that is open most at any output, and when."""
+    closure_t: float = float("nan")
+    acceleration_closure: float | None = None
+    """Largest |C v' + b| at the outputs [m/s^2 or rad/s^2, mixed], its condition, and when."""
+    acceleration_row: str | None = None
+    acceleration_t: float = float("nan")
+    worst_body: str | None = None
+    """The body of the largest Newton-Euler residual, and when; `bodies` has all."""
+    worst_body_t: float = float("nan")
+    bodies: tuple[tuple[str, float, float], ...] = ()
+    """Of each body: name, largest Newton-Euler residual over the largest force, and when."""
+    rank: tuple[int, ...] = ()
+    """Ranks of the conditions met, in order; one number where the rank never changed."""
+    margin: float = float("nan")
+    """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
+    margin_t: float = float("nan")
+    misfit: float | None = None
+    """By how much conditions are off that a drawing meets within its tolerance only; None where none was bridged."""
     findings: tuple[Finding, ...] = ()
     """What stands against the run: broken or doubtful, when [s], and a sentence."""
 
@@ -52,16 +77,26 @@ class Certificate:
         lines = [
             f"verdict           {self.verdict}",
             *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
-            f"closure           {_shown(self.closure)}",
+            f"closure           {_shown(self.closure)}{_who(self.closure_row, self.closure_t)}",
             f"velocity closure  {_shown(self.velocity_closure)}",
+            f"accelerations     {_shown(self.acceleration_closure)}{_who(self.acceleration_row, self.acceleration_t)}",
             f"energy balance    {_shown(self.energy_balance)}  (relative to the energy exchanged)",
-            f"Newton-Euler      {_shown(self.newton_euler)}  (residual over the largest force)",
+            f"Newton-Euler      {_shown(self.newton_euler)}  (residual over the largest force"
+            f"{_who(self.worst_body, self.worst_body_t, ', ')})",
+            *(
+                [f"rank              {_ranks(self.rank)}, margin {_placed(self.margin, self.margin_t)}"]
+                * bool(self.rank)
+            ),
+            *([f"misfit            {self.misfit:.2e}"] if self.misfit is not None else []),
             f"smallest sigma    {_placed(self.sigma, self.sigma_t)}",
             f"smallest sqrt(mu) {_placed(self.sqrt_mu, self.sqrt_mu_t)}",
             f"switches          {self.switches}",
             f"corrections       {self.corrections}",
         ]
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        notes = [f"note: {_cut(note)}" for note in self.notes[:NOTES]]
+        if len(self.notes) > NOTES:
+            notes.append(f"note: and {len(self.notes) - NOTES} more in certificate.notes")
+        return "\n".join([*lines, *notes])
 
 
 def certify(result: Readable) -> Certificate:
@@ -82,6 +117,9 @@ def certify(result: Readable) -> Certificate:
         findings += of_energy(
             result.t, result.energy, tolerance(result.record.options), int(result.counters.get("steps", 0))
         )
+    grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
+    if newton_euler is not None:
+        grown |= _of_bodies(result)
     sigma, sigma_t = _smallest(result.sigma, result.t)
     sqrt_mu, sqrt_mu_t = _smallest(result.sqrt_mu, result.t)
     return Certificate(
@@ -96,8 +134,47 @@ def certify(result: Readable) -> Certificate:
         switches=sum(change.is_switch for change in result.partitions),
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
+        **grown,
         findings=tuple(dict.fromkeys(findings)),
     )
+
+
+def _of_outputs(result: Readable) -> dict[str, Any]:
+    """Who is open most and when, accelerations, rank and margin."""
+    checks, names = result.checks, result.names.multipliers
+
+    def row(key: str, i: int) -> str | None:
+        number = checks[key][i]
+        return names[int(number)] if np.isfinite(number) and int(number) < len(names) else None
+
+    found: dict[str, Any] = {}
+    if np.isfinite(checks["closure_row"]).any():
+        i = int(np.argmax(np.abs(result.closure)))
+        found |= {"closure_row": row("closure_row", i), "closure_t": float(result.t[i])}
+    known = np.flatnonzero(np.isfinite(checks["acceleration_closure"]))
+    if len(known):
+        i = int(known[np.argmax(checks["acceleration_closure"][known])])
+        found["acceleration_closure"] = float(checks["acceleration_closure"][i])
+        found |= {"acceleration_row": row("acceleration_row", i), "acceleration_t": float(result.t[i])}
+    ranks = checks["rank"][np.isfinite(checks["rank"])]
+    if len(ranks):
+        found["rank"] = tuple(int(rank) for i, rank in enumerate(ranks) if i == 0 or rank != ranks[i - 1])
+        found["margin"], found["margin_t"] = _smallest(checks["margin"], result.t)
+    return found
+
+
+def _of_bodies(result: Readable) -> dict[str, Any]:
+    """Newton-Euler residual body by body; of a singular position none is known."""
+    residuals = np.nan_to_num(np.abs(result.reactions["residuals"]), nan=0.0)
+    if residuals.shape != (len(result.t), len(result.names.bodies)) or not residuals.size:
+        return {}
+    at = np.argmax(residuals, axis=0)
+    bodies = tuple(
+        (name, float(residuals[i, b]), float(result.t[i]))
+        for b, (name, i) in enumerate(zip(result.names.bodies, at, strict=True))
+    )
+    worst = max(bodies, key=lambda body: body[1])
+    return {"bodies": bodies, "worst_body": worst[0], "worst_body_t": worst[2]}
 
 
 def _largest(values: NDArray[np.float64]) -> float:
@@ -114,6 +191,19 @@ def _smallest(values: NDArray[np.float64], t: NDArray[np.float64]) -> tuple[floa
 
 def _shown(value: float | None) -> str:
     return "not known" if value is None else f"{value:.2e}"
+
+
+def _who(name: str | None, t: float, before: str = "  ") -> str:
+    return "" if name is None else f"{before}{name} at t = {t:.6g} s"
+
+
+def _ranks(ranks: tuple[int, ...]) -> str:
+    shown = " -> ".join(map(str, ranks[:6]))
+    return f"{shown} -> ... ({len(ranks)} in all)" if len(ranks) > 6 else shown
+
+
+def _cut(note: str) -> str:
+    return note if len(note) <= NOTE else f"{note[:NOTE]} ... (the rest in certificate.notes)"
 
 
 def _placed(value: float, t: float) -> str:

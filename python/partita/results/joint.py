@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError
 from ..numeric import floats
-from .source import Arrays, Source, Span
+from .source import Arrays, Source, Span, columns
 
 FloatArray = NDArray[np.float64]
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -40,6 +40,10 @@ class JointData(Protocol):
         """(nt, 6) in world axes and (nt, 6) in the joint's."""
 
     @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        """(nt, dof): which efforts are unique."""
+
+    @property
     def self_stresses(self) -> FloatArray | None:
         """(nt, 2, 3, 3): directions in which self-stresses load the joint; None where that is not known any more."""
 
@@ -64,11 +68,16 @@ class AskedJoint:
         return world[:, self._place.number], joint[:, self._place.number]
 
     @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        return columns(self._source.determined_drive, self._place.v)
+
+    @property
     def self_stresses(self) -> FloatArray | None:
         return self._source.self_stresses(self._place.number)
 
     def __reduce__(self) -> tuple[Callable[..., KnownJoint], tuple[Any, ...]]:
-        return KnownJoint, (dict(self.motion), dict(self.reaction), self.determined, self.self_stresses)
+        known = dict(self.motion), dict(self.reaction), self.determined, self.determined_drive, self.self_stresses
+        return KnownJoint, known
 
 
 class KnownJoint(NamedTuple):
@@ -77,7 +86,17 @@ class KnownJoint(NamedTuple):
     motion: Arrays
     reaction: Arrays
     determined: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    determined_drive: NDArray[np.bool_]
     self_stresses: FloatArray | None
+
+
+class Directions(NamedTuple):
+    """Orthonormal directions, as rows, in which self-stresses load a joint and in which they do not."""
+
+    forces_open: FloatArray
+    forces_determined: FloatArray
+    moments_open: FloatArray
+    moments_determined: FloatArray
 
 
 class JointResult:
@@ -92,8 +111,10 @@ class JointResult:
 
     Some reactions cannot be known from rigid bodies: where constraints are redundant, their share is a
     matter of elasticity. `determined_at` says of each component at each output whether it is unique,
-    `determined` of each component whether it is so at all of them. Components that are not determined are
-    one possible answer among infinitely many.
+    `determined` of each component whether it is so at all of them, `drive_determined` the same of the efforts of
+    drives. What is not determined is chosen by one rule: the least sum of squares of all forces, and of all moments
+    over a length, that the joints can carry the load with; or the least elastic energy, where
+    `Mechanism.set_compliance` said how far joints give. See docs/reactions.md.
 
     Attributes:
         name, kind: of the joint.
@@ -136,6 +157,11 @@ class JointResult:
         return self._data.reaction["drive"]
 
     @property
+    def drive_determined(self) -> NDArray[np.bool_]:
+        """(dof,): which efforts of drives are unique at every output; two drives on one motion share it by the rule."""
+        return np.asarray(self._data.determined_drive.all(axis=0))
+
+    @property
     def force(self) -> FloatArray:
         """(nt, 3): force on the child [N], in the axes named by `axes`."""
         return self._expressed(self._data.reaction["force"])
@@ -172,6 +198,38 @@ class JointResult:
         if stresses is not None:
             return _free_of(stresses, self._turn)
         return _mixed(world, self._turn) | _mixed(joint, _transposed(self._rotation) @ self._turn)
+
+    def directions(self, output: int = -1) -> Directions:
+        """Which forces and moments at an output are unique and which are open, as directions along `axes`.
+
+        In the axes of a tilted guide a force may be unique that no axis of the world shows alone.
+        Raises `ArgumentError` for a result read from a file, which has no model to ask.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("tilted guides")
+        >>> block = m.add_body("block", mass=1.0, inertia=(1, 1, 1))
+        >>> for name, y in (("low", -1.0), ("high", 1.0)):
+        ...     slide = m.add_prismatic(name, m.ground, block, point=(0, y, 0), axis=(3, 4, 0))
+        >>> found = m.simulate(0.1).joint("low").directions()
+        >>> found.forces_open.round(6) + 0.0                # across the guides, which could be clamped apart
+        array([[ 0.8, -0.6,  0. ],
+               [ 0. ,  0. ,  1. ]])
+        >>> found.forces_determined.round(6) + 0.0
+        array([[0.6, 0.8, 0. ]])
+        """
+        stresses = self._data.self_stresses
+        if stresses is None:
+            raise ArgumentError(
+                "directions need the model, which a stored result does not have; simulate again", argument="output"
+            )
+        nt = len(stresses)
+        if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
+            raise ArgumentError(
+                f"directions: there is no output {output!r}; the {nt} outputs are numbered from 0", argument="output"
+            )
+        turn = np.eye(3) if self._turn is None else self._turn if self._turn.ndim == 2 else self._turn[output]
+        forces, moments = (_split(part, turn) for part in stresses[output])
+        return Directions(*forces, *moments)
 
     def in_frame(self, axes: Literal["world", "joint"] | ArrayLike) -> JointResult:
         """The same joint with `force`, `moment`, `determined` and `determined_at` along other axes.
@@ -241,6 +299,31 @@ def _free_of(stresses: FloatArray, turn: FloatArray) -> NDArray[np.bool_]:
     """Components along the columns of `turn` that no self-stress touches."""
     touched = np.abs(stresses @ (turn if turn.ndim == 2 else turn[:, None]))
     return np.asarray((touched <= 1.0).all(axis=2).reshape(-1, 6))  # a NaN (all is open) is not below 1
+
+
+def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of directions (3, 3, rows; longer than 1 where there is any) those that are, and the rest of space."""
+    if not np.isfinite(stresses).all():
+        return np.eye(3), np.zeros((0, 3))
+    lengths = np.linalg.norm(stresses, axis=1)
+    there = lengths > 1.0
+    found = stresses[there] @ turn
+    base = np.vstack([found / lengths[there, None], np.eye(3)])
+    kept: list[FloatArray] = []
+    for row in base:
+        rest = row - sum((np.dot(k, row) * k for k in kept), np.zeros(3))
+        rest -= sum((np.dot(k, rest) * k for k in kept), np.zeros(3))
+        size = float(np.linalg.norm(rest))
+        if len(kept) < there.sum() or size > 0.5:  # of three unit axes one stands out of any plane by more than that
+            kept.append(_upright(rest / size))
+    together = np.array(kept)
+    return together[: there.sum()], together[there.sum() :]
+
+
+def _upright(unit: FloatArray) -> FloatArray:
+    """A direction has no sense: its largest entry is positive, the last of equals."""
+    lead = int(np.flatnonzero(np.abs(unit) >= np.max(np.abs(unit)) - 1e-9)[-1])
+    return unit if unit[lead] > 0 else -unit
 
 
 def _mixed(determined: NDArray[np.bool_], turn: FloatArray) -> NDArray[np.bool_]:

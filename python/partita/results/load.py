@@ -20,7 +20,7 @@ from .load_check import check
 from .record import Record
 from .result import Result
 from .save_json import VERSION
-from .source import ENERGIES, OBSERVED, REACTIONS, StoredSource
+from .source import CHECKS, ENERGIES, OBSERVED, REACTIONS, StoredSource
 
 UNREADABLE = (
     KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError, EOFError,
@@ -28,7 +28,7 @@ UNREADABLE = (
 )  # fmt: skip
 """What reading raises where the content is not as it should be."""
 
-STORED = (*ENERGIES, *OBSERVED, *REACTIONS, "determined_world", "determined_joint")
+STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "determined_world", "determined_joint", "determined_drive")
 
 
 def load(path: str | os.PathLike[str]) -> Result:
@@ -59,7 +59,9 @@ def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
     stored = None
     if "body_position" in arrays or record.description is not None:
         nt, summary = len(record.arrays["t"]), record.summary
-        stored = StoredSource({key: arrays.get(key, np.zeros(_empty(key, nt, summary))) for key in STORED})
+        unknown = {key: np.full(nt, np.nan) for key in CHECKS}  # files of before do not hold them
+        missing = {key: np.zeros(_empty(key, nt, summary)) for key in STORED if key not in (*arrays, *CHECKS)}
+        stored = StoredSource({**unknown, **missing, **{key: arrays[key] for key in STORED if key in arrays}})
     return Result(record, stored)
 
 
@@ -68,7 +70,9 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
     nb, nj = len(summary.get("bodies", ())), len(summary.get("joints", ()))
     if key.startswith("body"):
         return (nt, nb, 3, 3) if key == "body_rotation" else (nt, nb, 3)
-    if key in ("joint_position", "joint_velocity", "drive"):
+    if key == "residuals":
+        return (nt, nb)
+    if key in ("joint_position", "joint_velocity", "drive", "determined_drive"):
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
         return (nt, nj, 6)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError, DoubtfulResultWarning
+from ..naming import listed
 from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
@@ -22,6 +23,7 @@ from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
+from .self_stress import SelfStresses, self_stresses_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, word_of
 
@@ -201,7 +203,10 @@ class Result:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the compiler and the run had to tell: rows dropped, repairs, passages."""
-        removed = (f"row {r['row']} removed: {r['why']}" for r in self.summary.get("removed", ()))
+        rows: dict[str, list[str]] = {}
+        for item in self.summary.get("removed", ()):
+            rows.setdefault(item["why"], []).append(item["row"])
+        removed = (f"row{'s' * (len(of) > 1)} {listed(of)} removed: {why}" for why, of in rows.items())
         return tuple(dict.fromkeys([*map(str, self.summary.get("notes", ())), *removed, *self._record.all_notes]))
 
     @cached_property
@@ -300,6 +305,41 @@ class Result:
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
         return self._source_for("joint", "all").determined
+
+    @property
+    def checks(self) -> Arrays:
+        """What the certificate holds the outputs against besides, by array name; for tools."""
+        return self._source_for("joint", "all").checks
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        """Uniqueness of the efforts of all drives: (nt, freedoms of all joints); for tools."""
+        return self._source_for("joint", "all").determined_drive
+
+    def self_stresses(self, output: int = -1) -> SelfStresses:
+        """Orthonormal base of what can be added to the reactions at one output without any change of the motion.
+
+        Raises `ArgumentError` for an output that is not there, and for a stored result, which has no model.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("bricard").simulate(0.1)
+        >>> run.self_stresses()
+        <1 self-stress of 6 joints>
+        """
+        source = self._source_for("joint", "all")
+        nt = len(self.t)
+        if isinstance(output, bool) or not isinstance(output, int | np.integer) or not -nt <= output < nt:
+            raise ArgumentError(
+                f"self_stresses: there is no output {shown(output)}; the {nt} outputs are numbered from 0, and from "
+                "the end by -1, -2, ...",
+                argument="output",
+            )
+        found = source.self_stress_basis(int(output) % nt)
+        if found is None:
+            raise ArgumentError(
+                "self-stresses need the model, which a stored result does not have; simulate again", argument="output"
+            )
+        return self_stresses_of(self.summary, *found)
 
     def _source_for(self, kind: str, name: str) -> Source:
         if self._source is None:

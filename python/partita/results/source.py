@@ -16,8 +16,9 @@ Span = tuple[int, int]
 BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velocity")
 JOINTS = ("joint_position", "joint_velocity", "joint_point")
 OBSERVED = (*BODIES, *JOINTS)
-REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual")
+REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual", "residuals")
 ENERGIES = ("kinetic", "potential")
+CHECKS = ("acceleration_closure", "acceleration_row", "closure_row", "rank", "margin")
 
 
 class Source(Protocol):
@@ -50,6 +51,18 @@ class Source(Protocol):
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which reaction components are unique: (nt, nj, 6) in world axes, (nt, nj, 6) in joint axes."""
+
+    @property
+    def checks(self) -> Arrays:
+        """What a certificate holds the outputs against (the `CHECKS` arrays, (nt,) each; NaN where nothing is)."""
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        """Which efforts of drives are unique: (nt, freedoms of all joints)."""
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives, and
+        what moments are divided by; None where no model is at hand."""
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         """(nt, 2, 3, 3): directions, as rows, in which self-stresses load joint j by forces and by moments, in units of
@@ -85,8 +98,16 @@ class ModelSource:
 
     def reaction(self, j: int, v: Span) -> Arrays:
         if j not in self._reactions:
-            self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
+            if self._shares_loads:  # one costs as much as all
+                self._reactions[j] = one_of(self.reactions, j, v)
+            else:
+                self._reactions[j] = self._model.reaction(*self._motion, *self._acting, j)
         return self._reactions[j]
+
+    @cached_property
+    def _shares_loads(self) -> bool:
+        """Are there loads that redundant joints share, so that the reaction of one depends on all?"""
+        return bool(self._model.shares_loads(*self._motion, *self._acting))
 
     @cached_property
     def observed(self) -> Arrays:
@@ -110,9 +131,28 @@ class ModelSource:
         return {"force": force, "moment": moment}
 
     @cached_property
+    def checks(self) -> Arrays:
+        found: Arrays = self._model.checks(*self._motion, *self._acting)
+        return found
+
+    @cached_property
+    def _flags(self) -> tuple[NDArray[np.bool_], ...]:
+        return tuple(self._model.determined(*self._motion))
+
+    @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        world, joint = self._model.determined(*self._motion)
+        world, joint, _ = self._flags
         return world, joint
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        return self._flags[2]
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        found: tuple[NDArray[np.float64], NDArray[np.float64], float] = self._model.self_stress_basis(
+            float(self._run["t"][i]), np.ascontiguousarray(self._run["q"][i])
+        )
+        return found
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         if j not in self._stresses:
@@ -156,8 +196,7 @@ class StoredSource:
         }
 
     def reaction(self, j: int, v: Span) -> Arrays:
-        found = {key: self._arrays[key][:, j] for key in ("force", "moment", "joint_rotation")}
-        return {**found, "drive": columns(self._arrays["drive"], v)}
+        return one_of(self._arrays, j, v)
 
     @property
     def observed(self) -> Arrays:
@@ -181,6 +220,17 @@ class StoredSource:
             self._arrays["determined_joint"].astype(bool),
         )
 
+    @property
+    def checks(self) -> Arrays:
+        return {key: self._arrays[key] for key in CHECKS}
+
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]:
+        return np.asarray(self._arrays["determined_drive"].astype(bool))
+
+    def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
+        return None
+
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
         return None
 
@@ -192,13 +242,20 @@ class StoredSource:
 def complete(source: Source) -> dict[str, NDArray[Any]]:
     """Everything that a source can tell, as a stored result holds it."""
     world, joint = source.determined
-    told = {**source.energies, **source.observed, **source.reactions}
-    return {**told, "determined_world": world, "determined_joint": joint}
+    told = {**source.energies, **source.observed, **source.reactions, **source.checks}
+    flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}
+    return {**told, **flags}
 
 
 def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:
     """Arrays of a single body or joint, without that axis."""
     return {key: a[:, 0] if key in keys else a for key, a in arrays.items()}
+
+
+def one_of(reactions: Arrays, j: int, v: Span) -> Arrays:
+    """The reaction of joint j, whose freedoms are at `v`, out of those of all joints."""
+    found = {key: reactions[key][:, j] for key in ("force", "moment", "joint_rotation")}
+    return {**found, "drive": columns(reactions["drive"], v)}
 
 
 def columns(array: NDArray[Any], span: Span) -> NDArray[Any]:

@@ -67,6 +67,19 @@ REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "drive": (("joint_freedom",), "", "effort of the drive along each freedom, N for slides, N m for turns"),
     "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
     "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
+    "residuals": (("body",), "1", "Newton-Euler residual of each body over the largest force"),
+}
+
+CHECKS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "acceleration_closure": ((), "", "largest closing error in accelerations, m/s^2 or rad/s^2"),
+    "acceleration_row": ((), "1", "its index along `multiplier` (from 0)"),
+    "closure_row": ((), "1", "index along `multiplier` (from 0) of the condition that is open most"),
+    "rank": ((), "1", "independent conditions"),
+    "margin": (
+        (),
+        "1",
+        "smallest squared sine between a condition that counts and the others; 0 in a singular position",
+    ),
 }
 
 DETERMINED = {
@@ -81,8 +94,11 @@ def variables(result: Readable) -> list[Variable]:
     found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
     if result.is_mechanism:
         found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
+        found += _over_time(CHECKS, result.checks)
         flags = zip(DETERMINED.items(), result.determined, strict=True)
         found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
+        text = "1 where the effort of the drive along the freedom is unique"
+        found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
     return found
 
 

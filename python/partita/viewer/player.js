@@ -174,8 +174,9 @@ function hover(x, y) {
   if (!hit) return;
   const lines = [`${hit.label} (${hit.kind})`];
   if (hit.joint !== undefined) {
-    lines.push(`force ${short(length(run.tables.force.vector(frame, hit.joint)))} N`);
-    lines.push(`moment ${short(length(run.tables.moment.vector(frame, hit.joint)))} N m`);
+    const open = run.scene.joints[hit.joint].open.map((yes) => (yes ? ", not unique" : ""));
+    lines.push(`force ${short(length(run.tables.force.vector(frame, hit.joint)))} N${open[0]}`);
+    lines.push(`moment ${short(length(run.tables.moment.vector(frame, hit.joint)))} N m${open[1]}`);
   }
   tip.textContent = lines.join("\n");
   tip.style.left = `${Math.min(x + 14, scene.camera.width - 150)}px`;

@@ -225,7 +225,7 @@ class Scene {
       ]) {
         const vector = run.tables[name].vector(frame, j);
         if (on && unitLength > 0 && isFinite3(vector) && isFinite3(point)) {
-          painter.arrow(point, scaled(vector, span / unitLength), colour, heads);
+          painter.arrow(point, scaled(vector, span / unitLength), colour, heads, joint.open[heads - 1]);
         }
       }
     });

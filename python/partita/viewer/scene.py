@@ -43,6 +43,8 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
     motion = _motion(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     bodies = _bodies(result, spec, motion, joints)
+    for name, joint in zip(result.names.joints, joints, strict=True):
+        joint["open"] = _open(result, name)
     tables, frames = pack_tables(_tables(result, motion))
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
@@ -139,6 +141,16 @@ def _joints(
                 "rail": _rail(on_parent, axis, motion.size) if joint["kind"] in SLIDING else None,
             }
         )
+    return found
+
+
+def _open(result: Readable, name: str) -> list[bool]:
+    """Of a joint's force and moment: does any of what is drawn of it stand open (redundant constraints)?"""
+    joint = result.joint(name).in_frame("joint")
+    found = []
+    for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):
+        size = float(np.nanmax(np.abs(values), initial=0.0))
+        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > 1e-9 * size))
     return found
 
 

@@ -228,8 +228,8 @@ class Painter {
     }
   }
 
-  /** Arrow in the picture, above everything; a double head is a moment. */
-  arrow(from, vector, colour, heads) {
+  /** Arrow in the picture, above everything; a double head is a moment, a dashed shaft is not unique. */
+  arrow(from, vector, colour, heads, open) {
     const p = this.camera.project(from), q = this.camera.project(add(from, vector));
     if (!p || !q) return;
     const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy);
@@ -243,7 +243,9 @@ class Painter {
       ];
       const shaft = [p, { x: q.x - ux * h * heads * 0.8, y: q.y - uy * h * heads * 0.8 }];
       this.line(shaft, "rgba(255,255,255,0.8)", 4.5);
+      this.c.setLineDash(open ? [5, 4] : []);
       this.line(shaft, colour, 2.2);
+      this.c.setLineDash([]);
       for (let i = 0; i < heads; i++) this.polygon(head(0.7 * h * i), colour, "#ffffff", 0.6);
     });
   }

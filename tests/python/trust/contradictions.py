@@ -70,15 +70,24 @@ def driven_truss() -> Iterator[Held]:
 
 @right(
     "a truss whose drive says that it stands still",
-    "statics: each foot carries half the weight, each pin half of m g / 2 sideways",
+    "statics by hand, with the share of the motor that least squares gives it; what is open is said to be",
 )
 def resting_truss() -> Iterator[Held]:
     m = truss()
     m.add_drive("A", position=lambda t: 0.0 * t)
     run = done(m.simulate(1.0))
-    # about the top: the foot's upward m g at 1 m against the rod's weight at 0.5 m leaves m g / 2 sideways
+    # with an idle motor, about the top: the foot's upward m g at 1 m against the rod's weight at 0.5 m leaves m g / 2
+    # sideways: (1/2, 1) m g in A, (1/2, 0) in B, (-1/2, 1) in C. A torque -2^(1/2) s of the motor adds s u, u = (-1, 1)
+    # over 2^(1/2), to C and takes it off A and B; the sum of squares is least, with L = 2^(1/2), the length of a rod,
+    # at s = -3 m g / (8 2^(1/2))
     weight = 9.81
-    yield Held("force in C", run.joint("C").force, [-0.5 * weight, weight, 0.0], 1e-10)
+    yield Held("force in C", run.joint("C").force, [-5 / 16 * weight, 13 / 16 * weight, 0.0], 1e-10)
+    yield Held("force in A", run.joint("A").force, [5 / 16 * weight, 19 / 16 * weight, 0.0], 1e-10)
+    yield Held("torque of the motor", run.joint("A").drive, 0.375 * weight, 1e-10)
+    # across the rod, along (1, 1), the force of C is unique; in x and y it is not
+    yield Held("force in C across", run.joint("C").force @ (1.0, 1.0, 0.0), 0.5 * weight, 1e-10)
+    open_ = [run.joint("A").drive_determined[0], *run.joint("C").determined[:2]]
+    yield Held("what is unique of the torque and of C", open_, [False, False, False], 0.0)
     yield Held("position", run.q, 0.0 * run.q, 1e-15)
 
 

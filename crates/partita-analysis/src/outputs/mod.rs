@@ -1,12 +1,14 @@
 //! What a mechanism shows along a motion: bodies, joints, reactions, energies. Each is computed when it is asked for, at
 //! all outputs at once, and looks at no more of the mechanism than it depends on.
 
+mod checks;
 mod motion;
 mod reactions;
 mod rows;
 
+pub use checks::checks;
 pub use motion::{bodies, energies, joints, BODY, JOINT_POINT};
-pub use reactions::{augmented, reaction, reactions, JOINT_AXES};
+pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
 pub use rows::{tables, Rows, Watch};
 
 use partita_model::Model;

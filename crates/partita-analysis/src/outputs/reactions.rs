@@ -3,43 +3,90 @@
 use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
+use crate::error::AnalysisError;
+use crate::sharing::{efforts, with_rule, Room, Rule};
 use partita_model::model::ModelScratch;
+use partita_model::reaction::Wrench;
 use partita_model::Model;
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Width of the axes of a joint (row by row) in the tables of this module.
 pub const JOINT_AXES: usize = 9;
 
+/// The first output whose reactions have values: where redundancy is looked for.
+fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<(f64, &'a [f64])> {
+    let known = |i: &usize| {
+        let (vdot, lambda) = forces.at(model, *i);
+        vdot.iter().chain(lambda).all(|x| x.is_finite())
+    };
+    (0..states.len()).find(known).map(|i| {
+        let (t, q, _) = states.at(model, i);
+        (t, q)
+    })
+}
+
+/// Is there anything that the rule of [`sharing`](crate::sharing) chooses? Then one reaction costs as much as all.
+///
+/// # Errors
+/// Where the mechanism cannot be compiled in space.
+pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, AnalysisError> {
+    with_rule(model, reference(model, states, forces), |rule| Ok(rule.is_some()))
+}
+
+/// Room of a thread: that of the model, and of the rule where there is one.
+fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room>) + 'a {
+    move || (model.scratch(), rule.map(Rule::room))
+}
+
 /// Force, moment, efforts of the drives and axes of one joint, for a motion with its accelerations and multipliers.
+///
+/// What is not determined is chosen by the rule of [`sharing`](crate::sharing), for which all joints are asked.
 ///
 /// # Errors
 /// What a user's function raises on the bodies that the joint holds, and those of `watch`.
-pub fn reaction<E: Send + From<SystemError>>(
+pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,
     forces: &Forces,
     j: usize,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
-    let part = model.part_of_reaction(j);
     let freedoms = model.placed.joints[j].shape.freedoms();
-    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
-        let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-        let w = model.reaction_of(j, &part, t, q, v, vdot, lambda, s)?;
-        rows.row(0, i).copy_from_slice(&w.force.0);
-        rows.row(1, i).copy_from_slice(&w.moment.0);
-        rows.row(2, i).copy_from_slice(&model.drive_of(j, lambda));
-        rows.row(3, i).copy_from_slice(model.joint_frame(j, s).0.as_flattened());
-        Ok(())
-    };
-    tables(states.len(), &[3, 3, freedoms, JOINT_AXES], chunk_of(model), || model.scratch(), row, watch)
+    with_rule(model, reference(model, states, forces), |rule| {
+        let part = if rule.is_some() { model.whole() } else { model.part_of_reaction(j) };
+        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+            let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
+            let mut drives = model.drive_of(j, lambda);
+            let w = match (rule, room) {
+                (Some(rule), Some(room)) => {
+                    let mut joints = model.reactions_of(&part, t, q, v, vdot, lambda, s)?.joints;
+                    let mut all = efforts(model, lambda);
+                    rule.share(t, q, &mut joints, &mut all, room)?;
+                    for (d, effort) in model.drives.iter().zip(all) {
+                        match d.joint {
+                            Some((joint, c)) if joint == j => drives[c] = effort,
+                            _ => {}
+                        }
+                    }
+                    joints[j]
+                }
+                _ => model.reaction_of(j, &part, t, q, v, vdot, lambda, s)?,
+            };
+            rows.row(0, i).copy_from_slice(&w.force.0);
+            rows.row(1, i).copy_from_slice(&w.moment.0);
+            rows.row(2, i).copy_from_slice(&drives);
+            rows.row(3, i).copy_from_slice(model.joint_frame(j, s).0.as_flattened());
+            Ok(())
+        };
+        tables(states.len(), &[3, 3, freedoms, JOINT_AXES], chunk_of(model), rooms(model, rule), row, watch)
+    })
 }
 
-/// The same of all joints side by side, and the Newton-Euler residual over the largest force.
+/// The same of all joints side by side, the Newton-Euler residual over the largest force, and that of each body.
 ///
 /// # Errors
 /// What a user's function raises, and those of `watch`.
-pub fn reactions<E: Send + From<SystemError>>(
+pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,
     forces: &Forces,
@@ -47,43 +94,65 @@ pub fn reactions<E: Send + From<SystemError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let (whole, nj) = (model.whole(), model.placed.joints.len());
     let freedoms: usize = model.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
-        let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-        let r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
-        let mut drives = rows.row(2, i).iter_mut();
-        for (to, from) in drives.by_ref().zip(r.drives.iter().flatten()) {
-            *to = *from;
-        }
-        for (j, w) in r.joints.iter().enumerate() {
-            rows.row(0, i)[3 * j..][..3].copy_from_slice(&w.force.0);
-            rows.row(1, i)[3 * j..][..3].copy_from_slice(&w.moment.0);
-            rows.row(3, i)[9 * j..][..9].copy_from_slice(model.joint_frame(j, s).0.as_flattened());
-        }
-        rows.row(4, i)[0] = r.residual;
-        Ok(())
-    };
-    let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1];
-    tables(states.len(), &widths, chunk_of(model), || model.scratch(), row, watch)
+    with_rule(model, reference(model, states, forces), |rule| {
+        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+            let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
+            let mut r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
+            if let (Some(rule), Some(room)) = (rule, room) {
+                let (mut joints, mut all) = (r.joints.clone(), efforts(model, lambda));
+                rule.share(t, q, &mut joints, &mut all, room)?;
+                model.replace_reactions(&mut r, &joints, s);
+                for (d, effort) in model.drives.iter().zip(all) {
+                    if let Some((j, c)) = d.joint {
+                        r.drives[j][c] = effort;
+                    }
+                }
+            }
+            for (to, from) in rows.row(2, i).iter_mut().zip(r.drives.iter().flatten()) {
+                *to = *from;
+            }
+            write(rows, i, &r.joints);
+            for j in 0..nj {
+                rows.row(3, i)[9 * j..][..9].copy_from_slice(model.joint_frame(j, s).0.as_flattened());
+            }
+            rows.row(4, i)[0] = r.residual;
+            rows.row(5, i).copy_from_slice(&r.residuals);
+            Ok(())
+        };
+        let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1, model.placed.bodies.len()];
+        tables(states.len(), &widths, chunk_of(model), rooms(model, rule), row, watch)
+    })
 }
 
-/// Forces and moments of all joints side by side, by augmented joint coordinates.
+/// Forces and moments of all joints side by side, by augmented joint coordinates and the same rule.
 ///
 /// # Errors
 /// What a user's function raises, and those of `watch`.
-pub fn augmented<E: Send + From<SystemError>>(
+pub fn augmented<E: Send + From<SystemError> + From<AnalysisError>>(
     model: &Model,
     states: &States,
     forces: &Forces,
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let nj = model.placed.joints.len();
-    let row = |i: usize, s: &mut ModelScratch, rows: &mut Rows| {
-        let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-        for (j, w) in model.augmented_reactions(t, q, v, vdot, lambda, s)?.iter().enumerate() {
-            rows.row(0, i)[3 * j..][..3].copy_from_slice(&w.force.0);
-            rows.row(1, i)[3 * j..][..3].copy_from_slice(&w.moment.0);
-        }
-        Ok(())
-    };
-    tables(states.len(), &[3 * nj, 3 * nj], chunk_of(model), || model.scratch(), row, watch)
+    with_rule(model, reference(model, states, forces), |rule| {
+        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+            let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
+            let mut joints = model.augmented_reactions(t, q, v, vdot, lambda, s)?;
+            if let (Some(rule), Some(room)) = (rule, room) {
+                rule.share(t, q, &mut joints, &mut efforts(model, lambda), room)?;
+            }
+            write(rows, i, &joints);
+            Ok(())
+        };
+        tables(states.len(), &[3 * nj, 3 * nj], chunk_of(model), rooms(model, rule), row, watch)
+    })
+}
+
+/// Forces and moments into the first two tables.
+fn write(rows: &mut Rows, i: usize, joints: &[Wrench]) {
+    for (j, w) in joints.iter().enumerate() {
+        rows.row(0, i)[3 * j..][..3].copy_from_slice(&w.force.0);
+        rows.row(1, i)[3 * j..][..3].copy_from_slice(&w.moment.0);
+    }
 }

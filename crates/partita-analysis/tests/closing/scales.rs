@@ -99,7 +99,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
         dropped: found.dropped,
         mobility: report.mobility,
         independent: report.independent,
-        quality: [report.sigma, report.sqrt_mu],
+        quality: [report.sigma.unwrap(), report.sqrt_mu.unwrap()],
         determined: report.reactions.iter().map(|r| r.determined).collect(),
         counters: format!("{:?} {:?}", outcome.counters, f.journal().counters),
         samples,

@@ -108,6 +108,11 @@ impl Shape {
     pub fn freedoms(&self) -> usize {
         self.motions.iter().map(Motion::velocities).sum()
     }
+    /// Is velocity `i` a turn?
+    pub fn turns(&self, i: usize) -> bool {
+        let each = self.motions.iter().flat_map(|m| std::iter::repeat_n(m, m.velocities()));
+        each.map(|m| !matches!(m, Motion::Slide(_))).nth(i).unwrap_or(false)
+    }
 }
 
 /// The axis of a joint as a unit vector, or an error that names the joint.

@@ -11,10 +11,11 @@ use crate::joint::Motion;
 use crate::part::Part;
 use crate::rows::Owner;
 use crate::topology::TreeEdge;
+use crate::tree::TreeScratch;
 use applied::Applied;
 use partita_math::dense;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Mat3, Planar, Space, Vec3};
+use partita_math::spatial::{Mat3, Planar, Space, Spatial, Vec3};
 use partita_system::SystemError;
 
 fn lift<S: Scalar>(x: Vec3<f64>) -> Vec3<S> {
@@ -73,6 +74,12 @@ pub struct Reactions<S = f64> {
     /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size), inertia's
     /// terms among them: a body that moves freely has no other.
     pub residual: S,
+    /// The same of each body.
+    pub residuals: Vec<S>,
+    /// What is left over on each body, about its centre of mass, mechanism axes.
+    left: Vec<Wrench<S>>,
+    /// The largest force besides those of the joints.
+    largest: S,
 }
 
 /// What is known before the sweep.
@@ -312,6 +319,30 @@ impl<S: Scalar> Evaluator<S> {
         Ok(())
     }
 
+    /// What a multiplier `x` of row `row` does, if the row is a condition's of a mechanism computed in space, at poses of its
+    /// tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of the tree's world;
+    /// and efforts along velocities of the tree.
+    pub fn condition_acts(
+        &self,
+        tree: &TreeScratch<Spatial<S>>,
+        (t, q): (S, &[S]),
+        (row, x): (usize, S),
+        mut put: impl FnMut([usize; 2], Wrench<S>, Vec3<S>),
+        along: impl FnMut(usize, S),
+    ) -> Result<(), SystemError> {
+        let Some(c) = self.full.conditions.iter().find(|c| (c.row..c.row + c.rows()).contains(&row)) else {
+            return Ok(());
+        };
+        let mut lambda = [S::zero(); 2];
+        lambda[row - c.row] = x;
+        let at = self.instant(t, q, &[]);
+        let push = |x: S, pushed: &crate::coupling::Pushed<Spatial<S>>| {
+            let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
+            put(pushed.nodes, w, pushed.unit.place);
+        };
+        c.acts(&self.full, tree, &at, &lambda, push, along)
+    }
+
     /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
     fn close_with(&self, part: &Part, lambda: &[S], s: &Scratch<S>, needed: &mut [Wrench<S>]) -> Vec<Wrench<S>> {
         let mut joints = vec![Wrench::default(); self.placed.joints.len()];
@@ -424,7 +455,7 @@ impl<S: Scalar> Evaluator<S> {
                 drives[joint][coordinate] = lambda[d.row];
             }
         }
-        let mut result = Reactions { joints, drives, residual: S::zero() };
+        let mut result = Reactions { joints, drives, ..Reactions::default() };
         let transmitted = self.inward(whole, s, needed.clone());
         let mut left = needed;
         let heaviest = self.numbers.bodies.iter().fold(S::zero(), |m, b| m.max(b.mass));
@@ -453,16 +484,38 @@ impl<S: Scalar> Evaluator<S> {
             self.put(s, &mut left, parent, &acting, point);
             largest = largest.max(acting.force.norm());
         }
-        for w in &result.joints {
-            largest = largest.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
-        }
-        for w in &left {
-            result.residual = result.residual.max(w.force.norm()).max(w.moment.norm().scale(1.0 / self.placed.size));
-        }
-        result.residual = largest.where_positive(result.residual / largest, result.residual);
         let basis = constant(&self.placed.basis);
         result.joints.iter_mut().for_each(|w| *w = w.out_of(&basis));
+        (result.left, result.largest) = (left, largest);
+        self.judge(&mut result);
         Ok(result)
+    }
+
+    /// Hold what is left over against the largest force.
+    fn judge(&self, r: &mut Reactions<S>) {
+        let size = |w: &Wrench<S>| w.force.norm().max(w.moment.norm().scale(1.0 / self.placed.size));
+        let largest = r.joints.iter().fold(r.largest, |m, w| m.max(size(w)));
+        let over = |w: &Wrench<S>| largest.where_positive(size(w) / largest, size(w));
+        r.residuals = r.left.iter().map(over).collect();
+        r.residual = r.residuals.iter().fold(S::zero(), |m, x| m.max(*x));
+    }
+
+    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What differs is
+    /// meant to be a self-stress, with the efforts of drives in it.
+    pub fn replace_reactions(&self, r: &mut Reactions<S>, joints: &[Wrench<S>], s: &Scratch<S>) {
+        let basis: Mat3<S> = constant(&self.placed.basis);
+        let mut left = std::mem::take(&mut r.left);
+        for (j, w) in joints.iter().enumerate() {
+            let mut more = r.joints[j].opposite();
+            more.add(w);
+            let more = Wrench { moment: basis.apply(more.moment), force: basis.apply(more.force) };
+            let (p, point) = (&self.placed.joints[j], self.joint_point_now(s, j));
+            self.put(s, &mut left, p.child, &more.opposite(), point);
+            self.put(s, &mut left, p.parent, &more, point);
+        }
+        r.joints.copy_from_slice(joints);
+        r.left = left;
+        self.judge(r);
     }
 
     /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.

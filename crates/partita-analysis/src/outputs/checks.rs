@@ -1,0 +1,45 @@
+//! What a certificate holds a motion against besides its closures: accelerations, and the rank of the conditions.
+
+use super::chunk_of;
+use super::rows::{tables, Rows, Watch};
+use super::{Forces, States};
+use crate::instant::Levels;
+use partita_model::Model;
+use partita_system::start::rank_here;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// At each state: the largest |C v' + b|, its row, the worst row of Φ, the rank of C, and the smallest squared sine between a
+/// row that counts and the others. NaN where there is no row, or no acceleration.                                  (S5)
+///
+/// # Errors
+/// What a user's function raises, and those of `watch`.
+pub fn checks<E: Send + From<SystemError>>(
+    model: &Model,
+    states: &States,
+    forces: &Forces,
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let pattern = model.pattern();
+    let worst = |values: &mut dyn Iterator<Item = f64>| {
+        values.enumerate().fold((f64::NAN, f64::NAN), |m, (i, x)| if x.abs() <= m.0 { m } else { (x.abs(), i as f64) })
+    };
+    let row = |i: usize, levels: &mut Levels<Model>, rows: &mut Rows| {
+        let ((t, q, v), (vdot, _)) = (states.at(model, i), forces.at(model, i));
+        levels.velocity(t, q, v)?;
+        let along = |r: usize| pattern.row(r).map(|e| levels.c[e] * vdot[pattern.col_idx[e]]).sum::<f64>();
+        let finite = vdot.iter().all(|x| x.is_finite());
+        let open = |r: usize| if finite { along(r) + levels.b[r] } else { f64::NAN };
+        let (acceleration, at) = worst(&mut (0..pattern.rows).map(open));
+        let (_, phi) = worst(&mut levels.phi.iter().copied());
+        let (rank, smallest) = match rank_here(model, t, q) {
+            Ok(found) => (found.rank as f64, found.smallest),
+            Err(SystemError::Singular { .. } | SystemError::Mass { .. }) => (f64::NAN, 0.0),
+            Err(other) => return Err(other.into()),
+        };
+        for (table, x) in [acceleration, at, phi, rank, smallest].into_iter().enumerate() {
+            rows.row(table, i)[0] = x;
+        }
+        Ok(())
+    };
+    tables(states.len(), &[1; 5], chunk_of(model), || Levels::new(model), row, watch)
+}

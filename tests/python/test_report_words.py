@@ -1,0 +1,162 @@
+"""The report: what it says in words is what the mechanism is, and what its cures promise holds."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import partita as pt
+
+A, B, C, D = (0, 0, 0), (0.15, 0.26, 0), (0.84, 0.68, 0), (1, 0, 0)
+
+
+def four_bar(kinds: str = "RRRR", mass: float = 0.5) -> pt.Mechanism:
+    """R: hinge, S: ball, C: cylindrical joint."""
+    m = pt.Mechanism("four-bar")
+    for name, start, end in (("crank", A, B), ("coupler", B, C), ("rocker", D, C)):
+        middle = (np.array(start) + np.array(end)) / 2
+        m.add_body(name, mass=mass, inertia=(0.02, 0.03, 0.04), position=middle)
+    ends = {"A": ("ground", "crank"), "B": ("crank", "coupler"), "C": ("coupler", "rocker"), "D": ("ground", "rocker")}
+    add = {"R": m.add_revolute, "S": m.add_spherical, "C": m.add_cylindrical}
+    for (name, bodies), kind, point in zip(ends.items(), kinds, (A, B, C, D), strict=True):
+        add[kind](name, *bodies, point=point)
+    return m
+
+
+def test_the_cure_that_is_named_cures() -> None:
+    said = four_bar().report()
+    found = said.to_dict()
+    assert (found["gruebler"], found["freedoms"], found["mobility"]) == (-2, 1, 1)
+    assert "6 x 3 - 20 = -2" in said and "larger by the 3 that are redundant" in said.replace("\n", " ")
+    kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
+    for cure in found["cures"]:
+        kinds[cure["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[cure["by"]]
+    cured = four_bar("".join(kinds.values())).report()
+    assert "all 17 conditions of the joints are independent" in cured
+    assert cured.to_dict()["mobility"] == 1 and cured.to_dict()["redundancy"] == ""
+    assert "All components of all reactions are determined" in cured
+    # once, in one paragraph
+    assert said.count("Over-constrained") == 1 and "parallel" not in said.partition("Joints\n------")[2]
+
+
+def test_moves_as_driven_is_not_cannot_move() -> None:
+    m = four_bar()
+    m.add_drive("A", position=lambda t: t, name="motor")
+    said = " ".join(m.report().split())
+    assert "has 1 degree of freedom, all prescribed by motor: it moves as driven" in said
+    assert "cannot move" not in said
+    frame = pt.Mechanism("frame")
+    for name, start, end in (("left", (0, 0, 0), (0.3, 0.8, 0)), ("right", (1, 0, 0), (0.3, 0.8, 0))):
+        frame.add_rod(name, start=start, end=end, mass=1.0)
+        frame.add_revolute(f"foot of {name}", "ground", name, point=start)
+    frame.add_revolute("top", "left", "right", point=(0.3, 0.8, 0))
+    assert "it cannot move" in frame.report()
+
+
+def test_idle_spin_of_a_rod_between_balls() -> None:
+    m = four_bar("RSSR")
+    said = " ".join(m.report().split())
+    assert "1 degree of freedom is idle: coupler spins about its own line between B and C" in said
+    m = pt.Mechanism("thin")
+    m.add_rod("crank", start=A, end=B, mass=1.0)
+    m.add_rod("coupler", start=B, end=C, mass=1.0)
+    m.add_body("rocker", mass=1.0, inertia=(0.1, 0.1, 0.1), position=D)
+    m.add_revolute("A", m.ground, "crank", point=A)
+    m.add_spherical("B", "crank", "coupler", point=B)
+    m.add_spherical("C", "coupler", "rocker", point=C)
+    m.add_revolute("D", m.ground, "rocker", point=D)
+    said = " ".join(m.report().split())
+    assert "no inertia: coupler about its own line between B and C can spin but resists nothing" in said
+    assert "axial inertia" in said
+
+
+def test_a_chain_of_forty_loops_is_a_page() -> None:
+    said = pt.catalogue.load("n-four-bar", loops=40).report()
+    assert len(said.splitlines()) < 90
+    found = said.to_dict()
+    assert len(found["coordinates"]) == 81 and len(found["cures"]) == 80
+    assert len(said.markdown.splitlines()) < 110
+
+
+def test_text_markdown_dictionary_and_copies() -> None:
+    said = four_bar().report()
+    assert isinstance(said, str) and said.text == str(said)
+    assert max(map(len, said.splitlines())) <= 120
+    assert said.markdown.startswith('# Mechanism "four-bar"\n') and "## Reactions" in said.markdown
+    assert "| C | revolute | coupler | rocker | closes a loop |" in said.markdown
+    again = pickle.loads(pickle.dumps(said))
+    assert again == said and again.markdown == said.markdown and again.to_dict() == said.to_dict()
+    said.to_dict()["notes"].append("mine")
+    assert "mine" not in said.to_dict()["notes"]
+
+
+def test_suspicious_data() -> None:
+    m = four_bar()
+    m.add_torsion_spring("A", stiffness=1.0, angle=90.0)
+    assert "90 degrees are meant, that is 1.570796 rad" in " ".join(m.report().split())
+    m = four_bar()
+    m.add_drive("A", position=90.0)
+    with pytest.raises(pt.errors.AssemblyError, match=r"if 90 degrees are meant, that is 1\.570796 rad"):
+        m.report()
+    m = four_bar()
+    m.add_rod("mast", start=(0, 0, 0), end=(0, 300, 0), mass=1.0)
+    m.add_spherical("foot", m.ground, "mast", point=(0, 0, 0))
+    m.add_rod("flag", start=(0, 300, 0), end=(0.5, 300, 0), mass=1.0)
+    m.add_revolute("top", "mast", "flag", point=(0, 300, 0))
+    m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
+    said = " ".join(m.report().split())
+    assert "mast reaches over 300.000 m among bodies of some" in said
+    assert "stone is held by no joint: it floats in space" in said
+
+
+def test_dead_position_and_locked_coordinate() -> None:
+    m = pt.Mechanism("slider-crank")
+    b, c = (1, 0, 0), (3, 0, 0)
+    m.add_rod("crank", start=A, end=b, mass=1.0)
+    m.add_rod("rod", start=b, end=c, mass=1.0)
+    m.add_body("slider", mass=1.0, inertia=(1, 1, 1), position=c)
+    m.add_prismatic("S", m.ground, "slider", axis=(1, 0, 0))
+    m.add_revolute("A", m.ground, "crank", point=A)
+    m.add_revolute("B", "crank", "rod", point=b)
+    m.add_revolute("C", "rod", "slider", point=c, cut="always")
+    said = m.report()
+    assert said.to_dict()["dead"] == ["S"] and "A dead position of S" in said
+    aside = m.report(m.assemble(targets={"A": 0.5}))
+    assert aside.to_dict()["dead"] == [] and aside.to_dict()["locked"] == []
+
+
+def test_the_certificate_says_who_and_when() -> None:
+    m = four_bar()
+    run = m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), t_eval=np.linspace(0, 1, 21))
+    found, model = run.certificate, m.compile()
+    accelerations = [
+        np.abs(model.jacobian(q, t=t) @ a + model.bias(q, v, t=t))
+        for t, q, v, a in zip(run.t, run.q, run.v, run.vdot, strict=True)
+    ]
+    assert found.acceleration_closure == pytest.approx(np.max(accelerations), abs=1e-13)
+    assert found.acceleration_row in run.names.multipliers and found.closure_row in run.names.multipliers
+    assert [body[0] for body in found.bodies] == list(run.names.bodies)
+    assert max(worst for _, worst, _ in found.bodies) == found.newton_euler
+    assert found.worst_body in run.names.bodies and found.worst_body_t in run.t
+    assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.misfit is None
+    assert run.reactions["residuals"].shape == (21, 3)
+    said = str(found)
+    assert f"{found.worst_body} at t = " in said and "rank              2, margin" in said
+
+
+def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:
+    run = pt.catalogue.load("n-four-bar", loops=40).simulate(0.05)
+    assert len(str(run.certificate).splitlines()) < 40
+    run.save(tmp_path / "run.json")
+    again = pt.results.load(tmp_path / "run.json").certificate
+    assert (again.rank, again.bodies, again.closure_row) == (
+        run.certificate.rank,
+        run.certificate.bodies,
+        run.certificate.closure_row,
+    )
+    assert again.acceleration_closure == run.certificate.acceleration_closure
+    hand = pt.simulate(pt.System(n=1, mass=np.eye(1), forces=(0.0,)), 0.1, [0.0], [1.0]).certificate
+    assert hand.acceleration_closure is None and hand.bodies == () and hand.rank == ()
