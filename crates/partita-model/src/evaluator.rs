@@ -9,7 +9,7 @@
 use crate::clusters::{self, Given, Tangents};
 use crate::compile::{self, RowName};
 use crate::error::DescriptionError;
-use crate::force::Element;
+use crate::force::{Element, Room};
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
@@ -181,10 +181,12 @@ impl<S: Scalar> Evaluator<S> {
         if s.forces_at {
             return Ok(());
         }
-        let mut room = std::mem::take(&mut s.room);
-        let done = with_engine!(self, s, |tree, x| tree.apply(self.instant(t, q, v), x, &mut room));
-        s.room = room;
-        done?;
+        with_engine!(self, s, |tree, x| {
+            let mut room = std::mem::take(&mut x.room);
+            let done = tree.apply(self.instant(t, q, v), x, &mut room);
+            x.room = room;
+            done
+        })?;
         s.forces_at = true;
         Ok(())
     }
@@ -326,11 +328,11 @@ impl<S: Scalar> Evaluator<S> {
     /// Kinetic energy, potential energy, and the power of the forces that have no potential, after
     /// [`velocity`](Self::velocity).
     pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
-        // plain numbers need no room
-        let (instant, mut room) = (self.instant(t, q, v), Vec::new());
+        let instant = self.instant(t, q, v);
+        // plain numbers need no room, unless it is for a law
         match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut room),
-            _ => self.full.energies(instant, &s.full, &mut room),
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut Room::default()),
+            _ => self.full.energies(instant, &s.full, &mut Room::default()),
         }
     }
 

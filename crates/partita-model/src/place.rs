@@ -126,9 +126,10 @@ pub struct Placed {
 
 /// Names of the joints that are driven or loaded along a coordinate.
 fn loaded(spec: &Spec) -> HashSet<&str> {
-    let by_forces = spec.forces.iter().filter_map(|f| match f {
-        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
-        _ => None,
+    let by_forces = spec.forces.iter().flat_map(|f| match f {
+        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => vec![joint.as_str()],
+        // an angle in the tree counts its turns
+        other => other.load().map_or_else(Vec::new, |load| load.joints().into_iter().map(|j| j.0).collect()),
     });
     spec.drives.iter().map(|d| d.joint.as_str()).chain(by_forces).collect()
 }

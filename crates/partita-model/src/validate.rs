@@ -1,7 +1,7 @@
 //! What a description must satisfy before it is compiled, whoever wrote it.
 
 use crate::error::DescriptionError;
-use crate::spec::{Body, Force, Spec, VectorValue, VERSION};
+use crate::spec::{self, Body, Force, Spec, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -156,6 +156,13 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                     }
                     VectorValue::Whole(v) => value::check(v, functions, "force", name)?,
                 }
+            }
+            other => {
+                let mut copy = other.clone();
+                let Some(load) = copy.load_mut() else { continue };
+                load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
+                load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
+                spec::check_load(load, functions)?;
             }
         }
     }

@@ -23,6 +23,16 @@ pub trait Functions: Send + Sync {
     ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
+    /// Law number `i` at t for what it sees: three forces and three moments for each point it acts on.
+    fn law(
+        &self,
+        i: usize,
+        _t: f64,
+        _seen: &[f64],
+        _out: &mut [f64],
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        Err(format!("function {i} is no law of force").into())
+    }
 }
 
 /// No functions.
@@ -114,7 +124,7 @@ fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], S
     }
 }
 
-fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync>) -> SystemError {
+pub(crate) fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync>) -> SystemError {
     SystemError::Function { what: what.into(), source }
 }
 

@@ -41,6 +41,21 @@ impl Functions for Callables {
         })?;
         x.try_into().map_err(|x: Vec<f64>| format!("a force needs three components, {} came", x.len()).into())
     }
+    fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
+        let x = Python::attach(|py| {
+            let x = self.0[i].bind(py).call1((t, seen.to_pyarray(py)))?;
+            match entries(&x) {
+                Some(x) => Ok(x),
+                None => x.extract::<Vec<f64>>(),
+            }
+        })
+        .map_err(|e: PyErr| Box::new(e) as Fault)?;
+        if x.len() != out.len() {
+            return Err(format!("a law of force needs {} numbers, {} came", out.len(), x.len()).into());
+        }
+        out.copy_from_slice(&x);
+        Ok(())
+    }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {
             let (a, b, c) = self.0[i].bind(py).call1((t,))?.extract::<(f64, f64, f64)>()?;
