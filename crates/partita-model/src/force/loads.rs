@@ -136,9 +136,8 @@ pub(super) fn element<G: Space>(
                 .iter()
                 .filter_map(|f| if let Force::Weightless(w) = f { Some(w.body.as_str()) } else { None })
                 .collect();
-            let heavy = (0..spec.bodies.len()).filter(|&i| {
-                spec.bodies[i].mass > 0.0 && placed.bodies[i].link != 0 && !light.contains(spec.bodies[i].name.as_str())
-            });
+            let heavy = (0..spec.bodies.len())
+                .filter(|&i| spec.bodies[i].mass > 0.0 && !light.contains(spec.bodies[i].name.as_str()));
             let on = heavy.map(|i| (maker.place(i + 1, numbers.bodies[i].com), numbers.bodies[i].mass)).collect();
             let axes = Mat3::from_f64(placed.basis.0);
             Element::Gravity(Box::new(Gravity {
