@@ -59,6 +59,9 @@ pub struct Scratch<S: Scalar> {
     pub(crate) full: TreeScratch<Spatial<S>>,
     /// Plain arguments of functions known in `f64` alone.
     pub(crate) room: Vec<f64>,
+    /// Memory of the applied forces, in each space.
+    pub(crate) flat_forces: Room<Planar<S>>,
+    pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
 }
 
@@ -129,6 +132,8 @@ impl<S: Scalar> Evaluator<S> {
             },
             full: self.full.scratch(),
             room: Vec::new(),
+            flat_forces: Room::default(),
+            full_forces: Room::default(),
             forces_at: false,
         }
     }
@@ -181,12 +186,10 @@ impl<S: Scalar> Evaluator<S> {
         if s.forces_at {
             return Ok(());
         }
-        with_engine!(self, s, |tree, x| {
-            let mut room = std::mem::take(&mut x.room);
-            let done = tree.apply(self.instant(t, q, v), x, &mut room);
-            x.room = room;
-            done
-        })?;
+        match (&self.engine, &mut s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.apply(self.instant(t, q, v), x, &mut s.flat_forces)?,
+            _ => self.full.apply(self.instant(t, q, v), &mut s.full, &mut s.full_forces)?,
+        }
         s.forces_at = true;
         Ok(())
     }

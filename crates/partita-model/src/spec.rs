@@ -2,7 +2,6 @@
 
 mod loads;
 
-pub(crate) use loads::check as check_load;
 pub use loads::{Bushing, Contact, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
 
 use serde::{Deserialize, Serialize};

@@ -212,8 +212,6 @@ pub struct TreeScratch<G: Space> {
     pub articulated: crate::memory::Articulated<G::S>,
     /// Room for the recursion over clusters.
     pub clusters: crate::memory::ClusterScratch<G::S>,
-    /// Room for the applied forces.
-    pub room: crate::force::Room<G>,
 }
 
 impl<G: Space> Tree<G> {
@@ -226,7 +224,6 @@ impl<G: Space> Tree<G> {
             moves: vec![false; self.links.len()],
             articulated: crate::memory::Articulated::default(),
             clusters: crate::memory::ClusterScratch::default(),
-            room: crate::force::Room::default(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a description must satisfy before it is compiled, whoever wrote it.
 
 use crate::error::DescriptionError;
-use crate::spec::{self, Body, Force, Spec, VectorValue, VERSION};
+use crate::spec::{Body, Force, Load, Spec, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -84,6 +84,20 @@ fn body(b: &Body) -> Result<(), DescriptionError> {
     Ok(())
 }
 
+/// What is wrong with a load, whoever wrote it; its bodies and joints are known.
+fn load(load: &mut dyn Load, functions: usize) -> Result<(), DescriptionError> {
+    let name = load.name().to_string();
+    let fail = |m: String| Err(DescriptionError::new("force", &name, m));
+    load.numbers().into_iter().try_for_each(|(what, x)| finite(x, "force", &name, what))?;
+    if let Some(m) = load.fault() {
+        return fail(m);
+    }
+    if let Some(i) = load.law().filter(|i| *i >= functions) {
+        return fail(format!("it names function {i}, but {functions} functions were handed along"));
+    }
+    load.values().into_iter().try_for_each(|v| value::check(v, functions, "force", &name))
+}
+
 /// Everything that can be said without compiling.
 pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
     if spec.partita != VERSION {
@@ -162,7 +176,7 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 let Some(load) = copy.load_mut() else { continue };
                 load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
                 load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
-                spec::check_load(load, functions)?;
+                self::load(load, functions)?;
             }
         }
     }

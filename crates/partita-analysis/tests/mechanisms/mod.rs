@@ -307,8 +307,8 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         stiffness: 0.5,
         exponent: 1.5,
         damping: 0.05,
-        dynamic: 0.3,
-        held: 0.5,
+        friction: 0.3,
+        static_friction: 0.5,
         stick_velocity: 0.7,
     }));
     let (body1, body2) = two(rng);
@@ -325,8 +325,8 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         stiffness: 0.5,
         exponent: 2.0,
         damping: 0.05,
-        dynamic: 0.3,
-        held: 0.3,
+        friction: 0.3,
+        static_friction: 0.3,
         stick_velocity: 0.7,
     }));
     let (body1, body2) = two(rng);
@@ -336,18 +336,18 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
     all.push(Force::Tyre(Tyre {
         name: "tyre".into(),
         normal: axes(&body2).apply_transposed(world).0,
-        body1,
-        point1: point(rng, 0.5),
+        body: body1,
+        center: point(rng, 0.5),
         axis,
         radius: 8.0,
-        body2,
-        point2: point(rng, 0.5),
+        ground: body2,
+        point: point(rng, 0.5),
         stiffness: 0.5,
         damping: 0.02,
         friction: 0.8,
         longitudinal: 3.0,
         lateral: 2.0,
-        slow: 0.5,
+        slow_speed: 0.5,
     }));
     let spots = [point(rng, 0.5), point(rng, 0.5)].map(|point| Spot { body: name(rng.usize(1..=count)), point });
     let mut sees = vec![Sight::Point(spots[0].clone()), Sight::Body(name(rng.usize(0..=count)))];

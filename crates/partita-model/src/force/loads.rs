@@ -104,20 +104,20 @@ pub(super) fn element<G: Space>(
                 other: maker.spot(&x.body2, n.vector("point2")),
                 surface,
                 buffer: maker.buffer(n, x.exponent, x.damping),
-                friction: [n.number("dynamic"), n.number("static"), n.number("stick_velocity")],
-                rough: x.dynamic != 0.0 || x.held != 0.0,
+                friction: ["friction", "static_friction", "stick_velocity"].map(|field| n.number(field)),
+                rough: x.friction != 0.0 || x.static_friction != 0.0,
             }))
         }
         Force::Tyre(x) => {
-            two_bodies(&x.name, &x.body1, &x.body2)?;
+            two_bodies(&x.name, &x.body, &x.ground)?;
             Element::Tyre(Box::new(Tyre {
-                centre: maker.spot(&x.body1, n.vector("point1")),
-                axis: maker.direction(&x.body1, &x.axis),
+                centre: maker.spot(&x.body, n.vector("center")),
+                axis: maker.direction(&x.body, &x.axis),
                 radius: n.number("radius"),
-                road: maker.spot(&x.body2, n.vector("point2")),
-                normal: maker.direction(&x.body2, &x.normal),
+                road: maker.spot(&x.ground, n.vector("point")),
+                normal: maker.direction(&x.ground, &x.normal),
                 buffer: maker.buffer(n, 1.0, x.damping),
-                grip: ["friction", "longitudinal", "lateral", "slow"].map(|field| n.number(field)),
+                grip: ["friction", "longitudinal", "lateral", "slow_speed"].map(|field| n.number(field)),
                 grips: x.friction != 0.0 && (x.longitudinal != 0.0 || x.lateral != 0.0),
             }))
         }

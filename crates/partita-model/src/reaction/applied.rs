@@ -39,7 +39,7 @@ impl<S: Scalar> Evaluator<S> {
         for &node in &part.nodes {
             all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
         }
-        let mut room = std::mem::take(&mut s.full.room);
+        let mut room = std::mem::take(&mut s.full_forces);
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
             match &effect.acts {
@@ -52,7 +52,7 @@ impl<S: Scalar> Evaluator<S> {
                 Acts::Listed => room.pushes.iter().for_each(|p| self.put_push(s, &mut all.on, p)),
             }
         }
-        s.full.room = room;
+        s.full_forces = room;
         Ok(all)
     }
 

@@ -3,7 +3,6 @@
 //! What a description does with any of them (names, parameters, tables, checks) it asks of [`Load`].
 
 use super::{Value, VectorValue};
-use crate::error::DescriptionError;
 use serde::{Deserialize, Serialize};
 
 /// What all of these forces can say of themselves.
@@ -251,12 +250,12 @@ pub struct Contact {
     /// Growth of the force with the speed inward [s/m].
     #[serde(default)]
     pub damping: f64,
-    /// Coefficient while it slides.
+    /// Coefficient of friction while it slides.
     #[serde(default)]
-    pub dynamic: f64,
+    pub friction: f64,
     /// Coefficient that must be overcome.
-    #[serde(default, rename = "static")]
-    pub held: f64,
+    #[serde(default)]
+    pub static_friction: f64,
     /// Speed at which it is reached [m/s].
     pub stick_velocity: f64,
 }
@@ -275,8 +274,8 @@ impl Load for Contact {
             ("point2", &mut self.point2),
             ("stiffness", one(&mut self.stiffness)),
             ("damping", one(&mut self.damping)),
-            ("dynamic", one(&mut self.dynamic)),
-            ("static", one(&mut self.held)),
+            ("friction", one(&mut self.friction)),
+            ("static_friction", one(&mut self.static_friction)),
             ("stick_velocity", one(&mut self.stick_velocity)),
         ];
         all.extend(self.radius2.as_mut().map(|x| ("radius2", one(x))));
@@ -293,8 +292,8 @@ impl Load for Contact {
                 negative(&[
                     ("stiffness", self.stiffness),
                     ("damping", self.damping),
-                    ("dynamic", self.dynamic),
-                    ("static", self.held),
+                    ("friction", self.friction),
+                    ("static_friction", self.static_friction),
                 ])
             })
             .or_else(|| without_size(&[("stick_velocity", self.stick_velocity)]))
@@ -309,17 +308,17 @@ pub struct Tyre {
     /// Name.
     pub name: String,
     /// Body of the wheel.
-    pub body1: String,
+    pub body: String,
     /// Centre of the wheel, body axes.
-    pub point1: [f64; 3],
+    pub center: [f64; 3],
     /// Its axis, body axes.
     pub axis: [f64; 3],
     /// Its free radius.
     pub radius: f64,
     /// Body of the road, or `ground`.
-    pub body2: String,
+    pub ground: String,
     /// A point of the road, body axes.
-    pub point2: [f64; 3],
+    pub point: [f64; 3],
     /// Normal of the road, upward, body axes.
     pub normal: [f64; 3],
     /// Force at a unit of depth [N/m].
@@ -337,7 +336,7 @@ pub struct Tyre {
     #[serde(default)]
     pub lateral: f64,
     /// Speed below which slip is counted as if at it [m/s].
-    pub slow: f64,
+    pub slow_speed: f64,
 }
 
 impl Load for Tyre {
@@ -345,23 +344,23 @@ impl Load for Tyre {
         &self.name
     }
     fn bodies(&self) -> Vec<&str> {
-        vec![&self.body1, &self.body2]
+        vec![&self.body, &self.ground]
     }
     fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
         vec![
-            ("point1", &mut self.point1),
+            ("center", &mut self.center),
             ("radius", one(&mut self.radius)),
-            ("point2", &mut self.point2),
+            ("point", &mut self.point),
             ("stiffness", one(&mut self.stiffness)),
             ("damping", one(&mut self.damping)),
             ("friction", one(&mut self.friction)),
             ("longitudinal", one(&mut self.longitudinal)),
             ("lateral", one(&mut self.lateral)),
-            ("slow", one(&mut self.slow)),
+            ("slow_speed", one(&mut self.slow_speed)),
         ]
     }
     fn fault(&self) -> Option<String> {
-        without_size(&[("radius", self.radius), ("slow", self.slow)])
+        without_size(&[("radius", self.radius), ("slow_speed", self.slow_speed)])
             .or_else(|| no_direction("axis", &self.axis))
             .or_else(|| no_direction("normal", &self.normal))
             .or_else(|| {
@@ -478,22 +477,4 @@ impl Load for Gravity {
             VectorValue::Whole(one) => vec![one],
         }
     }
-}
-
-/// What is wrong with a load, whoever wrote it; its bodies and joints are known.
-pub(crate) fn check(load: &mut dyn Load, functions: usize) -> Result<(), DescriptionError> {
-    let name = load.name().to_string();
-    let fail = |m: String| Err(DescriptionError::new("force", &name, m));
-    for (what, x) in load.numbers() {
-        if !x.iter().all(|x| x.is_finite()) {
-            return fail(format!("{what} = {x:?} is not finite; give finite numbers"));
-        }
-    }
-    if let Some(m) = load.fault() {
-        return fail(m);
-    }
-    if let Some(i) = load.law().filter(|i| *i >= functions) {
-        return fail(format!("it names function {i}, but {functions} functions were handed along"));
-    }
-    load.values().into_iter().try_for_each(|v| crate::value::check(v, functions, "force", &name))
 }
