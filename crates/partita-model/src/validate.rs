@@ -92,9 +92,6 @@ fn load(load: &mut dyn Load, functions: usize) -> Result<(), DescriptionError> {
     if let Some(m) = load.fault() {
         return fail(m);
     }
-    if let Some(i) = load.law().filter(|i| *i >= functions) {
-        return fail(format!("it names function {i}, but {functions} functions were handed along"));
-    }
     load.values().into_iter().try_for_each(|v| value::check(v, functions, "force", &name))
 }
 

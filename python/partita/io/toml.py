@@ -52,7 +52,8 @@ Maker = Callable[..., Builder]
 SEAL = "# as saved by partita (delete this line after editing): "
 
 # Tables that are made together, in the order of the file.
-_STAGES = (("body", "rod"), ("joint",), ("drive",), ("spring", "torsion_spring", "torque", "force"))
+_FORCES = ("spring", "torsion_spring", "torque", "force", "bushing", "friction", "stop", "contact", "tyre")
+_STAGES = (("body", "rod"), ("joint",), ("drive",), _FORCES)
 
 
 def read(path: Path, make: Maker) -> Any:
@@ -113,7 +114,9 @@ class _File:
         except schema.Mismatch as error:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
-        mechanism = self._call("/mechanism", make, {key: head[key] for key in ("name", "gravity") if key in head})
+        mechanism = self._call(
+            "/mechanism", make, {key: _argument(head[key]) for key in ("name", "gravity") if key in head}
+        )
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)

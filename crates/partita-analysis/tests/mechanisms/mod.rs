@@ -377,7 +377,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             damping: 0.05,
         }));
     }
-    all.push(Force::Law(Law { name: "law".into(), function: 1, sees, on: spots.to_vec() }));
+    all.push(Force::Law(Law { name: "law".into(), value: Value::Function(1), sees, on: spots.to_vec() }));
     all.push(Force::Weightless(Weightless { name: "weightless".into(), body: name(rng.usize(1..=count)) }));
     all.push(Force::Gravity(Gravity { name: "gravity".into(), value: VectorValue::Whole(Value::Function(1)) }));
     spec.forces.extend(all);

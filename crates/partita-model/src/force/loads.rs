@@ -220,7 +220,10 @@ impl<S: Scalar> Maker<'_, S> {
         }
         let on = x.on.iter().map(|p| self.spot(&p.body, vec(p.point))).collect();
         let out = Mat3::from_f64(self.placed.basis.transpose().0);
-        Ok(Law { name: x.name.clone(), function: x.function, sees, sizes, on, out })
+        let spec::Value::Function(function) = x.value else {
+            return Err(DescriptionError::new("force", &x.name, "its value is no function"));
+        };
+        Ok(Law { name: x.name.clone(), function, sees, sizes, on, out })
     }
 }
 

@@ -29,10 +29,6 @@ pub trait Load {
     fn fault(&self) -> Option<String> {
         None
     }
-    /// Number of the function of what it sees, if it has one.
-    fn law(&self) -> Option<usize> {
-        None
-    }
 }
 
 fn one(x: &mut f64) -> &mut [f64] {
@@ -403,8 +399,8 @@ pub struct Spot {
 pub struct Law {
     /// Name.
     pub name: String,
-    /// Function number i: of t and all that is seen, one after the other; three forces and three moments for each of `on`.
-    pub function: usize,
+    /// A function of t and all that is seen, one after the other; three forces and three moments for each of `on`.
+    pub value: Value,
     /// What it sees.
     pub sees: Vec<Sight>,
     /// Where it acts.
@@ -431,10 +427,14 @@ impl Load for Law {
         self.sees.iter().filter_map(joint).collect()
     }
     fn fault(&self) -> Option<String> {
-        self.on.is_empty().then(|| "it acts on nothing; name a point of a body".into())
+        match (self.on.as_slice(), &self.value) {
+            ([], _) => Some("it acts on nothing; name a point of a body".into()),
+            (_, Value::Function(_)) => None,
+            _ => Some("its value is no function; use a force where it is a number or a table".into()),
+        }
     }
-    fn law(&self) -> Option<usize> {
-        Some(self.function)
+    fn values(&self) -> Vec<&Value> {
+        vec![&self.value]
     }
 }
 
