@@ -69,7 +69,7 @@ def test_a_bushing_is_three_oscillators_along_its_axes_and_one_about_each(coordi
         m = mounted()
         # a rate and no turn: the same equation, shifted
         v = np.zeros(6)
-        v[3 + axis] = 2.0
+        v[3:] = 2.0 * frame[:, axis]
         start = m.assemble()
         run = m.simulate(1.5, initial=pt.State(0.0, start.q, v), coordinates=coordinates, t_eval=t, **TIGHT)
         w2, d = k[3 + axis] / inertia[axis], c[3 + axis] / (2 * inertia[axis])
@@ -136,14 +136,14 @@ def test_a_block_comes_to_rest_at_the_time_of_coulomb() -> None:
         m = slider()
         m.add_friction("S", 5.0, stick_velocity=stick)
         run = m.simulate(0.6, initial=m.assemble(rates={"S": 1.5}), rtol=1e-8)
-        left.append(float(run.joint("S").velocity[-1]))
+        left.append(float(run.joint("S").velocity[-1].item()))
         assert run.joint("S").position[-1] == pytest.approx(1.5**2 * 2 / (2 * 5.0), abs=stick)
     assert left[0] > 5 * left[1] > 25 * left[2] > 0 and left[2] < 1e-3
 
 
 @pytest.mark.parametrize("cut", ["auto", "always"])
 def test_a_load_below_the_static_level_creeps_and_one_above_slides(cut: str) -> None:
-    """Steady creep: the root of the law; and sliding at (load - dynamic) / mass when the load exceeds the static level."""
+    """Steady creep: the root of the law. Above the static level it slides with (load - dynamic) / mass."""
     stick, dynamic, static = 1e-2, 3.0, 5.0
 
     def law(v: float) -> float:
@@ -211,8 +211,8 @@ def test_ends_that_cannot_be_told_apart_are_refused() -> None:
 # ---------------------------------------------------------------- contact
 
 
-def ball(**law: Any) -> pt.Mechanism:
-    m = pt.Mechanism("ball", gravity=(0, 0, -G))
+def ball(gravity: Any = (0, 0, -G), **law: Any) -> pt.Mechanism:
+    m = pt.Mechanism("ball", gravity=gravity)
     m.add_body("ball", mass=0.5, inertia=(2e-4, 2e-4, 2e-4), position=(0, 0, 0.2))
     m.add_contact("floor", "ball", (0, 0, 0), m.ground, (0, 0, 0), radius1=0.05, normal=(0, 0, 2), **law)
     return m
@@ -231,15 +231,16 @@ def test_an_elastic_sphere_bounces_to_its_height_and_a_damped_one_loses_what_the
     run = m.simulate(1.2, **TIGHT)
     balanced(run)
     assert np.max(run.body("ball").position[run.t > 0.3, 2]) == pytest.approx(0.2, abs=1e-5)
-    # v dv = -(k/m) d^1.5 (1 + c v) dd: between touch and leaving v - ln(1 + c v)/c ... keeps its integral (gravity apart)
-    c, v0 = 0.3, math.sqrt(2 * G * 0.15)
-    m = ball(stiffness=1e9, damping=c)
-    run = m.simulate(0.2, rtol=1e-9)
-    balanced(run, 1e-9)
-    out = brentq(lambda v: (v0 - math.log1p(c * v0) / c) + (v - 0.0) + math.log1p(-c * v) / c, 1e-3, v0)
-    at = run.t[-1]
-    fall = math.sqrt(2 * 0.15 / G)
-    assert run.body("ball").velocity[-1, 2] == pytest.approx(out - G * (at - fall), rel=2e-3)
+    # v dv = -(k/m) d^1.5 (1 + c v) dd: v - ln(1 + c v)/c is the same at the first touch and the last
+    c, v0 = 0.3, 1.7
+    m = ball(gravity=None, stiffness=1e6, damping=c)
+    v = np.zeros(6)
+    v[2] = -v0
+    run = m.simulate(0.3, initial=pt.State(0.0, m.assemble().q, v), **TIGHT)
+    balanced(run)
+    out = brentq(lambda u: v0 - math.log1p(c * v0) / c + u + math.log1p(-c * u) / c, 1e-3, v0)
+    assert run.body("ball").velocity[-1, 2] == pytest.approx(out, abs=1e-8)
+    assert run.energy.work[-1] == pytest.approx(0.25 * (out**2 - v0**2), abs=1e-8)
 
 
 def test_a_sphere_that_slides_begins_to_roll_at_five_sevenths() -> None:
@@ -254,11 +255,9 @@ def test_a_sphere_that_slides_begins_to_roll_at_five_sevenths() -> None:
     v = np.zeros(6)
     v[0] = 1.0
     run = m.simulate(0.6, initial=pt.State(0.0, m.assemble().q, v), rtol=1e-9)
-    # the arm of friction is the radius less the depth
+    # the arm of friction is the radius less the depth: m v + I w / arm stays, v = w arm in the end
     arm = radius - depth
-    assert run.body("ball").velocity[-1, 0] == pytest.approx(
-        1 / (1 + inertia / (mass * arm**2)) * mass * arm**2 / inertia * inertia / (mass * arm**2), rel=1e-3
-    )
+    assert run.body("ball").velocity[-1, 0] == pytest.approx(1 / (1 + inertia / (mass * arm**2)), rel=1e-5)
     balanced(run, 1e-9)
 
 
@@ -318,19 +317,19 @@ def test_a_wheel_rolls_down_with_its_slip(planar: bool) -> None:
 # ---------------------------------------------------------------- gravity
 
 
-def pendulum(gravity: Any, **of_rod: Any) -> pt.Mechanism:
+def pendulum(gravity: Any, light: bool = False) -> pt.Mechanism:
     m = pt.Mechanism("pendulum", gravity=gravity)
-    m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=2.0, **of_rod)
+    m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=2.0, gravity=not light)
     m.add_revolute("A", m.ground, "rod", point=(0, 0, 0))
     return m
 
 
-@pytest.mark.parametrize("make", [lambda: pendulum(None), lambda: pendulum((0, -G, 0), gravity=False)])
+@pytest.mark.parametrize("make", [lambda: pendulum(None), lambda: pendulum((0, -G, 0), light=True)])
 def test_without_gravity_a_pendulum_turns_evenly(make: Callable[[], pt.Mechanism]) -> None:
     m = make()
     for coordinates in ("relative", "absolute"):
         run = m.simulate(2.0, initial=m.assemble(rates={"A": 1.5}), coordinates=coordinates, **TIGHT)
-        np.testing.assert_allclose(run.joint("A").velocity, 1.5, rtol=1e-12)
+        np.testing.assert_allclose(run.joint("A").velocity.ravel(), 1.5 + 0 * run.t, rtol=1e-9)
         balanced(run)
         # the joint feels the centripetal force alone
         np.testing.assert_allclose(np.linalg.norm(run.joint("A").force, axis=1), 2.0 * 0.5 * 1.5**2, rtol=1e-9)
@@ -341,7 +340,8 @@ def test_gravity_that_is_switched_off_leaves_the_speed_it_has_given() -> None:
     run = m.simulate(1.0, rtol=1e-9)
     falling = pendulum((0, -G, 0)).simulate(0.4, rtol=1e-10)
     late = run.t > 0.41
-    np.testing.assert_allclose(run.joint("A").velocity[late].ravel(), falling.joint("A").velocity[-1], rtol=1e-6)
+    given = float(falling.joint("A").velocity[-1].item())
+    np.testing.assert_allclose(run.joint("A").velocity[late].ravel(), given + 0 * run.t[late], rtol=1e-6)
     assert run.energy.work[-1] == pytest.approx(run.energy.kinetic[-1], rel=1e-6)
 
 
@@ -363,7 +363,9 @@ def test_gravity_that_does_not_change_may_be_given_as_if_it_did() -> None:
 
 def linkage(planar: bool) -> pt.Mechanism:
     m = pt.Mechanism("linkage", gravity=(0, -G, 0))
-    m.add_rod("a", start=(0, 0, 0), end=(1, 0.2, 0), mass=1.0)
+    turn = math.atan2(0.2, 1.0)
+    axes = [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+    m.add_body("a", mass=1.0, inertia=(0.02, 0.09, 0.09), com=(0.5, 0, 0), orientation=axes)
     m.add_body("b", mass=2.0, inertia=(0.2, 0.3, 0.3), com=(0.3, 0, 0), position=(1, 0.2, 0))
     m.add_revolute("A", m.ground, "a", point=(0, 0, 0), axis=(0, 0, 1) if planar else (0, 1e-6, 1))
     m.add_revolute("B", "a", "b", point=(1, 0.2, 0), axis=(0, 0, 1) if planar else (0.3, 0, 1))
@@ -473,7 +475,10 @@ def test_what_a_law_asks_for_must_exist_and_what_it_returns_must_be_wrenches() -
 
 
 def everything(scale: float = 1.0) -> pt.Mechanism:
-    """All forces on one chain that moves out of every plane; lengths times `scale`, masses and times as they are."""
+    """All forces on one chain that moves out of every plane; lengths times `scale`, masses and times as they are.
+
+    Smooth where they first touch, so that runs agree within their tolerance and not within that of a corner.
+    """
     m = pt.Mechanism("everything", gravity=np.array([0.5, -G, 1.0]) * scale)
     s = scale
     m.add_body("a", mass=1.0, inertia=np.array([0.1, 0.2, 0.2]) * s**2, com=(0.5 * s, 0, 0))
@@ -484,13 +489,13 @@ def everything(scale: float = 1.0) -> pt.Mechanism:
     m.add_bushing("bushing", m.ground, "b", (1.2 * s, 0, 0), stiffness=k, damping=0.02 * k)
     m.add_friction("B", 0.4 * s**2, static=0.6 * s**2, stick_velocity=0.5, coordinate=1)
     m.add_friction("A", 0.4 * s, stick_velocity=0.5 * s, coordinate=0)
-    m.add_stop("A", lower=-0.2 * s, upper=0.1 * s, stiffness=300.0, damping=0.5 / s, coordinate=0)
-    m.add_stop("B", lower=-0.3, upper=0.3, stiffness=40.0 * s**2, exponent=1.5)
+    m.add_stop("A", lower=-0.2 * s, upper=0.1 * s, stiffness=3e4 / s**2, damping=0.5 / s, exponent=3.0)
+    m.add_stop("B", lower=-0.3, upper=0.3, stiffness=100.0 * s**2, exponent=3.0)
     rough = {"friction": 0.3, "static_friction": 0.4, "stick_velocity": 0.5 * s}
-    floor = {"normal": (0, 1, 0), "stiffness": 100.0 / s**0.5, "damping": 0.3 / s}
+    floor = {"normal": (0, 1, 0), "stiffness": 1e3 / s**2, "exponent": 3.0, "damping": 0.3 / s}
     m.add_contact("floor", "b", (0.6 * s, 0, 0), m.ground, (0, -0.6 * s, 0), radius1=0.5 * s, **floor, **rough)
     m.add_tyre(
-        "tyre", "a", center=(0.5 * s, 0, 0), axis=(0, 0, 1), radius=0.6 * s, normal=(0, 1, 0.1), point=(0, -0.5 * s, 0),
+        "tyre", "a", center=(0.5 * s, 0, 0), axis=(0, 0, 1), radius=0.6 * s, normal=(0, 1, 0.1), point=(0, -0.2 * s, 0),
         stiffness=100.0, damping=0.1 / s, friction=0.5, longitudinal=5.0 * s, lateral=4.0 * s, slow_speed=0.3 * s,
     )  # fmt: skip
     m.add_force_law(
@@ -530,7 +535,7 @@ def test_the_unit_of_length_does_not_matter(scale: float) -> None:
 
 def test_parameters_of_the_new_forces_are_those_of_a_new_mechanism() -> None:
     model = everything().compile()
-    q, v = model.assemble().q if hasattr(model, "assemble") else np.array([-0.25, 0.2, 0.4, 0.1]), np.ones(4)
+    q, v = np.array([-0.25, 0.2, 0.4, 0.1]), np.ones(4)
     changes: dict[str, Any] = {}
     for name, value in model.parameters.items():
         if name.split(".")[0] in ("bushing", "floor", "tyre", "stop of A", "stop of B", "friction in B"):
@@ -540,7 +545,7 @@ def test_parameters_of_the_new_forces_are_those_of_a_new_mechanism() -> None:
     assert not np.allclose(moved.forces(q, v), model.forces(q, v))
     back = moved.with_parameters({name: model.parameters[name] for name in changes})
     np.testing.assert_allclose(back.forces(q, v), model.forces(q, v), rtol=1e-14)
-    assert moved.parameters["floor.stiffness"] == pytest.approx(110.0)
+    assert moved.parameters["floor.stiffness"] == pytest.approx(1100.0)
 
 
 def test_hertz_integrals_agree_with_quadrature() -> None:

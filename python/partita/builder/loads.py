@@ -214,7 +214,11 @@ def _six(element: Element, what: str, value: Any) -> Array:
         return np.diag(vector(element, what, value, 6))
     if shape_of(value) != (6, 6):
         element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
-    return matrix(element, what, value, 6)
+    full = matrix(element, what, value, 6)
+    # symmetric but for the round-off of a product: as it was meant
+    return (
+        0.5 * (full + full.T) if np.allclose(full, full.T, rtol=0.0, atol=1e-14 * float(np.max(np.abs(full)))) else full
+    )
 
 
 def _short(value: Array) -> Array:
