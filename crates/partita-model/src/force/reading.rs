@@ -51,8 +51,19 @@ enum Value<S> {
 pub(crate) struct Read<G: Space> {
     pub value: G::S,
     pub rate: G::S,
-    /// Of a cut joint: arms on parent and child, axis of the moment, direction of the force.
-    held: Option<(G::Vec, G::Vec, G::Ang, G::Vec)>,
+    /// Of a cut joint.
+    held: Option<Held<G>>,
+}
+
+/// The unit wrench of a cut joint as it stands now.
+#[derive(Clone, Copy, Debug)]
+struct Held<G: Space> {
+    /// Arms of the joint's point on parent and child.
+    back: G::Vec,
+    arm: G::Vec,
+    /// Moment and force.
+    axis: G::Ang,
+    direction: G::Vec,
 }
 
 impl<G: Space> Reading<G> {
@@ -151,7 +162,7 @@ impl<G: Space> Reading<G> {
     #[inline(always)]
     pub(crate) fn acts(&self, read: &Read<G>, effort: G::S) -> Acts<G> {
         match (self, &read.held) {
-            (Self::Cut(c), Some((back, arm, axis, direction))) => {
+            (Self::Cut(c), Some(Held { back, arm, axis, direction })) => {
                 let (moment, force) = (G::scale_ang(*axis, effort), G::scale(*direction, effort));
                 let push = |e: &Place<G>, arm, moment, force| Push { node: e.node, link: e.link, arm, moment, force };
                 Acts::Between(push(&c.child, *arm, moment, force), push(&c.parent, *back, -moment, -force))
@@ -192,7 +203,7 @@ impl<G: Space> Cut<G> {
                 angle - (angle - *middle).scale(1.0 / turn).round().scale(turn)
             }
         };
-        Read { value, rate, held: Some((back, arm, axis, direction)) }
+        Read { value, rate, held: Some(Held { back, arm, axis, direction }) }
     }
 }
 

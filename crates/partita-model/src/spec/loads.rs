@@ -113,8 +113,8 @@ impl Load for Bushing {
             let turned = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
             let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(turned, z) - 1.0, dot(z, z) - 1.0];
             // what ten printed digits can be off
-            let far = off.iter().any(|x| !(x.abs() < 1e-9));
-            far.then(|| format!("{what} is no rotation; orthogonalise it"))
+            let fits = off.iter().all(|x| x.abs() < 1e-9);
+            (!fits).then(|| format!("{what} is no rotation; orthogonalise it"))
         })
     }
 }
