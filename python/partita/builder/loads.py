@@ -119,7 +119,7 @@ def add_friction(
     >>> slide = m.add_prismatic("S", m.ground, sledge, axis=(1, 0, 0))
     >>> _ = m.add_friction(slide, 4.0, stick_velocity=1e-3)
     >>> run = m.simulate(0.5, initial=m.assemble(rates={"S": 3.0}))
-    >>> float(run.joint("S").velocity[-1].round(3))   # 3 - 4/2 * 0.5
+    >>> round(run.joint("S").velocity[-1].item(), 3)   # 3 - 4/2 * 0.5
     2.0
     """
     element = named(self, name, "friction in", joint)
