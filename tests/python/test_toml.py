@@ -151,8 +151,16 @@ def test_our_check_agrees_with_jsonschema() -> None:
         ("", None, 'no "mechanism"'),
         ('[mechanism]\nname = "m"\n', 1, 'no "partita"'),
         ('[mechanism]\npartita = 2\nname = "m"\n', 2, "1, the version of this format"),
-        (HEAD + "gravity = [0, -9.81]\n", 4, "gravity must be three numbers, not [0, -9.81]"),
-        (HEAD + 'gravity = [0, "g", 0]\n', 4, 'gravity[1] must be a number, not "g"'),
+        (
+            HEAD + "gravity = [0, -9.81]\n",
+            4,
+            "gravity must be three components, each a number or a table, not [0, -9.81]",
+        ),
+        (
+            HEAD + 'gravity = [0, "g", 0]\n',
+            4,
+            'gravity[1] must be a number or a table { times = [...], values = [...] }, not "g"',
+        ),
         (HEAD + "[[bodi]]\n", 4, 'did you mean "body"?'),
         (HEAD + ROD + "lenght = 1\n", 9, '"lenght" is no key of rod "rod"'),
         (HEAD + ROD.replace("mass = 1", "mas = 1"), 8, 'did you mean "mass"?'),

@@ -69,6 +69,8 @@ pub trait Scalar:
     fn one() -> Self;
     /// Square root; at 0 the derivative is infinite.
     fn sqrt(self) -> Self;
+    /// A constant power, at least 1, of a number that is not negative.
+    fn power(self, exponent: f64) -> Self;
     /// Sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
     /// Angle of the point (`x`, `self`) in radians, above −π and up to π.
@@ -103,8 +105,22 @@ pub trait Scalar:
     fn call<const N: usize, E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
-        f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
-    ) -> Result<[Self; N], E>;
+        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
+    ) -> Result<[Self; N], E> {
+        let mut out = [Self::zero(); N];
+        Self::call_into(at, room, &mut out, |t, q, v, out| {
+            out.copy_from_slice(&f(t, q, v)?);
+            Ok(())
+        })?;
+        Ok(out)
+    }
+    /// [`call`](Scalar::call) of a function that has as many values as it finds room for in its last argument.
+    fn call_into<E>(
+        at: Arguments<Self>,
+        room: &mut Vec<f64>,
+        out: &mut [Self],
+        f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E>;
 }
 
 /// A [`Scalar`] with a value that choices can look at: comparisons look at the value only, so that every branch is taken
@@ -135,7 +151,7 @@ mod tests {
         y += x.abs();
         y -= s.atan2(c + S::one());
         y *= -x;
-        y += s.hypot(c.scale(2.0)) + (x.scale(3.0)).round() * x;
+        y += s.hypot(c.scale(2.0)) + (x.scale(3.0)).round() * x + x.abs().power(1.5);
         y += s.max(c) - x.min(s) * c.where_positive(x, s);
         let (start, [a, b, c, d]) = x.interval(&TABLE.0, &TABLE.1);
         let z = x - start;
@@ -156,6 +172,7 @@ mod tests {
             close((d * d * d).eps, 3.0 * x * x);
             close((Dual::one() / d).eps, -1.0 / (x * x));
             close(d.sqrt().eps, 0.5 / x.sqrt());
+            close(d.power(2.5).eps, 2.5 * x * x.sqrt());
             close(d.sin_cos().0.eps, x.cos());
             close(d.sin_cos().1.eps, -x.sin());
             close(d.atan2(Dual::one()).eps, 1.0 / (1.0 + x * x));
@@ -266,6 +283,7 @@ mod tests {
     #[test]
     fn constants_have_no_slope_even_where_the_root_is_steep() {
         assert_eq!(Dual::constant(0.0).sqrt().eps, 0.0);
+        assert_eq!((Dual::variable(0.0).power(1.0).eps, Dual::variable(0.0).power(1.5).eps), (1.0, 0.0));
         assert!(Dual::new(1.0, 5.0) < Dual::new(2.0, -5.0));
     }
 }

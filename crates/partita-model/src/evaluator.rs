@@ -10,7 +10,7 @@ use crate::clusters::{self, Given, Tangents};
 use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
-use crate::force::Element;
+use crate::force::{Element, Room};
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
@@ -68,6 +68,9 @@ pub struct Scratch<S: Scalar> {
     pub(crate) full: TreeScratch<Spatial<S>>,
     /// Plain arguments of functions known in `f64` alone.
     pub(crate) room: Vec<f64>,
+    /// Memory of the applied forces, in each space.
+    pub(crate) flat_forces: Room<Planar<S>>,
+    pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
 }
 
@@ -137,6 +140,8 @@ impl<S: Scalar> Evaluator<S> {
             },
             full: self.full.scratch(),
             room: Vec::new(),
+            flat_forces: Room::default(),
+            full_forces: Room::default(),
             forces_at: false,
         }
     }
@@ -187,10 +192,10 @@ impl<S: Scalar> Evaluator<S> {
         if s.forces_at {
             return Ok(());
         }
-        let mut room = std::mem::take(&mut s.room);
-        let done = with_engine!(self, s, |tree, x| tree.apply(self.instant(t, q, v), x, &mut room));
-        s.room = room;
-        done?;
+        match (&self.engine, &mut s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.apply(self.instant(t, q, v), x, &mut s.flat_forces)?,
+            _ => self.full.apply(self.instant(t, q, v), &mut s.full, &mut s.full_forces)?,
+        }
         s.forces_at = true;
         Ok(())
     }
@@ -332,11 +337,11 @@ impl<S: Scalar> Evaluator<S> {
     /// Kinetic energy, potential energy, and the power of the forces that have no potential, after
     /// [`velocity`](Self::velocity).
     pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
-        // plain numbers need no room
-        let (instant, mut room) = (self.instant(t, q, v), Vec::new());
+        let instant = self.instant(t, q, v);
+        // plain numbers need no room, unless it is for a law
         match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut room),
-            _ => self.full.energies(instant, &s.full, &mut room),
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut Room::default()),
+            _ => self.full.energies(instant, &s.full, &mut Room::default()),
         }
     }
 

@@ -1,6 +1,6 @@
 //! How long a mechanism is described: to the end of the table that ends first.
 
-use crate::spec::{Force, Spec, Table, Value, VectorValue};
+use crate::spec::{Force, Load, Spec, Table, Value, VectorValue};
 
 fn tables(value: &VectorValue) -> Vec<&Value> {
     match value {
@@ -17,6 +17,7 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
             Force::Torque { value, .. } => vec![value],
             Force::Force { value, .. } => tables(value),
             Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
+            other => other.load().map_or_else(Vec::new, Load::values),
         };
         values.into_iter().map(|value| (value, words(f.name(), "force")))
     });

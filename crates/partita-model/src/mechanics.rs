@@ -1,7 +1,7 @@
 //! The tree in one space with everything that acts on it: what an evaluation needs.
 
 use crate::coupling::Condition;
-use crate::force::{At, Element};
+use crate::force::{At, Element, Room};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::Instant;
 use partita_math::scalar::Scalar;
@@ -86,14 +86,14 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: Instant<G::S>,
         s: &mut TreeScratch<G>,
-        room: &mut Vec<f64>,
+        room: &mut Room<G>,
     ) -> Result<(), SystemError> {
         self.clear_forces(s);
         let Instant { t, q, v, callers } = instant;
         for e in &self.elements {
             let instant = Instant { t, q, v, callers };
             let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
-            self.add_effect(s, &effect);
+            self.add_effect(s, &effect, room);
         }
         Ok(())
     }
@@ -103,7 +103,7 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Vec<f64>,
+        room: &mut Room<G>,
     ) -> Result<[G::S; 3], SystemError> {
         let (kinetic, gravity) = self.energy(s);
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::place::Placed;
-use crate::spec::{Force, Spec, Value, VectorValue};
+use crate::spec::{Force, Gravity, Spec, Value, VectorValue};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
@@ -23,7 +23,7 @@ pub struct DescribedBody<S> {
 }
 
 /// Numbers of a force as described; those that its kind does not have are 0.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct DescribedForce<S> {
     /// Points on the bodies.
     pub points: [Vec3<S>; 2],
@@ -35,6 +35,31 @@ pub struct DescribedForce<S> {
     pub rest: S,
     /// Constant effort (first component) or force.
     pub value: Vec3<S>,
+    /// Numbers of a kind that has a record of its own, by field.
+    pub of_load: Vec<(&'static str, Vec<S>)>,
+}
+
+impl<S: Scalar> DescribedForce<S> {
+    fn none() -> Self {
+        let o = S::zero();
+        Self { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero(), of_load: Vec::new() }
+    }
+
+    /// The numbers of a field; none if it is a table or a function, or left out.
+    pub fn field(&self, name: &str) -> &[S] {
+        self.of_load.iter().find(|(field, _)| *field == name).map_or(&[], |(_, x)| x)
+    }
+
+    /// The number of a field, 0 where it has none.
+    pub fn number(&self, name: &str) -> S {
+        self.field(name).first().copied().unwrap_or_else(S::zero)
+    }
+
+    /// The three numbers of a field.
+    pub fn vector(&self, name: &str) -> Vec3<S> {
+        let x = self.field(name);
+        Vec3(std::array::from_fn(|i| x.get(i).copied().unwrap_or_else(S::zero)))
+    }
 }
 
 /// Numbers of a description that may change while its structure stays: parameters.
@@ -60,36 +85,47 @@ fn constant(v: &Value) -> f64 {
 impl<S: Scalar> Described<S> {
     /// What a description says.
     pub fn new(spec: &Spec) -> Self {
-        let (vec, o) = (Vec3::<S>::from_f64, S::zero());
+        let vec = Vec3::<S>::from_f64;
         let bodies = spec.bodies.iter().map(|b| DescribedBody {
             mass: S::from_f64(b.mass),
             com: vec(b.com),
             inertia: Mat3::from_f64(b.inertia),
         });
-        let none = DescribedForce { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero() };
         let forces = spec.forces.iter().map(|f| match f {
             Force::Spring { point1, point2, stiffness, damping, length, .. } => DescribedForce {
                 points: [vec(*point1), vec(*point2)],
                 stiffness: S::from_f64(*stiffness),
                 damping: S::from_f64(*damping),
                 rest: S::from_f64(*length),
-                ..none
+                ..DescribedForce::none()
             },
             Force::TorsionSpring { stiffness, damping, angle, .. } => DescribedForce {
                 stiffness: S::from_f64(*stiffness),
                 damping: S::from_f64(*damping),
                 rest: S::from_f64(*angle),
-                ..none
+                ..DescribedForce::none()
             },
-            Force::Torque { value, .. } => DescribedForce { value: vec([constant(value), 0.0, 0.0]), ..none },
+            Force::Torque { value, .. } => {
+                DescribedForce { value: vec([constant(value), 0.0, 0.0]), ..DescribedForce::none() }
+            }
             Force::Force { point, value, .. } => DescribedForce {
                 points: [vec(*point), Vec3::zero()],
                 value: vec(match value {
                     VectorValue::Components(v) => [0, 1, 2].map(|i| constant(&v[i])),
                     VectorValue::Whole(v) => [constant(v); 3],
                 }),
-                ..none
+                ..DescribedForce::none()
             },
+            Force::Gravity(Gravity { value: VectorValue::Components(v), .. }) => {
+                DescribedForce { value: vec([0, 1, 2].map(|i| constant(&v[i]))), ..DescribedForce::none() }
+            }
+            _ => {
+                let mut copy = f.clone();
+                let fields = copy.load_mut().map_or_else(Vec::new, |load| load.numbers());
+                let lifted = |x: &[f64]| x.iter().map(|x| S::from_f64(*x)).collect();
+                let of_load = fields.into_iter().map(|(name, x)| (name, lifted(x))).collect();
+                DescribedForce { of_load, ..DescribedForce::none() }
+            }
         });
         Self {
             gravity: vec(spec.gravity),

@@ -8,6 +8,7 @@
 //! SPRING.point1  .point2  FORCE.point        3, body axes
 //! TORSION.stiffness  .damping  .angle        1
 //! TORQUE.value  FORCE.value                  1, 3: constants only
+//! BUSHING.stiffness  .damping                36, row by row; other forces: their numbers by the names of their fields
 //! ```
 
 use crate::error::DescriptionError;
@@ -34,6 +35,8 @@ enum Slot {
     ForcePoint(usize, usize),
     /// A constant, and how many numbers it has.
     Value(usize, usize),
+    /// A field of a force that has a record of its own.
+    OfLoad(usize, usize),
 }
 
 impl Slot {
@@ -51,6 +54,7 @@ impl Slot {
             Self::Rest(i) => std::slice::from_mut(&mut d.forces[i].rest),
             Self::ForcePoint(i, k) => &mut d.forces[i].points[k].0,
             Self::Value(i, n) => &mut d.forces[i].value.0[..n],
+            Self::OfLoad(i, k) => &mut d.forces[i].of_load[k].1,
         }
     }
 
@@ -74,6 +78,12 @@ impl Slot {
                 vec![("point", Self::ForcePoint(i, 0)), ("value", Self::Value(i, 3))]
             }
             Force::Force { .. } => vec![("point", Self::ForcePoint(i, 0))],
+            Force::Gravity(_) => vec![],
+            _ => {
+                let mut copy = f.clone();
+                let fields = copy.load_mut().map_or_else(Vec::new, |load| load.numbers());
+                fields.into_iter().enumerate().map(|(k, (name, _))| (name, Self::OfLoad(i, k))).collect()
+            }
         }
     }
 
@@ -163,6 +173,10 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
                     VectorValue::Components(v) => v.iter_mut().zip(n.value.0).for_each(|(v, x)| set(v, x)),
                     VectorValue::Whole(v) => set(v, n.value.0[0]),
                 }
+            }
+            other => {
+                let fields = other.load_mut().map_or_else(Vec::new, |load| load.numbers());
+                fields.into_iter().zip(&n.of_load).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
             }
         }
     }

@@ -34,18 +34,19 @@ impl Part {
     ) -> Self {
         let (tree, full) = (&model.placed.carrying, &model.full);
         let edges: Vec<usize> = (0..tree.len()).filter(|&e| nodes.contains(&tree[e].to)).collect();
-        let on = |sides: [usize; 2]| sides.iter().any(|n| nodes.contains(n));
+        let on = |sides: &[usize]| sides.iter().any(|n| nodes.contains(n));
         let sides = |k: usize| {
             let p = &model.placed.joints[full.closings[k].joint];
             [p.parent, p.child]
         };
         // what acts along a tree joint acts on no body by itself
-        let elements: Vec<usize> = (0..full.elements.len()).filter(|&i| on(full.elements[i].nodes())).collect();
+        let elements: Vec<usize> = (0..full.elements.len()).filter(|&i| on(&full.elements[i].nodes())).collect();
         let closings: Vec<usize> =
-            (0..full.closings.len()).filter(|&k| on(sides(k)) || asked(full.closings[k].joint)).collect();
+            (0..full.closings.len()).filter(|&k| on(&sides(k)) || asked(full.closings[k].joint)).collect();
         let mut links: BTreeSet<usize> = ends.iter().copied().collect();
         links.extend(nodes.iter().map(|&n| model.placed.link_of(n)));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
+        links.extend(elements.iter().flat_map(|&i| full.elements[i].looks_at()));
         for &k in &closings {
             links.extend(sides(k).map(|n| model.placed.link_of(n)));
             links.extend([full.closings[k].a.link, full.closings[k].b.link]);
@@ -57,7 +58,7 @@ impl Part {
         };
         let all = &full.conditions;
         let conditions: Vec<usize> =
-            (0..all.len()).filter(|&k| owned(all[k].owner) || all[k].nodes().any(&on)).collect();
+            (0..all.len()).filter(|&k| owned(all[k].owner) || all[k].nodes().any(|sides| on(&sides))).collect();
         links.extend(conditions.iter().flat_map(|&k| all[k].links()));
         let nodes = edges.iter().map(|&e| tree[e].to).collect();
         Self { links: with_ancestors(model, links), nodes, edges, elements, closings, conditions }

@@ -127,9 +127,10 @@ pub struct Placed {
 /// Names of the joints that are driven, coupled or loaded along a coordinate.
 fn loaded(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
-    let by_forces = spec.forces.iter().filter_map(|f| match f {
-        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
-        _ => None,
+    let by_forces = spec.forces.iter().flat_map(|f| match f {
+        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => vec![joint.as_str()],
+        // an angle in the tree counts its turns
+        other => other.load().map_or_else(Vec::new, |load| load.joints().into_iter().map(|j| j.0).collect()),
     });
     measures.filter_map(Measure::of_joint).chain(by_forces).collect()
 }

@@ -1,5 +1,9 @@
 //! The description of a mechanism: plain, versioned data. World axes of the drawing, SI, radians.
 
+mod loads;
+
+pub use loads::{Bushing, Contact, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
+
 use serde::{Deserialize, Serialize};
 
 /// Version of the description that this build reads.
@@ -492,6 +496,22 @@ pub enum Force {
         #[serde(default)]
         axes: Axes,
     },
+    /// Stiffness and damping in all directions between two frames.
+    Bushing(Box<Bushing>),
+    /// Friction in a joint coordinate.
+    Friction(Friction),
+    /// Compliant ends of a joint coordinate.
+    Stop(Stop),
+    /// A sphere against a plane or a sphere.
+    Contact(Contact),
+    /// A wheel on a road.
+    Tyre(Tyre),
+    /// A function of whatever it asks to see.
+    Law(Law),
+    /// No gravity on a body.
+    Weightless(Weightless),
+    /// Gravity that changes.
+    Gravity(Gravity),
 }
 
 impl Force {
@@ -502,6 +522,44 @@ impl Force {
             | Self::TorsionSpring { name, .. }
             | Self::Torque { name, .. }
             | Self::Force { name, .. } => name,
+            Self::Bushing(x) => x.name(),
+            Self::Friction(x) => x.name(),
+            Self::Stop(x) => x.name(),
+            Self::Contact(x) => x.name(),
+            Self::Tyre(x) => x.name(),
+            Self::Law(x) => x.name(),
+            Self::Weightless(x) => x.name(),
+            Self::Gravity(x) => x.name(),
+        }
+    }
+
+    /// What has a record of its own.
+    pub fn load(&self) -> Option<&dyn Load> {
+        match self {
+            Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
+            Self::Bushing(x) => Some(&**x),
+            Self::Friction(x) => Some(x),
+            Self::Stop(x) => Some(x),
+            Self::Contact(x) => Some(x),
+            Self::Tyre(x) => Some(x),
+            Self::Law(x) => Some(x),
+            Self::Weightless(x) => Some(x),
+            Self::Gravity(x) => Some(x),
+        }
+    }
+
+    /// The same, to change its numbers.
+    pub fn load_mut(&mut self) -> Option<&mut dyn Load> {
+        match self {
+            Self::Spring { .. } | Self::TorsionSpring { .. } | Self::Torque { .. } | Self::Force { .. } => None,
+            Self::Bushing(x) => Some(&mut **x),
+            Self::Friction(x) => Some(x),
+            Self::Stop(x) => Some(x),
+            Self::Contact(x) => Some(x),
+            Self::Tyre(x) => Some(x),
+            Self::Law(x) => Some(x),
+            Self::Weightless(x) => Some(x),
+            Self::Gravity(x) => Some(x),
         }
     }
 }

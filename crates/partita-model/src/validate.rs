@@ -1,7 +1,7 @@
 //! What a description must satisfy before it is compiled, whoever wrote it.
 
 use crate::error::DescriptionError;
-use crate::spec::{Body, Coupling, Force, Measure, Spec, Value, VectorValue, VERSION};
+use crate::spec::{Body, Coupling, Force, Load, Measure, Spec, Value, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -95,6 +95,17 @@ fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), Desc
         true => Err(DescriptionError::new(element, name, "its two bodies are the same; name two different ones")),
         false => Ok(()),
     }
+}
+
+/// What is wrong with a load, whoever wrote it; its bodies and joints are known.
+fn load(load: &mut dyn Load, functions: usize) -> Result<(), DescriptionError> {
+    let name = load.name().to_string();
+    let fail = |m: String| Err(DescriptionError::new("force", &name, m));
+    load.numbers().into_iter().try_for_each(|(what, x)| finite(x, "force", &name, what))?;
+    if let Some(m) = load.fault() {
+        return fail(m);
+    }
+    load.values().into_iter().try_for_each(|v| value::check(v, functions, "force", &name))
 }
 
 /// Everything that can be said without compiling.
@@ -250,6 +261,13 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                     }
                     VectorValue::Whole(v) => value::check(v, functions, "force", name)?,
                 }
+            }
+            other => {
+                let mut copy = other.clone();
+                let Some(load) = copy.load_mut() else { continue };
+                load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
+                load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
+                self::load(load, functions)?;
             }
         }
     }

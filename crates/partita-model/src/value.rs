@@ -7,10 +7,10 @@ use partita_math::spatial::Vec3;
 use partita_system::SystemError;
 use std::sync::Arc;
 
-/// Readings of a user's law at the most.
+/// Readings of a user's relation at the most.
 pub const READINGS: usize = 12;
-/// Numbers of a user's law: F, F_t, F'', and the gradient.
-pub const LAW: usize = 3 + READINGS;
+/// Numbers of a user's relation: F, F_t, F'', and the gradient.
+pub const RELATION: usize = 3 + READINGS;
 
 /// The functions handed along with a description.
 pub trait Functions: Send + Sync {
@@ -28,15 +28,25 @@ pub trait Functions: Send + Sync {
     ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
-    /// Law number `i` at t, readings x and their rates: F, F_t, F'' for x'' = 0, and the gradient.
+    /// Law number `i` at t for what it sees: three forces and three moments for each point it acts on.
     fn law(
+        &self,
+        i: usize,
+        _t: f64,
+        _seen: &[f64],
+        _out: &mut [f64],
+    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+        Err(format!("function {i} is no law of force").into())
+    }
+    /// Relation number `i` at t, readings x and their rates: F, F_t, F'' for x'' = 0, and the gradient.
+    fn relation(
         &self,
         i: usize,
         _t: f64,
         _x: &[f64],
         _rates: &[f64],
-    ) -> Result<[f64; LAW], Box<dyn std::error::Error + Send + Sync>> {
-        Err(format!("function {i} is no law of readings").into())
+    ) -> Result<[f64; RELATION], Box<dyn std::error::Error + Send + Sync>> {
+        Err(format!("function {i} is no relation of readings").into())
     }
 }
 

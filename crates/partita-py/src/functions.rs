@@ -2,7 +2,7 @@
 
 use crate::arrays::entries;
 use numpy::ToPyArray;
-use partita_model::value::{Functions, LAW};
+use partita_model::value::{Functions, RELATION};
 use pyo3::prelude::*;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
@@ -41,19 +41,38 @@ impl Functions for Callables {
         })?;
         x.try_into().map_err(|x: Vec<f64>| format!("a force needs three components, {} came", x.len()).into())
     }
-    fn law(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; LAW], Fault> {
+    fn relation(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Fault> {
         let found = self.call(i, t, x, rates, |x| match entries(x) {
             Some(x) => Ok(x),
             None => x.extract::<Vec<f64>>(),
         })?;
-        let mut law = [0.0; LAW];
+        let mut law = [0.0; RELATION];
         if found.len() != 3 + x.len() {
-            return Err(
-                format!("a law of {} readings gives {} numbers, {} came", x.len(), 3 + x.len(), found.len()).into()
-            );
+            return Err(format!(
+                "a relation of {} readings gives {} numbers, {} came",
+                x.len(),
+                3 + x.len(),
+                found.len()
+            )
+            .into());
         }
         law[..found.len()].copy_from_slice(&found);
         Ok(law)
+    }
+    fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
+        let x = Python::attach(|py| {
+            let x = self.0[i].bind(py).call1((t, seen.to_pyarray(py)))?;
+            match entries(&x) {
+                Some(x) => Ok(x),
+                None => x.extract::<Vec<f64>>(),
+            }
+        })
+        .map_err(|e: PyErr| Box::new(e) as Fault)?;
+        if x.len() != out.len() {
+            return Err(format!("a law of force needs {} numbers, {} came", out.len(), x.len()).into());
+        }
+        out.copy_from_slice(&x);
+        Ok(())
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {

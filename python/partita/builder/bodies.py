@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import frames
-from .checks import Array, Element, find, name_of, number, vector
+from .checks import Array, Element, find, name_of, number, switch, vector
 from .drawing import Drawing
 from .records import GROUND, Body, BodyRecord, Description, Handle
 
@@ -21,6 +21,7 @@ def add_body(
     com: ArrayLike = (0.0, 0.0, 0.0),
     position: ArrayLike = (0.0, 0.0, 0.0),
     orientation: Any = None,
+    gravity: bool = True,
 ) -> Body:
     """Add a rigid body of any shape. For a straight uniform bar prefer `add_rod`.
 
@@ -35,6 +36,7 @@ def add_body(
         orientation: body axes in the world, as drawn: None (parallel to the world), a 3x3 rotation whose
             columns are the body axes, a quaternion (w, x, y, z) of any length, or a SciPy `Rotation`. A
             matrix may miss being orthonormal by 1e-9; the nearest rotation is used.
+        gravity: False: gravity leaves this body alone.
 
     Returns:
         A handle; its name serves as well.
@@ -56,12 +58,13 @@ def add_body(
         com=vector(element, "com", com),
         position=vector(element, "position", position),
         rotation=frames.rotation(element, "orientation", orientation),
+        gravity=switch(element, "gravity", gravity),
     )
     self._description.store(self._description.bodies, record)
     return Body(name, self)
 
 
-def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: float) -> Body:
+def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: float, gravity: bool = True) -> Body:
     """Add a uniform slender rod between two points of the world as drawn.
 
     Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so
@@ -74,6 +77,7 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
         name: unique among the bodies.
         start, end: two different points in the world [m].
         mass: [kg], not negative. Zero makes a massless link, which must be held by others that have mass.
+        gravity: False: gravity leaves this rod alone.
 
     Raises:
         DescriptionError: a number is impossible, the rod has no length, or the name is taken.
@@ -98,6 +102,7 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
         position=first,
         rotation=rotation,
         rod=(first, last, length),
+        gravity=switch(element, "gravity", gravity),
     )
     self._description.store(self._description.bodies, record)
     return Body(name, self)

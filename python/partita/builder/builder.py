@@ -7,10 +7,13 @@ from typing import Any
 from ..state import Layout
 from . import bodies as body_room
 from . import compliances as compliance_room
+from . import contacts as contact_room
 from . import couplings as coupling_room
 from . import drives as drive_room
 from . import forces as force_room
 from . import joints as joint_room
+from . import laws as law_room
+from . import loads as load_room
 from . import primitives as primitive_room
 from .drawing import Drawing
 from .spec import Writer
@@ -56,6 +59,12 @@ class Builder(Drawing):
     add_torsion_spring = force_room.add_torsion_spring
     add_torque = force_room.add_torque
     add_force = force_room.add_force
+    add_bushing = load_room.add_bushing
+    add_friction = load_room.add_friction
+    add_stop = load_room.add_stop
+    add_contact = contact_room.add_contact
+    add_tyre = contact_room.add_tyre
+    add_force_law = law_room.add_force_law
 
     def to_spec(self) -> dict[str, Any]:
         """The description as plain data, as the core compiles it (version 1): lists, numbers and text only.

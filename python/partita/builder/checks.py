@@ -96,11 +96,11 @@ def _vector(element: Element, what: str, value: Any, size: int) -> Array:
     return array
 
 
-def matrix(element: Element, what: str, value: Any) -> Array:
-    """A finite 3x3 matrix."""
+def matrix(element: Element, what: str, value: Any, size: int = 3) -> Array:
+    """A finite matrix of `size` rows and columns."""
     array = _floats(element, what, value)
-    if array.shape != (3, 3):
-        element.fail(f"{what} must be a 3x3 matrix, not {_shape(array)}")
+    if array.shape != (size, size):
+        element.fail(f"{what} must be a {size}x{size} matrix, not {_shape(array)}")
     _in_range(element, what, float(np.max(np.abs(_finite(element, what, array)))))
     return array
 
@@ -136,6 +136,13 @@ def choice(element: Element, what: str, value: Any, options: Iterable[str]) -> s
         hint = f"; did you mean {close[0]!r}?" if close else ""
         element.fail(f"{what} is {shown(value)}; it must be one of {', '.join(map(repr, known))}{hint}")
     return str(value)
+
+
+def switch(element: Element, what: str, value: Any) -> bool:
+    """True or False."""
+    if not isinstance(value, bool | np.bool_):
+        element.fail(f"{what} is {shown(value)}; it must be True or False")
+    return bool(value)
 
 
 def shape_of(value: Any) -> tuple[int, ...] | None:

@@ -199,7 +199,8 @@ class CompiledModel(Equations):
         "gravity" (3), "BODY.mass", "BODY.com" (3, body axes), "BODY.inertia" (9, row by row, about the centre of mass),
         "JOINT.point" (3, world of the drawing), "SPRING.stiffness", ".damping", ".length", ".point1", ".point2",
         "TORSION.stiffness", ".damping", ".angle", "TORQUE.value", "FORCE.value", "FORCE.point"; values only where they
-        are constants.
+        are constants. "BUSHING.stiffness" and ".damping" (36, row by row), ".point1", ".point2"; of friction, stops,
+        contacts and tyres the numbers by the names of the arguments, exponents excepted.
         """
         return {name: x[0] if len(x) == 1 else x for name, x in self.core.parameters()}
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from .bodies import resolve
 from .checks import Element, choice, direction, name_of, number, vector
 from .drawing import Drawing
-from .laws import Law, Profile, RateLaw
+from .relations import Law, Profile, RateLaw
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
 from .records import Coupling, CouplingRecord, Joint
 from .values import Function, is_table, table

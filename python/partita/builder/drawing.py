@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from numpy.typing import ArrayLike
+from typing import Any
 
-from .checks import name_of, vector
+from .checks import name_of
 from .records import GROUND, Body, Description
+from .vectors import field
 
 
 class Drawing:
     """A description that grows; `Mechanism` is what people use."""
 
-    def __init__(self, name: str, gravity: ArrayLike) -> None:
+    def __init__(self, name: str, gravity: Any) -> None:
         element = name_of("mechanism", name)
-        self._description = Description(element.name, vector(element, "gravity", gravity))
+        constant, changing = field(element, gravity)
+        self._description = Description(element.name, constant, changing)
         self._ground = Body(GROUND, self)
 
     @property
@@ -23,7 +25,7 @@ class Drawing:
 
     @property
     def gravity(self) -> tuple[float, float, float]:
-        """Acceleration of gravity in world axes [m/s^2]."""
+        """Acceleration of gravity in world axes [m/s^2]; (0, 0, 0) where it was given over time."""
         x, y, z = self._description.gravity.tolist()
         return x, y, z
 

@@ -31,7 +31,8 @@ from .records import (
     TorqueRecord,
     TorsionSpringRecord,
 )
-from .values import Function, Table, Value, is_table, scalar, table
+from .values import scalar
+from .vectors import components
 
 
 def add_spring(
@@ -86,7 +87,7 @@ def add_spring(
         damping=number(element, "damping", damping),
         length=None if length is None else number(element, "length", length, least=0.0),
     )
-    return _store(self, record)
+    return store(self, record)
 
 
 def add_torsion_spring(
@@ -117,7 +118,7 @@ def add_torsion_spring(
     >>> m.add_torsion_spring(hinge, stiffness=5.0).name
     'spring of A'
     """
-    element = _named(self, name, "spring of", joint)
+    element = named(self, name, "spring of", joint)
     found = joint_record(self, element, joint)
     record = TorsionSpringRecord(
         name=element.name,
@@ -127,7 +128,7 @@ def add_torsion_spring(
         damping=number(element, "damping", damping),
         angle=number(element, "angle", angle),
     )
-    return _store(self, record)
+    return store(self, record)
 
 
 def add_torque(
@@ -154,7 +155,7 @@ def add_torque(
     >>> m.add_torque(hinge, lambda t, state: 5.0 - 0.1 * state.velocity("A")).name
     'torque on A'
     """
-    element = _named(self, name, "torque on", joint)
+    element = named(self, name, "torque on", joint)
     found = joint_record(self, element, joint)
     record = TorqueRecord(
         name=element.name,
@@ -162,7 +163,7 @@ def add_torque(
         coordinate=coordinate_of(element, found, coordinate, speeds(found)),
         value=scalar(element, "value", value, "monotone", callbacks.number_of(element)),
     )
-    return _store(self, record)
+    return store(self, record)
 
 
 def add_force(
@@ -190,32 +191,16 @@ def add_force(
     >>> m.add_force(stone, (0, 0, 2.5)).name
     'force on stone'
     """
-    element = _named(self, name, "force on", body)
+    element = named(self, name, "force on", body)
     found = self._description.bodies[resolve(self, element, "body", body, ground=False)]
     record = ForceRecord(
         name=element.name,
         body=found.name,
         point=found.com.copy() if point is None else vector(element, "point", point),
-        value=_components(element, force),
+        value=components(element, "force", force),
         axes=choice(element, "axes", axes, ("world", "body")),
     )
-    return _store(self, record)
-
-
-def _components(element: Element, force: Any) -> tuple[Value, Value, Value] | Function:
-    """Three values, or one function for all three."""
-    if callable(force):
-        return callbacks.vector_of(element)(force)
-    if is_table(force):
-        whole = table(element, "force", force, "monotone", columns=3)
-        return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
-    if not isinstance(force, tuple | list | np.ndarray) or len(force) != 3:
-        element.fail(f"force must have three components, or be a table or a function; got {force!r}")
-    x, y, z = (
-        scalar(element, f"force {label}", item, "monotone", callbacks.number_of(element))
-        for label, item in zip("xyz", force, strict=True)
-    )
-    return x, y, z
+    return store(self, record)
 
 
 def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
@@ -232,7 +217,7 @@ def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: 
     return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
 
 
-def _named(mechanism: Drawing, name: str | None, words: str, owner: Any) -> Element:
+def named(mechanism: Drawing, name: str | None, words: str, owner: Any) -> Element:
     """The element with the user's name, or with one made from its owner's; a second one becomes "... 2"."""
     taken = mechanism._description.forces
     return name_of("force", name if name is not None else free_name(mechanism, f"{words} {owner}", taken), taken)
@@ -251,6 +236,6 @@ def free_name(mechanism: Drawing, wanted: str, taken: dict[str, Any]) -> str:
     return f"{wanted} {count}"
 
 
-def _store(mechanism: Drawing, record: ForceLike) -> Force:
+def store(mechanism: Drawing, record: ForceLike) -> Force:
     mechanism._description.store(mechanism._description.forces, record)
     return Force(record.name, mechanism)

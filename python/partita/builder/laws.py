@@ -1,150 +1,218 @@
-"""The user's own conditions F(t, readings) = 0 in the form in which the core calls them."""
+"""Force laws: a Python function of whatever points, joints and bodies it asks to see."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import EvaluationError
+from ..numeric import shown
 from ..state import Layout
-from .checks import Element
-from .motion import differences
-from .taylor import Jet
+from .bodies import resolve
+from .checks import Array, Element, find, name_of, vector
+from .drawing import Drawing
+from .forces import joint_record, store
+from .joints import scalars
+from .records import GROUND, Body, Force, Joint, LoadRecord
 from .travelling import check_picklable
-from .values import finite, one_number
+from .values import Function, finite, one_number
 
 
-class Law:
-    """F(t, x) -> [F, F_t, F'' along the motion for x'' = 0, dF/dx_1, ...].
+class PointView(NamedTuple):
+    """A point of a body as a law sees it, in world axes."""
 
-    Derivatives are exact where F takes a `Jet` (arithmetic, NumPy functions), else central differences, and a note says
-    so; a gradient that is given takes their place.
+    position: Array
+    """(3,) [m]."""
+    velocity: Array
+    """(3,) [m/s]."""
+
+
+class BodyView(NamedTuple):
+    """A body as a law sees it, in world axes."""
+
+    position: Array
+    """Of its origin (3,) [m]."""
+    rotation: Array
+    """Body axes as columns (3, 3)."""
+    velocity: Array
+    """Of its origin (3,) [m/s]."""
+    angular_velocity: Array
+    """(3,) [rad/s]."""
+
+
+class JointView(NamedTuple):
+    """A joint as a law sees it: floats where it has one coordinate, else arrays."""
+
+    position: Any
+    """[rad] or [m]."""
+    rate: Any
+    """[rad/s] or [m/s]."""
+
+
+Sight = tuple[str, int]
+"""What is seen ("point", "body" or "joint") and of how many coordinates."""
+
+_SIZES = {"point": 6, "body": 18}
+
+
+def add_force_law(
+    self: Drawing,
+    name: str,
+    function: Callable[..., Any],
+    *,
+    on: Sequence[Any],
+    sees: Sequence[Any] = (),
+) -> Force:
+    """Add forces and moments that a function makes of what it asks to see.
+
+    The function is called as f(t, *seen), with one argument for each entry of `sees`:
+
+    - (body, point), the point in body axes: has `.position` and `.velocity`;
+    - a body: has `.position`, `.rotation`, `.velocity` and `.angular_velocity`;
+    - a joint: has `.position` and `.rate`, numbers if it has one coordinate, else arrays. The angle of a joint that
+      closes a loop in space (or in absolute coordinates) is known up to full turns, between -pi and pi.
+
+    It returns, for each entry of `on`, the force (three numbers) or the pair (force, moment); with one entry, just that
+    one. All of it in world axes [m, N, N m], in whatever coordinates the mechanism is computed. What it does counts as
+    work. Prefer `add_spring` and its kin where they say the same: a function is by far the most expensive part of an
+    evaluation, and its derivatives are found by differences.
+
+    Args:
+        name: unique among the forces.
+        function: f(t, *seen); it must depend on its arguments alone.
+        on: bodies (the force acts at the centre of mass) and pairs (body, point in body axes); not the ground.
+        sees: what it asks for; handles, or names where no body and joint share one.
+
+    >>> import numpy as np
+    >>> import partita as pt
+    >>> m = pt.Mechanism("kite")
+    >>> kite = m.add_body("kite", mass=0.3, inertia=(0.02, 0.02, 0.04))
+    >>> def drag(t, kite):
+    ...     wind = np.array([8.0, 0.0, 0.0]) - kite.velocity
+    ...     return 0.05 * np.linalg.norm(wind) * wind
+    >>> m.add_force_law("air", drag, sees=[kite], on=[kite]).name
+    'air'
     """
+    element = name_of("force", name, self._description.forces)
+    if not callable(function):
+        element.fail(f"function must be a function f(t, *seen), not {shown(function)}")
+    seen, sights = [], []
+    for i, item in enumerate(_items(element, "sees", sees)):
+        kind, means = _sight(self, element, f"sees[{i}]", item)
+        sights.append((kind, len(means)))
+        seen += means
+    spots = [_spot(self, element, f"on[{i}]", item) for i, item in enumerate(_items(element, "on", on))]
+    if not spots:
+        element.fail("it acts on nothing; name a body, or a pair (body, point), in `on`")
+    call = Function(LawCall(element, function, sights, len(spots)))
+    return store(self, LoadRecord(name, "law", {"value": call}, {"value": call, "sees": seen, "on": spots}))
 
-    def __init__(self, element: Element, function: Callable[..., Any], gradient: Callable[..., Any] | None) -> None:
-        self.element, self.function, self.gradient = element, function, gradient
+
+def _items(element: Element, what: str, value: Any) -> list[Any]:
+    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+        element.fail(f"{what} must be a list, not {shown(value)}")
+    return list(value)
+
+
+def _is_pair(item: Any) -> bool:
+    return isinstance(item, tuple | list) and len(item) == 2 and isinstance(item[0], str | Body)
+
+
+def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[str, Any]:
+    """A point of a body that can be pushed."""
+    body, point = item if _is_pair(item) else (item, None)
+    name = resolve(mechanism, element, what, body, ground=False)
+    record = mechanism._description.bodies[name]
+    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point)}
+
+
+def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[str, list[dict[str, Any]]]:
+    """What is seen, and how the core is told."""
+    if _is_pair(item):
+        body, point = item
+        name = resolve(mechanism, element, what, body)
+        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point)}}]
+    d = mechanism._description
+    if isinstance(item, Joint) or (isinstance(item, str) and item in d.joints):
+        if isinstance(item, str) and item in d.bodies:
+            element.fail(f'{what} is "{item}", which is a body and a joint; give the handle of the one that is meant')
+        record = joint_record(mechanism, element, item)
+        count = scalars(record)
+        if count == 0:
+            element.fail(
+                f'{what}: the {record.kind} joint "{record.name}" has no slide or angle to be seen; see its bodies'
+            )
+        return "joint", [{"joint": [record.name, i]} for i in range(count)]
+    if isinstance(item, str):
+        find("body or joint", item, [*d.bodies, *d.joints], GROUND, where=f'force "{element.name}": {what}: ')
+    return "body", [{"body": resolve(mechanism, element, what, item)}]
+
+
+class LawCall:
+    """A user's law with the element it belongs to, not yet bound to a compiled model."""
+
+    def __init__(self, element: Element, function: Callable[..., Any], sights: list[Sight], count: int) -> None:
+        self.element, self.function, self.sights, self.count = element, function, sights, count
         self.notes: list[str] = []
 
-    def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
-        """Itself: what it sees is handed over."""
-        return self
+    def bind(self, layout: Layout) -> Callable[[float, Array], Any]:
+        """The function as the core calls it: all that is seen in one array, all wrenches in another."""
+
+        def call(t: float, seen: Array) -> Array:
+            return self._wrenches(t, self.function(t, *self._views(seen)))
+
+        return call
 
     def __getstate__(self) -> dict[str, Any]:
-        for what, function in (("function", self.function), ("gradient", self.gradient)):
-            if function is not None:
-                check_picklable(self.element, what, function)
+        check_picklable(self.element, "function", self.function)
         return self.__dict__
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Law:
-        twin = type(self)(self.element, self.function, self.gradient)
-        twin.notes = list(self.notes)
-        return twin
+    def __deepcopy__(self, memo: dict[int, Any]) -> LawCall:
+        """With the same function: Python copies functions as themselves."""
+        return LawCall(self.element, self.function, self.sights, self.count)
 
-    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
-        at, along = [float(v) for v in x], [float(v) for v in rates]
-        value, _, bend = self._path(lambda s, f: f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), t)
-        rate = self._path(lambda s, f: f(t + s, *at), t)[1]
-        if self.gradient is not None:
-            slopes = self._numbers(self.gradient(t, *at), len(at), t)
-        else:
-            slopes = [
-                self._path(lambda s, f, i=i: f(t, *(v + s if j == i else v for j, v in enumerate(at))), t)[1]
-                for i in range(len(at))
-            ]
-        return self._finite([value, rate, bend, *slopes], t)
+    def _views(self, seen: Array) -> list[Any]:
+        views: list[Any] = []
+        at = 0
+        for kind, count in self.sights:
+            size = _SIZES.get(kind, 2 * count)
+            x = seen[at : at + size]
+            at += size
+            if kind == "point":
+                views.append(PointView(x[:3], x[3:]))
+            elif kind == "body":
+                views.append(BodyView(x[:3], x[3:12].reshape(3, 3), x[12:15], x[15:]))
+            else:
+                views.append(JointView(float(x[0]), float(x[1])) if count == 1 else JointView(x[::2], x[1::2]))
+        return views
 
-    def _path(self, at: Callable[..., Any], t: float) -> tuple[float, float, float]:
-        """F, F', F'' over s at s = 0."""
+    def _wrenches(self, t: float, value: Any) -> Array:
+        """Three forces and three moments for each point, one after the other."""
         try:
-            found = at(Jet(0.0, 1.0), self.function)
-            found = found if isinstance(found, Jet) else Jet(one_number(found))
-            return found.x, found.d1, found.d2
-        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
-            value, slope, bend, error = differences(lambda s: self._number(at(s, self.function), t), 0.0)
-        if not self.notes:
-            self.notes.append(
-                f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '
-                f"are central differences of order 8, good to about {error:.0e} in the second derivative; use NumPy "
-                "functions (np.sin instead of math.sin)"
-            )
-        return value, slope, bend
-
-    def _number(self, value: Any, t: float) -> float:
-        try:
-            return one_number(value)
+            parts = [value] if self.count == 1 else list(value)
+            if len(parts) != self.count:
+                raise TypeError(f"{len(parts)} entries for {self.count} points")
+            numbers = [x for part in parts for x in _wrench(part)]
         except TypeError as error:
-            raise self._error(t, f"the function must return one number, not {error}") from error
-
-    def _numbers(self, values: Any, count: int, t: float) -> list[float]:
-        try:
-            found = [one_number(value) for value in values]
-        except TypeError as error:
-            raise self._error(t, f"it must return {count} numbers, not {error}") from error
-        if len(found) != count:
-            raise self._error(t, f"it must return {count} numbers, not {len(found)}")
-        return found
-
-    def _finite(self, found: list[float], t: float) -> list[float]:
-        if not finite(found):
-            raise self._error(t, f"the function and its derivatives are {found}")
-        return found
+            wanted = "a force, or (force, moment)" if self.count == 1 else "one for each of its points"
+            raise self._error(t, f"the function must return {wanted}, three numbers each, not {error}") from error
+        if not finite(numbers):
+            raise self._error(t, f"the function returned {shown(value)}")
+        return np.array(numbers)
 
     def _error(self, t: float, sentence: str) -> EvaluationError:
         name = self.element.name
-        return EvaluationError(f'coupling "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+        return EvaluationError(f'{self.element.kind} "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
 
 
-class RateLaw(Law):
-    """Coefficients g_i(t, x) and a drift g_0 of the condition sum g_i x_i' + g_0 = 0 on rates alone."""
-
-    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
-        at, along = [float(v) for v in x], [float(v) for v in rates]
-        values = self._coefficients(t, at)
-        n = len(at)
-
-        def entry(i: int) -> Callable[..., Any]:
-            return lambda s, f: self._entry(f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), i, n)
-
-        weights = [*along, 1.0]
-        bend = sum(weight * self._path(entry(i), t)[1] for i, weight in enumerate(weights) if weight != 0.0)
-        return self._finite([0.0, values[n], bend, *values[:n]], t)
-
-    def _coefficients(self, t: float, at: Sequence[float]) -> list[float]:
-        values = list(self.function(t, *at))
-        if len(values) == len(at):
-            values.append(0.0)
-        return self._numbers(values, len(at) + 1, t)
-
-    @staticmethod
-    def _entry(values: Any, i: int, n: int) -> Any:
-        listed = list(values)
-        return listed[i] if i < len(listed) else 0.0
-
-
-class Profile:
-    """Distance of a point (x, y) from a closed curve, radius over angle, along the radius: for a cam's outline."""
-
-    notes: list[str]
-
-    def __init__(self, angles: Any, radii: Any) -> None:
-        from scipy.interpolate import CubicSpline
-
-        self.notes = []
-        spline = CubicSpline(angles, radii, bc_type="periodic")
-        self.radius, self.first, self.second = spline, spline.derivative(), spline.derivative(2)
-
-    def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
-        """Itself: what it sees is handed over."""
-        return self
-
-    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
-        (px, py), (vx, vy) = (float(v) for v in x), (float(v) for v in rates)
-        rho, angle = float(np.hypot(px, py)), float(np.arctan2(py, px))
-        r, r1, r2 = (float(f(angle)) for f in (self.radius, self.first, self.second))
-        # rho' and angle' along the motion, and their second derivatives for x'' = y'' = 0
-        rho1, turn = (px * vx + py * vy) / rho, (px * vy - py * vx) / rho**2
-        rho2, turn2 = rho * turn**2, -2.0 * rho1 * turn / rho
-        gradient = [px / rho + r1 * py / rho**2, py / rho - r1 * px / rho**2]
-        return [rho - r, 0.0, rho2 - r2 * turn**2 - r1 * turn2, *gradient]
+def _wrench(value: ArrayLike) -> list[float]:
+    """Force and moment as six numbers."""
+    items: list[Any] = list(value)  # type: ignore[arg-type]
+    pair = items if len(items) == 2 else [items, (0.0, 0.0, 0.0)]
+    numbers = [[one_number(x) for x in part] for part in pair]
+    if any(len(part) != 3 for part in numbers):
+        raise TypeError(f"{shown(value)}")
+    return [*numbers[0], *numbers[1]]

@@ -62,6 +62,7 @@ class BodyRecord:
     position: Array  # (3,) of the body's origin in the world, as drawn
     rotation: Array  # (3, 3) body axes to world axes, as drawn
     rod: tuple[Array, Array, float] | None = None  # start, end, length
+    gravity: bool = True
 
     def to_world(self, point: Array) -> Array:
         """World position of a point of the body as drawn."""
@@ -159,7 +160,19 @@ class ForceRecord:
     axes: str
 
 
-ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord
+@dataclass(frozen=True)
+class LoadRecord:
+    """Any other force: `said` is what the user gave, by argument, for files; `means` is what the core is told. Values
+    that
+    may be tables or functions stand in both as such."""
+
+    name: str
+    kind: str
+    said: Mapping[str, Any]
+    means: Mapping[str, Any]
+
+
+ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord | LoadRecord
 
 
 @dataclass
@@ -168,6 +181,7 @@ class Description:
 
     name: str
     gravity: Array
+    changing_gravity: tuple[Value, Value, Value] | Function | None = None  # in addition
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
@@ -183,7 +197,7 @@ class Description:
             name: dict(getattr(self, name))
             for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "numbers")
         }
-        return Description(self.name, self.gravity, version=self.version, **tables)
+        return Description(self.name, self.gravity, self.changing_gravity, version=self.version, **tables)
 
     def store(self, table: dict[str, Any], record: Any) -> None:
         """Add a finished record."""

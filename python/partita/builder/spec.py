@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from .records import (
     ForceLike,
     ForceRecord,
     JointRecord,
+    LoadRecord,
     SpringRecord,
     TorqueRecord,
     TorsionSpringRecord,
@@ -60,7 +62,7 @@ class Writer:
             "joints": map(self._joint, d.joints.values()),
             "couplings": map(self._coupling, d.couplings.values()),
             "drives": map(self._drive, d.drives.values()),
-            "forces": map(self._force, d.forces.values()),
+            "forces": chain(map(self._force, d.forces.values()), self._gravity()),
         }
 
     def _joint(self, record: JointRecord) -> dict[str, Any]:
@@ -110,6 +112,25 @@ class Writer:
             "level": "position" if record.level == "position" else "velocity",
         }
 
+    def _gravity(self) -> Iterator[dict[str, Any]]:
+        """What the core counts among the forces: gravity that changes, and bodies without any."""
+        d = self.description
+        if d.changing_gravity is not None:
+            yield {"kind": "gravity", "name": "gravity", "value": self._plain(d.changing_gravity)}
+        for body in d.bodies.values():
+            if not body.gravity:
+                yield {"kind": "weightless", "name": f"no gravity on {body.name}", "body": body.name}
+
+    def _plain(self, value: Any) -> Any:
+        """Numbers and texts, and the values among them, as plain data."""
+        if isinstance(value, Constant | Table | Function):
+            return self._value(value)
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, tuple | list):
+            return [self._plain(item) for item in value]
+        return {key: self._plain(item) for key, item in value.items()} if isinstance(value, dict) else value
+
     def _force(self, record: ForceLike) -> dict[str, Any]:
         match record:
             case SpringRecord():
@@ -154,6 +175,9 @@ class Writer:
                     else [self._value(item) for item in value],
                     "axes": record.axes,
                 }
+            case LoadRecord():
+                entries = {key: self._plain(item) for key, item in record.means.items() if item is not None}
+                return {"kind": record.kind, "name": record.name, **entries}
 
     def _length(self, record: SpringRecord) -> float:
         """Free length; as drawn where the user gave none."""

@@ -52,13 +52,14 @@ Maker = Callable[..., Builder]
 SEAL = "# as saved by partita (delete this line after editing): "
 
 # Tables that are made together, in the order of the file.
+_FORCES = ("spring", "torsion_spring", "torque", "force", "bushing", "friction", "stop", "contact", "tyre")
 _STAGES = (
     ("body", "rod"),
     ("joint",),
     ("compliance",),
     ("coupler", "cam", "rolling"),
     ("drive",),
-    ("spring", "torsion_spring", "torque", "force"),
+    _FORCES,
 )
 
 
@@ -120,7 +121,9 @@ class _File:
         except schema.Mismatch as error:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
-        mechanism = self._call("/mechanism", make, {key: head[key] for key in ("name", "gravity") if key in head})
+        mechanism = self._call(
+            "/mechanism", make, {key: _argument(head[key]) for key in ("name", "gravity") if key in head}
+        )
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)

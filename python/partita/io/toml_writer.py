@@ -17,6 +17,7 @@ from ..builder.records import (
     ForceLike,
     ForceRecord,
     JointRecord,
+    LoadRecord,
     SpringRecord,
     TorqueRecord,
     TorsionSpringRecord,
@@ -31,7 +32,9 @@ Entries = dict[str, Any]
 def document(mechanism: Builder) -> str:
     """The whole file. Raises `DescriptionError` that names the first Python function met."""
     d = mechanism._description
-    head = _table("[mechanism]", {"partita": VERSION, "name": d.name, "gravity": d.gravity})
+    changing, element = d.changing_gravity, Element("mechanism", d.name)
+    gravity = d.gravity if changing is None else _vector(element, changing)
+    head = _table("[mechanism]", {"partita": VERSION, "name": d.name, "gravity": gravity})
     return "\n".join([head, *_tables(mechanism)])
 
 
@@ -62,12 +65,19 @@ def _body(record: BodyRecord) -> Entries:
         "com": record.com if np.any(record.com) else None,
         "position": record.position if np.any(record.position) else None,
         "orientation": None if np.array_equal(record.rotation, np.eye(3)) else record.rotation,
+        "gravity": None if record.gravity else False,
     }
 
 
 def _rod(record: BodyRecord) -> Entries:
     start, end, _ = record.rod if record.rod is not None else (None, None, 0.0)
-    return {"name": record.name, "start": start, "end": end, "mass": record.mass}
+    return {
+        "name": record.name,
+        "start": start,
+        "end": end,
+        "mass": record.mass,
+        "gravity": None if record.gravity else False,
+    }
 
 
 def _joint(record: JointRecord) -> Entries:
@@ -141,8 +151,7 @@ def _force(record: ForceLike) -> str:
             where = {"name": record.name, "joint": record.joint, "coordinate": record.coordinate or None}
             return _table("[[torque]]", {**where, "value": _value(element, record.value)})
         case ForceRecord():
-            value = record.value
-            force = _value(element, value) if isinstance(value, Function) else [_value(element, item) for item in value]
+            force = _vector(element, record.value)
             axes = None if record.axes == "world" else record.axes
             return _table(
                 "[[force]]",
@@ -154,6 +163,19 @@ def _force(record: ForceLike) -> str:
                     "axes": axes,
                 },
             )
+        case LoadRecord():
+            said = {key: _said(element, value) for key, value in record.said.items()}
+            return _table(f"[[{record.kind}]]", {"name": record.name, **said})
+
+
+def _said(element: Element, value: Any) -> Any:
+    """What an argument was given as."""
+    return _value(element, value) if isinstance(value, Constant | Table | Function) else value
+
+
+def _vector(element: Element, value: Any) -> Any:
+    """Three values, or one function for all."""
+    return _value(element, value) if isinstance(value, Function) else [_value(element, item) for item in value]
 
 
 def _value(element: Element, value: Value) -> Any:
@@ -179,6 +201,8 @@ def _table(head: str, entries: Entries) -> str:
 
 def _text(value: Any) -> str:
     """A value in TOML. `repr` of a float is the shortest text that gives the same number back."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, bool):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from os import PathLike
-
-from numpy.typing import ArrayLike
+from typing import Any
 
 from ..comparison import compare_mechanism
 from ..io import save
@@ -23,7 +22,10 @@ class Mechanism(Modelled):
 
     Args:
         name: shown in reports and results.
-        gravity: acceleration of gravity in world axes [m/s^2].
+        gravity: acceleration of gravity in world axes [m/s^2]: three numbers; None: there is none; or, where it
+            changes, as `add_force` takes a force: components that are tables (times, values) or functions f(t, state),
+            one table (times (n,), values (n, 3)), or one function that returns three numbers. Gravity that changes has
+            no potential: what it does counts as work.
 
     Raises:
         DescriptionError: the name is not text or gravity is not three finite numbers.
@@ -43,7 +45,7 @@ class Mechanism(Modelled):
     1
     """
 
-    def __init__(self, name: str, gravity: ArrayLike = (0.0, -9.81, 0.0)) -> None:
+    def __init__(self, name: str, gravity: Any = (0.0, -9.81, 0.0)) -> None:
         super().__init__(name, gravity)
 
     compile = models.compile

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +16,7 @@ from ..state import Layout
 class Modelled(Builder):
     """A builder that keeps the models made of it until the description changes."""
 
-    def __init__(self, name: str, gravity: ArrayLike) -> None:
+    def __init__(self, name: str, gravity: Any) -> None:
         super().__init__(name, gravity)
         self._compiled: dict[str, tuple[int, CompiledModel, Layout]] = {}
 

@@ -14,9 +14,10 @@ FloatArray = NDArray[np.float64]
 class EnergyResult:
     """Energies over the nt outputs of a run, each (nt,) in joules.
 
-    `potential` holds gravity, springs, torques that are constant and forces that are so in world axes; `work` what
-    dampers, drives and all other torques and forces have put in since the run began. The arrays are empty for a
-    `System`, whose potential is not known.
+    `potential` holds gravity that does not change, springs, bushings, what contacts, tyres and stops have stored,
+    torques that are constant and forces that are so in world axes; `work` what dampers, friction, drives and all
+    other torques and forces have put in since the run began. The arrays are empty for a `System`, whose potential is
+    not known.
     """
 
     kinetic: FloatArray

@@ -5,7 +5,8 @@ use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
 use partita_model::spec::{
-    Axes, Body, Cut, Drive, Force, Joint, JointKind, Level, Measure, Spec, Value, VectorValue, VERSION,
+    Axes, Body, Bushing, Contact, Cut, Drive, Force, Friction, Gravity, Joint, JointKind, Law, Level, Measure, Sight,
+    Spec, Spot, Stop, Tyre, Value, VectorValue, Weightless, VERSION,
 };
 use partita_model::value::Functions;
 use partita_model::Model;
@@ -32,6 +33,18 @@ impl Functions for OfTime {
     fn motion(&self, _: usize, t: f64) -> Result<[f64; 3], Failed> {
         let (s, c) = (1.7 * t).sin_cos();
         Ok([0.3 * s + 0.2 * t, 0.51 * c + 0.2, -0.867 * s])
+    }
+    fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Failed> {
+        law(i, t, seen, out);
+        Ok(())
+    }
+}
+
+/// A smooth function of all that a law sees.
+pub fn law(i: usize, t: f64, seen: &[f64], out: &mut [f64]) {
+    for (k, out) in out.iter_mut().enumerate() {
+        let sum: f64 = seen.iter().enumerate().map(|(j, x)| x * (0.7 * (j + k) as f64 + 1.0).sin()).sum();
+        *out = (t + i as f64 + 0.3 * sum).sin();
     }
 }
 
@@ -256,6 +269,121 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
     }
 }
 
+/// One of each force with a record of its own, all of them where they are smooth: pressed, moving, turned by less than
+/// half a turn.
+pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
+    let count = spec.bodies.len();
+    let name = |node: usize| if node == 0 { "ground".to_string() } else { format!("body{node}") };
+    let two = |rng: &mut fastrand::Rng| {
+        let a = rng.usize(1..=count);
+        (name(a), name((a + rng.usize(1..=count)) % (count + 1)))
+    };
+    let matrix = |rng: &mut fastrand::Rng, size: f64| [[0; 6]; 6].map(|row| row.map(|_| between(rng, -size, size)));
+    let (body1, body2) = two(rng);
+    let frame1 = rotation(rng);
+    let axes =
+        |name: &str| spec.bodies.iter().find(|b| b.name == name).map_or(Mat3::identity(), |b| Mat3(b.orientation));
+    let frame2 = axes(&body2).transpose().mul(&axes(&body1)).mul(&frame1).0;
+    let mut all = vec![Force::Bushing(Box::new(Bushing {
+        name: "bushing".into(),
+        body1,
+        point1: point(rng, 0.5),
+        frame1: frame1.0,
+        body2,
+        point2: point(rng, 0.5),
+        frame2,
+        stiffness: matrix(rng, 5.0),
+        damping: matrix(rng, 1.0),
+    }))];
+    let (body1, body2) = two(rng);
+    all.push(Force::Contact(Contact {
+        name: "on a plane".into(),
+        body1,
+        point1: point(rng, 0.5),
+        radius1: 6.0,
+        body2,
+        point2: point(rng, 0.5),
+        normal: Some(point(rng, 1.0)),
+        radius2: None,
+        stiffness: 0.5,
+        exponent: 1.5,
+        damping: 0.05,
+        friction: 0.3,
+        static_friction: 0.5,
+        stick_velocity: 0.7,
+    }));
+    let (body1, body2) = two(rng);
+    let point1 = point(rng, 0.5);
+    all.push(Force::Contact(Contact {
+        name: "of spheres".into(),
+        body1,
+        point1,
+        radius1: 3.0,
+        body2,
+        point2: point1.map(|x| x + 1.0),
+        normal: None,
+        radius2: Some(4.0),
+        stiffness: 0.5,
+        exponent: 2.0,
+        damping: 0.05,
+        friction: 0.3,
+        static_friction: 0.3,
+        stick_velocity: 0.7,
+    }));
+    let (body1, body2) = two(rng);
+    let axis = point(rng, 1.0);
+    // upright as drawn
+    let world = axes(&body1).apply(Vec3(axis)).cross(Vec3(point(rng, 1.0)));
+    all.push(Force::Tyre(Tyre {
+        name: "tyre".into(),
+        normal: axes(&body2).apply_transposed(world).0,
+        body: body1,
+        center: point(rng, 0.5),
+        axis,
+        radius: 8.0,
+        ground: body2,
+        point: point(rng, 0.5),
+        stiffness: 0.5,
+        damping: 0.02,
+        friction: 0.8,
+        longitudinal: 3.0,
+        lateral: 2.0,
+        slow_speed: 0.5,
+    }));
+    let spots = [point(rng, 0.5), point(rng, 0.5)].map(|point| Spot { body: name(rng.usize(1..=count)), point });
+    let mut sees = vec![Sight::Point(spots[0].clone()), Sight::Body(name(rng.usize(0..=count)))];
+    for j in &spec.joints {
+        let motions = scalar_motions(j);
+        if motions == 0 || rng.f64() < 0.5 {
+            continue;
+        }
+        let mut coordinate = || rng.usize(0..motions);
+        sees.push(Sight::Joint(j.name.clone(), coordinate()));
+        all.push(Force::Friction(Friction {
+            name: format!("friction {}", j.name),
+            joint: j.name.clone(),
+            coordinate: coordinate(),
+            dynamic: Value::Constant(1.3),
+            held: Some(Value::Function(2)),
+            stick_velocity: 0.6,
+        }));
+        all.push(Force::Stop(Stop {
+            name: format!("stop {}", j.name),
+            joint: j.name.clone(),
+            coordinate: coordinate(),
+            lower: None,
+            upper: Some(-1.5),
+            stiffness: 0.8,
+            exponent: 1.2,
+            damping: 0.05,
+        }));
+    }
+    all.push(Force::Law(Law { name: "law".into(), value: Value::Function(1), sees, on: spots.to_vec() }));
+    all.push(Force::Weightless(Weightless { name: "weightless".into(), body: name(rng.usize(1..=count)) }));
+    all.push(Force::Gravity(Gravity { name: "gravity".into(), value: VectorValue::Whole(Value::Function(1)) }));
+    spec.forces.extend(all);
+}
+
 pub fn compile(spec: &Spec, coordinates: Coordinates) -> Option<Model> {
     Model::new(spec.clone(), Arc::new(OfTime), coordinates).ok()
 }
@@ -336,7 +464,9 @@ pub fn on_random_mechanisms(
     while done < count {
         drawn += 1;
         assert!(drawn < 100 * count, "only {done} of {drawn} drawings could be used");
-        let Some(model) = compile(&drawing(&mut rng, wishes), Coordinates::Relative) else { continue };
+        let mut spec = drawing(&mut rng, wishes);
+        loads(&mut fastrand::Rng::with_seed(seed + drawn as u64), &mut spec);
+        let Some(model) = compile(&spec, Coordinates::Relative) else { continue };
         if model.is_planar() != wishes.planar {
             continue;
         }

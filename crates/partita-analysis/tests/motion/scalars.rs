@@ -1,13 +1,13 @@
 //! Everything an evaluation gives, over every scalar: dual numbers against differences, eight lanes against eight calls,
 //! a recording against what was recorded, on mechanisms drawn by chance with every joint and every force.
 
-use crate::mechanisms::{apart, between, derivative, drawing, Moment, Wishes, STEP};
+use crate::mechanisms::{apart, between, derivative, drawing, law, loads, Moment, Wishes, STEP};
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::clusters::{Plan, Preference};
 use partita_model::force::Element;
 use partita_model::place::Coordinates;
 use partita_model::reduced::Reduced;
-use partita_model::spec::{Force, JointKind, Spec, Table, Value, VectorValue};
+use partita_model::spec::{Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::{table_at, Functions};
 use partita_model::{Evaluator, Model};
 use partita_system::reduction::Reduction;
@@ -48,6 +48,10 @@ impl Functions for OfState {
         let (s, c) = (1.7 * t).sin_cos();
         Ok([0.3 * s + 0.2 * t, 0.51 * c + 0.2, -0.867 * s])
     }
+    fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Failed> {
+        law(i, t, seen, out);
+        Ok(())
+    }
 }
 
 /// A smooth table: one cubic, written twice.
@@ -73,7 +77,9 @@ fn with_tables(rng: &mut fastrand::Rng, spec: &mut Spec, all: bool) {
             Force::Torque { value, .. } => swap(rng, value),
             Force::Force { value: VectorValue::Components(v), .. } => v.iter_mut().for_each(|v| swap(rng, v)),
             Force::Force { value: VectorValue::Whole(v), .. } => swap(rng, v),
-            Force::Spring { .. } | Force::TorsionSpring { .. } => {}
+            Force::Gravity(Gravity { value: VectorValue::Whole(v), .. }) => swap(rng, v),
+            Force::Friction(Friction { held: Some(v), .. }) => swap(rng, v),
+            _ => {}
         }
     }
 }
@@ -88,6 +94,8 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
             drawn += 1;
             assert!(drawn < 100 * COUNT, "only {done} of {drawn} drawings could be used");
             let mut spec = drawing(&mut rng, wishes);
+            loads(&mut rng, &mut spec);
+            spec.forces.retain(|f| !plain || !matches!(f, Force::Law(_)));
             with_tables(&mut rng, &mut spec, plain);
             let Ok(model) = Model::new(spec, Arc::new(OfState), Coordinates::Relative) else { continue };
             let Some(moment) = Moment::random(&mut rng, &model).filter(|_| model.is_planar() == wishes.planar) else {
@@ -101,6 +109,14 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::CutEffort(_) => "cut effort",
                 Element::Force(f) if f.turns => "force that turns",
                 Element::Force(_) => "force",
+                Element::Bushing(_) => "bushing",
+                Element::Friction(_) => "friction",
+                Element::Stop(_) => "stop",
+                Element::Contact(_) => "contact",
+                Element::Tyre(_) => "tyre",
+                Element::Law(_) => "law",
+                Element::Weightless(_) => "weightless",
+                Element::Gravity(_) => "gravity",
             }));
             check(&mut rng, &model, &moment);
             done += 1;
@@ -110,7 +126,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), 6, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 13 } else { 14 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
@@ -327,7 +343,7 @@ fn a_function_is_called_once_for_each_force() {
         let named = model.spec.forces.iter().map(|f| match f {
             Force::Torque { value, .. } | Force::Force { value: VectorValue::Whole(value), .. } => function(value),
             Force::Force { value: VectorValue::Components(v), .. } => v.iter().map(function).sum(),
-            Force::Spring { .. } | Force::TorsionSpring { .. } => 0,
+            _ => 0,
         });
         let forces: usize = named.sum();
         let asked = |what: &str| assert_eq!(counted.0.swap(0, Ordering::Relaxed), forces, "{what}");

@@ -137,6 +137,11 @@ impl Scalar for Dual {
         Self::new(root, eps)
     }
     #[inline(always)]
+    fn power(self, exponent: f64) -> Self {
+        let slope = exponent * self.re.power(exponent - 1.0);
+        Self::new(self.re.power(exponent), slope * self.eps)
+    }
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (s, c) = Scalar::sin_cos(self.re);
         (Self::new(s, c * self.eps), Self::new(c, -s * self.eps))
@@ -210,20 +215,24 @@ impl Scalar for Dual {
     fn outside(self, low: f64, high: f64) -> Option<f64> {
         self.re.outside(low, high)
     }
-    fn call<const N: usize, E>(
+    fn call_into<E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
-        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
-    ) -> Result<[Self; N], E> {
-        let n = at.q.len();
-        room.resize(n + at.v.len(), 0.0);
-        let mut shifted = |h: f64| {
-            for (x, d) in room.iter_mut().zip(at.q.iter().chain(at.v)) {
+        out: &mut [Self],
+        mut f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let (n, m) = (at.q.len(), at.q.len() + at.v.len());
+        room.resize(m + 2 * out.len(), 0.0);
+        let (given, values) = room.split_at_mut(m);
+        let (ahead, behind) = values.split_at_mut(out.len());
+        let mut shifted = |h: f64, values: &mut [f64]| {
+            for (x, d) in given.iter_mut().zip(at.q.iter().chain(at.v)) {
                 *x = d.re + h * d.eps;
             }
-            f(at.t.re + h * at.t.eps, &room[..n], &room[n..])
+            f(at.t.re + h * at.t.eps, &given[..n], &given[n..], values)
         };
-        let values = shifted(0.0)?;
+        shifted(0.0, ahead)?;
+        out.iter_mut().zip(ahead.iter()).for_each(|(out, x)| *out = Self::constant(*x));
         // largest speed of an argument, each against its size
         let speed = |x: &[Self], sizes: &[f64]| {
             let sizes = sizes.iter().copied().chain(std::iter::repeat(1.0));
@@ -232,12 +241,16 @@ impl Scalar for Dual {
         let fastest =
             (at.t.eps.abs() / at.t.re.abs().max(1.0)).max(speed(at.q, at.q_sizes)).max(speed(at.v, at.v_sizes));
         if fastest == 0.0 {
-            return Ok(values.map(Self::constant));
+            return Ok(());
         }
         // where the errors of a central difference meet: h² of the third derivative, ε/h of round-off
         let h = f64::EPSILON.cbrt() / fastest;
-        let (ahead, behind) = (shifted(h)?, shifted(-h)?);
-        Ok(std::array::from_fn(|i| Self::new(values[i], (ahead[i] - behind[i]) / (2.0 * h))))
+        shifted(h, ahead)?;
+        shifted(-h, behind)?;
+        for (out, (x, y)) in out.iter_mut().zip(ahead.iter().zip(behind.iter())) {
+            out.eps = (x - y) / (2.0 * h);
+        }
+        Ok(())
     }
 }
 

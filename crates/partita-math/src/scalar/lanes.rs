@@ -114,6 +114,10 @@ impl Scalar for Lanes {
         self.map(f64::sqrt)
     }
     #[inline(always)]
+    fn power(self, exponent: f64) -> Self {
+        self.map(|x| x.power(exponent))
+    }
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (mut s, mut c) = (self, self);
         for i in 0..Self::COUNT {
@@ -166,23 +170,24 @@ impl Scalar for Lanes {
         self.0.iter().find_map(|x| x.outside(low, high))
     }
     /// Eight calls.
-    fn call<const N: usize, E>(
+    fn call_into<E>(
         at: Arguments<Self>,
         room: &mut Vec<f64>,
-        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
-    ) -> Result<[Self; N], E> {
-        let n = at.q.len();
-        room.resize(n + at.v.len(), 0.0);
-        let mut out = [Self::zero(); N];
+        out: &mut [Self],
+        mut f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let (n, m) = (at.q.len(), at.q.len() + at.v.len());
+        room.resize(m + out.len(), 0.0);
+        let (given, values) = room.split_at_mut(m);
         for lane in 0..Self::COUNT {
-            for (x, y) in room.iter_mut().zip(at.q.iter().chain(at.v)) {
+            for (x, y) in given.iter_mut().zip(at.q.iter().chain(at.v)) {
                 *x = y.0[lane];
             }
-            let values = f(at.t.0[lane], &room[..n], &room[n..])?;
-            for (out, x) in out.iter_mut().zip(values) {
-                out.0[lane] = x;
+            f(at.t.0[lane], &given[..n], &given[n..], values)?;
+            for (out, x) in out.iter_mut().zip(values.iter()) {
+                out.0[lane] = *x;
             }
         }
-        Ok(out)
+        Ok(())
     }
 }

@@ -22,6 +22,10 @@ impl Scalar for f64 {
         f64::sqrt(self)
     }
     #[inline(always)]
+    fn power(self, exponent: f64) -> Self {
+        libm::pow(self, exponent)
+    }
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         libm::sincos(self)
     }
@@ -81,12 +85,13 @@ impl Scalar for f64 {
         (!(self >= low && self <= high)).then_some(self)
     }
     #[inline(always)]
-    fn call<const N: usize, E>(
+    fn call_into<E>(
         at: Arguments<Self>,
         _: &mut Vec<f64>,
-        mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
-    ) -> Result<[Self; N], E> {
-        f(at.t, at.q, at.v)
+        out: &mut [Self],
+        mut f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        f(at.t, at.q, at.v, out)
     }
 }
 

@@ -22,6 +22,7 @@ enum Operation {
     OverOrZero(u32, u32),
     Neg(u32),
     Sqrt(u32),
+    Power(u32, f64),
     Sin(u32),
     Cos(u32),
     Atan2(u32, u32),
@@ -186,6 +187,9 @@ impl Scalar for Recorder {
     fn sqrt(self) -> Self {
         self.one_of(f64::sqrt, Operation::Sqrt)
     }
+    fn power(self, exponent: f64) -> Self {
+        self.one_of(|x| x.power(exponent), |x| Operation::Power(x, exponent))
+    }
     fn sin_cos(self) -> (Self, Self) {
         (self.one_of(f64::sin, Operation::Sin), self.one_of(f64::cos, Operation::Cos))
     }
@@ -237,12 +241,14 @@ impl Scalar for Recorder {
             Kind::Entry(..) => None,
         }
     }
-    fn call<const N: usize, E>(
+    fn call_into<E>(
         _: Arguments<Self>,
         _: &mut Vec<f64>,
-        _: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
-    ) -> Result<[Self; N], E> {
-        Ok([Self::from_f64(f64::NAN); N])
+        out: &mut [Self],
+        _: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        out.fill(Self::from_f64(f64::NAN));
+        Ok(())
     }
 }
 
@@ -317,6 +323,7 @@ impl Recording {
                 Operation::OverOrZero(x, y) => at(x).over_or_zero(at(y)),
                 Operation::Neg(x) => -at(x),
                 Operation::Sqrt(x) => at(x).sqrt(),
+                Operation::Power(x, exponent) => at(x).power(exponent),
                 Operation::Sin(x) => Scalar::sin_cos(at(x)).0,
                 Operation::Cos(x) => Scalar::sin_cos(at(x)).1,
                 Operation::Atan2(x, y) => at(x).atan2(at(y)),

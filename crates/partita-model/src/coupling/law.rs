@@ -198,10 +198,10 @@ fn called<S: Scalar>(
     rates: &[S],
     name: &str,
     room: &mut Vec<f64>,
-) -> Result<[S; value::LAW], SystemError> {
+) -> Result<[S; value::RELATION], SystemError> {
     let arguments = Arguments { t, q: x, v: rates, q_sizes: &[], v_sizes: &[] };
     S::call(arguments, room, |t, x, rates| {
-        let found = callers.functions.law(k, t, x, rates).map_err(|e| failed(name, e))?;
+        let found = callers.functions.relation(k, t, x, rates).map_err(|e| failed(name, e))?;
         finite(found, name, t)
     })
 }

@@ -1,5 +1,6 @@
 //! The forces of a description as elements.
 
+use super::loads;
 use super::{CutEffort, Effort, Element, Place, PointForce, Spring, Torsion, Unit};
 use crate::compile;
 use crate::error::DescriptionError;
@@ -71,6 +72,10 @@ impl<G: Space> Element<G> {
                         axes: Mat3::from_f64(axes.0),
                         turns,
                     }));
+                }
+                other => {
+                    let Some(load) = loads::element(spec, &nodes, placed, numbers, other, n)? else { continue };
+                    elements.push(load);
                 }
             }
         }
@@ -158,7 +163,7 @@ impl<S: Scalar> Maker<'_, S> {
 }
 
 /// The wrench that does work on a motion of a joint alone, of which the coordinate is number `which`.
-fn unit<G: Space>(p: &PlacedJoint, motion: Motion, which: usize) -> Unit<G> {
+pub(super) fn unit<G: Space>(p: &PlacedJoint, motion: Motion, which: usize) -> Unit<G> {
     let moment = |x: Vec3<f64>, y: Vec3<f64>| Unit::Moment(G::ang_from(x.0), G::ang_from(y.0));
     let turns: Vec<Vec3<f64>> =
         p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None }).collect();

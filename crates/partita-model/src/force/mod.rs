@@ -6,18 +6,41 @@
 //! ```
 
 mod build;
+mod bushing;
+mod contact;
 mod cut_effort;
 mod effort;
+mod friction;
+mod gravity;
+mod law;
+mod loads;
 mod point_force;
+mod reading;
+mod resistance;
+mod spot;
 mod spring;
+mod stop;
 mod torsion;
+mod tyre;
+mod weightless;
 
 pub use build::{joint_index, tree_coordinate};
+pub use bushing::Bushing;
+pub use contact::{Contact, Surface};
 pub use cut_effort::{CutEffort, Unit};
 pub use effort::Effort;
+pub use friction::Friction;
+pub use gravity::Gravity;
+pub use law::{Law, Seen};
 pub use point_force::PointForce;
+pub use reading::Reading;
+pub use resistance::Buffer;
+pub use spot::Spot;
 pub use spring::Spring;
+pub use stop::Stop;
 pub use torsion::Torsion;
+pub use tyre::Tyre;
+pub use weightless::Weightless;
 
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{Instant, Source};
@@ -38,6 +61,40 @@ pub enum Element<G: Space> {
     CutEffort(CutEffort<G>),
     /// Force at a point of a body.
     Force(PointForce<G>),
+    /// Stiffness and damping in all directions.
+    Bushing(Box<Bushing<G>>),
+    /// Friction in a joint coordinate.
+    Friction(Box<Friction<G>>),
+    /// Ends of a joint coordinate.
+    Stop(Box<Stop<G>>),
+    /// A sphere against a plane or a sphere.
+    Contact(Box<Contact<G>>),
+    /// A wheel on a road.
+    Tyre(Box<Tyre<G>>),
+    /// A function of what it sees.
+    Law(Box<Law<G>>),
+    /// No gravity on a body.
+    Weightless(Weightless<G>),
+    /// Gravity that changes.
+    Gravity(Box<Gravity<G>>),
+}
+
+/// Memory of elements.
+#[derive(Clone, Debug)]
+pub struct Room<G: Space> {
+    /// Plain arguments of functions known in `f64` alone.
+    pub(crate) plain: Vec<f64>,
+    /// What a law sees, and what it answers.
+    seen: Vec<G::S>,
+    answers: Vec<G::S>,
+    /// Wrenches of an element that has many: see [`Acts::Listed`].
+    pub(crate) pushes: Vec<Push<G>>,
+}
+
+impl<G: Space> Default for Room<G> {
+    fn default() -> Self {
+        Self { plain: Vec::new(), seen: Vec::new(), answers: Vec::new(), pushes: Vec::new() }
+    }
 }
 
 /// Where an element acts.
@@ -75,6 +132,8 @@ pub enum Acts<G: Space> {
     On(Push<G>),
     /// On two bodies.
     Between(Push<G>, Push<G>),
+    /// On as many as are listed in the room.
+    Listed,
 }
 
 /// What an element does at one instant.
@@ -113,13 +172,35 @@ impl<G: Space> At<'_, G> {
 impl<G: Space> Element<G> {
     /// What it does at the last poses and twists. A user's function is called once.
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Vec<f64>) -> Result<Effect<G>, SystemError> {
+    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Spring(e) => Ok(e.wrench(at)),
             Self::Torsion(e) => Ok(e.wrench(at)),
-            Self::Effort(e) => e.wrench(at, room),
-            Self::CutEffort(e) => e.wrench(at, room),
-            Self::Force(e) => e.wrench(at, room),
+            Self::Effort(e) => e.wrench(at, &mut room.plain),
+            Self::CutEffort(e) => e.wrench(at, &mut room.plain),
+            Self::Force(e) => e.wrench(at, &mut room.plain),
+            Self::Weightless(e) => Ok(e.wrench(at)),
+            other => other.rare(at, room),
+        }
+    }
+
+    /// The elements that are large: kept out of the way of the others.
+    #[inline(never)]
+    fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+        match self {
+            Self::Bushing(e) => Ok(e.wrench(at)),
+            Self::Friction(e) => e.wrench(at, &mut room.plain),
+            Self::Stop(e) => Ok(e.wrench(at)),
+            Self::Contact(e) => Ok(e.wrench(at)),
+            Self::Tyre(e) => Ok(e.wrench(at)),
+            Self::Law(e) => e.wrench(at, room),
+            Self::Gravity(e) => e.wrench(at, room),
+            Self::Spring(_)
+            | Self::Torsion(_)
+            | Self::Effort(_)
+            | Self::CutEffort(_)
+            | Self::Force(_)
+            | Self::Weightless(_) => self.wrench(at, room),
         }
     }
 
@@ -129,8 +210,13 @@ impl<G: Space> Element<G> {
             Self::Spring(e) => e.damped,
             Self::Torsion(e) => e.damped,
             Self::Effort(e) => !e.is_conservative(),
-            Self::CutEffort(_) => true,
+            Self::CutEffort(_) | Self::Friction(_) | Self::Law(_) | Self::Gravity(_) => true,
             Self::Force(e) => !e.is_conservative(),
+            Self::Bushing(e) => e.damped,
+            Self::Stop(e) => e.buffer.damped,
+            Self::Contact(e) => e.buffer.damped || e.rough,
+            Self::Tyre(e) => e.buffer.damped || e.grips,
+            Self::Weightless(_) => false,
         }
     }
 
@@ -139,53 +225,90 @@ impl<G: Space> Element<G> {
         match self {
             Self::Torsion(e) => Some(e.q),
             Self::Effort(e) => e.q,
-            Self::Spring(_) | Self::CutEffort(_) | Self::Force(_) => None,
+            Self::Stop(e) => e.along.coordinate(),
+            _ => None,
         }
     }
 
-    /// Does a function of the user's see all coordinates, turns included?
+    /// Does a function of the user's see all coordinates, turns included, or does an angle add up from several?
     pub fn sees_coordinates(&self) -> bool {
-        self.sources().iter().any(|s| matches!(s, Source::Function(_)))
+        let adds_up = matches!(self, Self::Stop(e) if e.along.coordinate().is_none() && !e.along.wraps());
+        adds_up || self.calls_function()
+    }
+
+    fn calls_function(&self) -> bool {
+        matches!(self, Self::Law(_)) || self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }
 
     /// The name of the element if it calls a function of the user's.
     pub(crate) fn calls(&self) -> Option<&str> {
         let name = match self {
-            Self::Spring(_) | Self::Torsion(_) => return None,
             Self::Effort(e) => &e.name,
             Self::CutEffort(e) => &e.name,
             Self::Force(e) => &e.name,
+            Self::Friction(e) => &e.name,
+            Self::Law(e) => &e.name,
+            Self::Gravity(e) => &e.name,
+            _ => return None,
         };
-        self.sees_coordinates().then_some(name)
+        self.calls_function().then_some(name)
     }
 
     fn sources(&self) -> &[Source<G::S>] {
         match self {
-            Self::Spring(_) | Self::Torsion(_) => &[],
             Self::Effort(e) => std::slice::from_ref(&e.value),
             Self::CutEffort(e) => std::slice::from_ref(&e.value),
             Self::Force(e) => e.value.sources(),
+            Self::Friction(e) => &e.levels,
+            Self::Gravity(e) => e.value.sources(),
+            _ => &[],
         }
     }
 
     /// Nodes of the bodies it acts on; 0 is the ground.
-    pub(crate) fn nodes(&self) -> [usize; 2] {
+    pub(crate) fn nodes(&self) -> Vec<usize> {
+        let of = |all: &[Spot<G>]| all.iter().map(|p| p.place.node).collect();
         match self {
-            Self::Spring(e) => [e.a.node, e.b.node],
-            Self::Torsion(_) | Self::Effort(_) => [0, 0],
-            Self::CutEffort(e) => [e.parent.node, e.child.node],
-            Self::Force(e) => [e.on.node, 0],
+            Self::Spring(e) => vec![e.a.node, e.b.node],
+            Self::Torsion(_) | Self::Effort(_) => Vec::new(),
+            Self::CutEffort(e) => vec![e.parent.node, e.child.node],
+            Self::Force(e) => vec![e.on.node],
+            Self::Bushing(e) => of(&e.ends),
+            Self::Friction(e) => e.along.nodes(),
+            Self::Stop(e) => e.along.nodes(),
+            Self::Contact(e) => of(&[e.centre, e.other]),
+            Self::Tyre(e) => of(&[e.centre, e.road]),
+            Self::Law(e) => of(&e.on),
+            Self::Weightless(e) => vec![e.on.node],
+            Self::Gravity(e) => e.on.iter().map(|(p, _)| p.node).collect(),
         }
     }
 
     /// Velocity that it acts along, or the links it acts on.
-    pub(crate) fn touches(&self) -> (Option<usize>, [usize; 2]) {
+    pub(crate) fn touches(&self) -> (Option<usize>, Vec<usize>) {
+        let of = |all: &[Spot<G>]| (None, all.iter().map(|p| p.place.link).collect());
         match self {
-            Self::Spring(e) => (None, [e.a.link, e.b.link]),
-            Self::Torsion(e) => (Some(e.v), [0, 0]),
-            Self::Effort(e) => (Some(e.v), [0, 0]),
-            Self::CutEffort(e) => (None, [e.parent.link, e.child.link]),
-            Self::Force(e) => (None, [e.on.link, 0]),
+            Self::Spring(e) => (None, vec![e.a.link, e.b.link]),
+            Self::Torsion(e) => (Some(e.v), Vec::new()),
+            Self::Effort(e) => (Some(e.v), Vec::new()),
+            Self::CutEffort(e) => (None, vec![e.parent.link, e.child.link]),
+            Self::Force(e) => (None, vec![e.on.link]),
+            Self::Bushing(e) => of(&e.ends),
+            Self::Friction(e) => e.along.touches(),
+            Self::Stop(e) => e.along.touches(),
+            Self::Contact(e) => of(&[e.centre, e.other]),
+            Self::Tyre(e) => of(&[e.centre, e.road]),
+            Self::Law(e) => of(&e.on),
+            Self::Weightless(e) => (None, vec![e.on.link]),
+            Self::Gravity(e) => (None, e.on.iter().map(|(p, _)| p.link).collect()),
+        }
+    }
+
+    /// Links that it looks at without acting on them.
+    pub(crate) fn looks_at(&self) -> Vec<usize> {
+        match self {
+            Self::Law(e) => e.sees.iter().flat_map(Seen::links).collect(),
+            _ => Vec::new(),
         }
     }
 }
@@ -193,7 +316,7 @@ impl<G: Space> Element<G> {
 impl<G: Space> Tree<G> {
     /// Adds what an element does to the applied forces.
     #[inline(always)]
-    pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>) {
+    pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>, room: &Room<G>) {
         match &effect.acts {
             Acts::Along(v, effort) => s.effort[*v] += *effort,
             Acts::On(p) => self.add_push(s, p),
@@ -201,6 +324,7 @@ impl<G: Space> Tree<G> {
                 self.add_push(s, p);
                 self.add_push(s, other);
             }
+            Acts::Listed => room.pushes.iter().for_each(|p| self.add_push(s, p)),
         }
     }
 

@@ -39,7 +39,7 @@ impl<S: Scalar> Evaluator<S> {
         for &node in &part.nodes {
             all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
         }
-        let mut room = std::mem::take(&mut s.room);
+        let mut room = std::mem::take(&mut s.full_forces);
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
             match &effect.acts {
@@ -49,9 +49,10 @@ impl<S: Scalar> Evaluator<S> {
                     self.put_push(s, &mut all.on, a);
                     self.put_push(s, &mut all.on, b);
                 }
+                Acts::Listed => room.pushes.iter().for_each(|p| self.put_push(s, &mut all.on, p)),
             }
         }
-        s.room = room;
+        s.full_forces = room;
         Ok(all)
     }
 

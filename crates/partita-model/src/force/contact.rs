@@ -1,0 +1,70 @@
+//! A sphere against a plane or another sphere.
+
+use super::resistance::{Buffer, Slide};
+use super::spot::{self, Spot};
+use super::{At, Effect};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Space, Vec3};
+
+/// What the sphere meets.
+#[derive(Clone, Copy, Debug)]
+pub enum Surface<S> {
+    /// A plane with this normal, link axes, towards the free side.
+    Plane(Vec3<S>),
+    /// A sphere of this radius.
+    Sphere(S),
+}
+
+/// Compliant contact with friction. On a plane the force acts at the plane, between spheres midway in their overlap.
+#[derive(Clone, Debug)]
+pub struct Contact<G: Space> {
+    /// Centre of the sphere.
+    pub centre: Spot<G>,
+    /// Its radius.
+    pub radius: G::S,
+    /// A point of the plane, or the other centre.
+    pub other: Spot<G>,
+    /// What it meets.
+    pub surface: Surface<G::S>,
+    /// Normal force over depth.
+    pub buffer: Buffer<G::S>,
+    /// Coefficients of friction: sliding, to be overcome, and at which speed.
+    pub friction: [G::S; 3],
+    /// Has it any?
+    pub rough: bool,
+}
+
+impl<G: Space> Contact<G> {
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+        let (one, two) = (&self.centre.place, &self.other.place);
+        let centre = at.spot(&self.centre);
+        let gap = centre - at.spot(&self.other);
+        let (normal, depth, inside) = match self.surface {
+            Surface::Plane(n) => {
+                let n = at.axes(two.link).apply(n);
+                let depth = self.radius - n.dot(gap);
+                (n, depth, depth)
+            }
+            Surface::Sphere(radius) => {
+                let distance = gap.norm();
+                let depth = self.radius + radius - distance;
+                (Vec3(gap.0.map(|x| x.over_or_zero(distance))), depth, depth.scale(0.5))
+            }
+        };
+        let point = centre - normal.times(self.radius - inside);
+        let slip = at.moving(one.link, point) - at.moving(two.link, point);
+        let speed = -normal.dot(slip);
+        let pressed = self.buffer.pressed(depth, speed);
+        let (mut force, mut power) = (normal.times(pressed.push), pressed.power);
+        if self.rough {
+            let along = slip + normal.times(speed);
+            let square = along.dot(along);
+            let [dynamic, held, stick] = self.friction;
+            let drag = pressed.push * Slide { dynamic, held, stick }.per_speed(square);
+            force -= along.times(drag);
+            power -= drag * square;
+        }
+        Effect { acts: at.pair(one, two, point, spot::none(), force), potential: pressed.potential, power }
+    }
+}

@@ -1,0 +1,35 @@
+//! Gravity that changes: one acceleration for all bodies.
+
+use super::{Acts, At, Effect, Place, Push, Room};
+use crate::value::VectorSource;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Space};
+use partita_system::SystemError;
+
+/// Pulls at the centre of mass of each body.
+#[derive(Clone, Debug)]
+pub struct Gravity<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// Acceleration, world axes.
+    pub value: VectorSource<G::S>,
+    /// Mechanism axes from world axes.
+    pub axes: Mat3<G::S>,
+    /// Centres of mass, and masses.
+    pub on: Vec<(Place<G>, G::S)>,
+}
+
+impl<G: Space> Gravity<G> {
+    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+        let value = self.value.at(&at.instant, &self.name, &mut room.plain)?;
+        let gravity = G::vec_in(self.axes.apply(value));
+        room.pushes.clear();
+        let mut power = G::S::zero();
+        for (p, mass) in &self.on {
+            let (arm, force) = (at.arm(p), G::scale(gravity, *mass));
+            power += G::dot(force, at.velocity(p.link, arm));
+            room.pushes.push(Push { node: p.node, link: p.link, arm, moment: G::Ang::default(), force });
+        }
+        Ok(Effect { acts: Acts::Listed, potential: G::S::zero(), power })
+    }
+}

@@ -1,0 +1,101 @@
+//! A function of whatever it asks to see.
+
+use super::spot::Spot;
+use super::{Acts, At, Effect, Reading, Room};
+use crate::value::failed;
+use partita_math::scalar::{Arguments, Scalar};
+use partita_math::spatial::{Mat3, Space, Vec3};
+use partita_system::SystemError;
+
+/// One thing that a law sees.
+#[derive(Clone, Debug)]
+pub enum Seen<G: Space> {
+    /// Position and velocity of a point.
+    Point(Spot<G>),
+    /// Position of the origin, axes row by row, velocity of the origin, angular velocity; and the axes on its link.
+    Body(Spot<G>, Mat3<G::S>),
+    /// Value and rate of a joint's coordinate.
+    Joint(Reading<G>),
+}
+
+impl<G: Space> Seen<G> {
+    /// Link that is looked at.
+    pub fn links(&self) -> Vec<usize> {
+        match self {
+            Self::Point(p) | Self::Body(p, _) => vec![p.place.link],
+            Self::Joint(r) => r.touches().1,
+        }
+    }
+}
+
+/// Numbers of a wrench.
+const WRENCH: usize = 6;
+
+/// Forces and moments by a function of what it sees, all in world axes.
+#[derive(Clone, Debug)]
+pub struct Law<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// Number of the function.
+    pub function: usize,
+    /// What it sees.
+    pub sees: Vec<Seen<G>>,
+    /// Sizes of the numbers it sees.
+    pub sizes: Vec<f64>,
+    /// Points it acts at.
+    pub on: Vec<Spot<G>>,
+    /// World axes from mechanism axes.
+    pub out: Mat3<G::S>,
+}
+
+impl<G: Space> Law<G> {
+    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+        let world = |x: Vec3<G::S>| self.out.apply(x).0;
+        let Room { plain, seen, answers, pushes } = room;
+        seen.clear();
+        for sight in &self.sees {
+            match sight {
+                Seen::Point(p) => {
+                    let x = at.spot(p);
+                    seen.extend(world(x));
+                    seen.extend(world(at.moving(p.place.link, x)));
+                }
+                Seen::Body(p, axes) => {
+                    let x = at.spot(p);
+                    seen.extend(world(x));
+                    let axes = self.out.mul(&at.axes(p.place.link)).mul(axes);
+                    seen.extend(axes.0.into_iter().flatten());
+                    seen.extend(world(at.moving(p.place.link, x)));
+                    seen.extend(world(at.spinning(p.place.link)));
+                }
+                Seen::Joint(reading) => {
+                    let read = reading.read(at);
+                    seen.extend([read.value, read.rate]);
+                }
+            }
+        }
+        answers.clear();
+        answers.resize(WRENCH * self.on.len(), G::S::zero());
+        let given = Arguments { t: at.instant.t, q: &seen[..], v: &[], q_sizes: &self.sizes, v_sizes: &[] };
+        let functions = &at.instant.callers.functions;
+        G::S::call_into(given, plain, answers, |t, seen, _, out| {
+            functions.law(self.function, t, seen, out).map_err(|e| failed(&self.name, e))?;
+            match out.iter().all(|x| x.is_finite()) {
+                true => Ok(()),
+                false => Err(SystemError::NotFinite { what: self.name.clone(), t }),
+            }
+        })?;
+        pushes.clear();
+        let mut power = G::S::zero();
+        for (p, w) in self.on.iter().zip(answers.chunks_exact(WRENCH)) {
+            let own = |w: &[G::S]| self.out.apply_transposed(Vec3([w[0], w[1], w[2]]));
+            let (force, moment, x) = (own(&w[..3]), own(&w[3..]), at.spot(p));
+            let push = at.push(&p.place, x, moment, force);
+            // in the plane of a planar mechanism alone is there work
+            power += G::dot(push.force, at.velocity(p.place.link, push.arm));
+            power += G::dot_ang(push.moment, at.s.links[p.place.link].w);
+            pushes.push(push);
+        }
+        Ok(Effect { acts: Acts::Listed, potential: G::S::zero(), power })
+    }
+}

@@ -1,0 +1,77 @@
+//! Places in space of things that ride on links, also of a planar mechanism: what lies out of the plane stays there.
+
+use super::{Acts, At, Place, Push};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Space, Vec3};
+
+/// A point on a link, and how far it is out of the plane of a planar mechanism.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot<G: Space> {
+    /// In the space of the engine.
+    pub place: Place<G>,
+    /// What that space does not carry.
+    pub out: Vec3<G::S>,
+}
+
+impl<G: Space> At<'_, G> {
+    /// Where a spot is, mechanism axes.
+    #[inline(always)]
+    pub(super) fn spot(&self, p: &Spot<G>) -> Vec3<G::S> {
+        G::vec_to(self.tree.place(p.place.link, self.s) + self.arm(&p.place)) + p.out
+    }
+
+    /// Orientation of a link as a matrix.
+    #[inline(always)]
+    pub(super) fn axes(&self, link: usize) -> Mat3<G::S> {
+        G::rot_to(&self.s.links[link].rot)
+    }
+
+    /// From a link's reference point to a point of space.
+    #[inline(always)]
+    fn reach(&self, link: usize, x: Vec3<G::S>) -> G::Vec {
+        G::vec_in(x) - self.tree.place(link, self.s)
+    }
+
+    /// Velocity of a link's material at a point of space.
+    #[inline(always)]
+    pub(super) fn moving(&self, link: usize, x: Vec3<G::S>) -> Vec3<G::S> {
+        G::vec_to(self.velocity(link, self.reach(link, x)))
+    }
+
+    /// Angular velocity of a link.
+    #[inline(always)]
+    pub(super) fn spinning(&self, link: usize) -> Vec3<G::S> {
+        G::ang_to(self.s.links[link].w)
+    }
+
+    /// A wrench at a point of space on a link.
+    #[inline(always)]
+    pub(super) fn push(&self, on: &Place<G>, x: Vec3<G::S>, moment: Vec3<G::S>, force: Vec3<G::S>) -> Push<G> {
+        Push {
+            node: on.node,
+            link: on.link,
+            arm: self.reach(on.link, x),
+            moment: G::ang_in(moment),
+            force: G::vec_in(force),
+        }
+    }
+
+    /// A wrench at a point of space on one link, its opposite there on the other.
+    #[inline(always)]
+    pub(super) fn pair(
+        &self,
+        on: &Place<G>,
+        other: &Place<G>,
+        x: Vec3<G::S>,
+        moment: Vec3<G::S>,
+        force: Vec3<G::S>,
+    ) -> Acts<G> {
+        Acts::Between(self.push(on, x, moment, force), self.push(other, x, -moment, -force))
+    }
+}
+
+/// No moment.
+#[inline(always)]
+pub(super) fn none<S: Scalar>() -> Vec3<S> {
+    Vec3::zero()
+}

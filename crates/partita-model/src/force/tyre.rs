@@ -1,0 +1,75 @@
+//! A wheel on a road.
+
+use super::resistance::Buffer;
+use super::spot::Spot;
+use super::{At, Effect};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Space, Vec3};
+
+/// A disc that presses on a plane, with forces against slip that saturate.
+///
+/// The normal force N acts at the lowest point of the free disc, so that it has a potential; forces against slip act where
+/// the radius to that point meets the road. With the velocity `s` of the disc's material there, along the wheel and across
+/// it, and the speed V of the centre along the road, they are `−z/√(1 + z²/(friction N)²)`,
+/// `z = (longitudinal s_x, lateral s_y)/√(V² + slow²)`.
+#[derive(Clone, Debug)]
+pub struct Tyre<G: Space> {
+    /// Centre of the wheel.
+    pub centre: Spot<G>,
+    /// Its axis, link axes.
+    pub axis: Vec3<G::S>,
+    /// Its free radius.
+    pub radius: G::S,
+    /// A point of the road.
+    pub road: Spot<G>,
+    /// Its normal, link axes.
+    pub normal: Vec3<G::S>,
+    /// Normal force over depth.
+    pub buffer: Buffer<G::S>,
+    /// Coefficient of friction, force over slip along the wheel and across it, slow speed.
+    pub grip: [G::S; 4],
+    /// Has it slip forces?
+    pub grips: bool,
+}
+
+impl<G: Space> Tyre<G> {
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+        let (wheel, road) = (&self.centre.place, &self.road.place);
+        let normal = at.axes(road.link).apply(self.normal);
+        let axis = at.axes(wheel.link).apply(self.axis);
+        let centre = at.spot(&self.centre);
+        let height = normal.dot(centre - at.spot(&self.road));
+        // steepest direction in the plane of the wheel; its length is the cosine of the camber
+        let steep = normal - axis.times(axis.dot(normal));
+        let upright = steep.norm();
+        let depth = self.radius * upright - height;
+        let down = Vec3(steep.0.map(|x| x.over_or_zero(upright)));
+        // the disc's lowest point sinks as the depth grows, also where the wheel leans
+        let lowest = centre - down.times(self.radius);
+        let sinking = at.moving(wheel.link, lowest) - at.moving(road.link, lowest);
+        let speed = -normal.dot(sinking);
+        let pressed = self.buffer.pressed(depth, speed);
+        let push = normal.times(pressed.push);
+        // on the road below
+        let point = centre - down.times(height.over_or_zero(upright));
+        let (mut force, mut power) = (push, pressed.power);
+        if self.grips {
+            let [friction, longitudinal, lateral, slow] = self.grip;
+            let forward = axis.cross(normal).direction();
+            let across = normal.cross(forward);
+            let slip = at.moving(wheel.link, point) - at.moving(road.link, point);
+            let travel = forward.dot(at.moving(wheel.link, centre) - at.moving(road.link, centre));
+            let rolled = G::S::one() / (travel * travel + slow * slow).sqrt();
+            let x = longitudinal * forward.dot(slip) * rolled;
+            let y = lateral * across.dot(slip) * rolled;
+            let limit = friction * pressed.push;
+            let part = limit.over_or_zero((limit * limit + x * x + y * y).sqrt());
+            let grip = (forward.times(x) + across.times(y)).times(-part);
+            force += grip;
+            power += grip.dot(slip);
+        }
+        let moment = (lowest - point).cross(push);
+        Effect { acts: at.pair(wheel, road, point, moment, force), potential: pressed.potential, power }
+    }
+}

@@ -1,0 +1,25 @@
+//! No gravity on a body: its weight is taken off again.
+
+use super::{Acts, At, Effect, Place, Push};
+use partita_math::scalar::Scalar;
+use partita_math::spatial::Space;
+
+/// Holds a body up by its weight, whatever gravity is.
+#[derive(Clone, Copy, Debug)]
+pub struct Weightless<G: Space> {
+    /// Centre of mass.
+    pub on: Place<G>,
+    /// Mass.
+    pub mass: G::S,
+}
+
+impl<G: Space> Weightless<G> {
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+        let arm = at.arm(&self.on);
+        let force = -G::scale(at.tree.gravity, self.mass);
+        let potential = -G::dot(force, at.tree.place(self.on.link, at.s) + arm);
+        let push = Push { node: self.on.node, link: self.on.link, arm, moment: G::Ang::default(), force };
+        Effect { acts: Acts::On(push), potential, power: G::S::zero() }
+    }
+}

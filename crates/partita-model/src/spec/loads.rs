@@ -1,0 +1,480 @@
+//! Forces that are described by records of their own: bushings, friction, stops, contacts, tyres, laws, weight.
+//!
+//! What a description does with any of them (names, parameters, tables, checks) it asks of [`Load`].
+
+use super::{Value, VectorValue};
+use serde::{Deserialize, Serialize};
+
+/// What all of these forces can say of themselves.
+pub trait Load {
+    /// Its name.
+    fn name(&self) -> &str;
+    /// Bodies that it names.
+    fn bodies(&self) -> Vec<&str> {
+        Vec::new()
+    }
+    /// Joints that it names, with the coordinate.
+    fn joints(&self) -> Vec<(&str, usize)> {
+        Vec::new()
+    }
+    /// Values that may be tables or functions.
+    fn values(&self) -> Vec<&Value> {
+        Vec::new()
+    }
+    /// Its parameters: field and numbers.
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        Vec::new()
+    }
+    /// What is wrong with its numbers, all of them finite.
+    fn fault(&self) -> Option<String> {
+        None
+    }
+}
+
+fn one(x: &mut f64) -> &mut [f64] {
+    std::slice::from_mut(x)
+}
+
+fn constant(v: &mut Value) -> Option<&mut [f64]> {
+    match v {
+        Value::Constant(x) => Some(one(x)),
+        Value::Table(_) | Value::Function(_) => None,
+    }
+}
+
+/// The first of these numbers that must not be negative and is.
+fn negative(all: &[(&str, f64)]) -> Option<String> {
+    all.iter().find(|x| x.1 < 0.0).map(|(what, x)| format!("{what} = {x} is negative; give 0 or more"))
+}
+
+/// The first of these numbers that must be above zero and is not.
+fn without_size(all: &[(&str, f64)]) -> Option<String> {
+    all.iter().find(|x| x.1 <= 0.0).map(|(what, x)| format!("{what} = {x} must be greater than 0"))
+}
+
+fn no_direction(what: &str, x: &[f64; 3]) -> Option<String> {
+    x.iter().all(|x| *x == 0.0).then(|| format!("{what} = {x:?} has no direction"))
+}
+
+fn no_exponent(x: f64) -> Option<String> {
+    (x < 1.0)
+        .then(|| format!("exponent = {x} would make a contact infinitely stiff at its first touch; give 1 or more"))
+}
+
+fn three_halves() -> f64 {
+    1.5
+}
+
+/// Stiffness and damping in all six directions between two frames.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bushing {
+    /// Name.
+    pub name: String,
+    /// First body or `ground`: in its frame stiffness and damping are given.
+    pub body1: String,
+    /// Origin of its frame, body axes.
+    pub point1: [f64; 3],
+    /// Axes of its frame in body axes (columns).
+    pub frame1: [[f64; 3]; 3],
+    /// Second body or `ground`.
+    pub body2: String,
+    /// Origin of its frame, body axes.
+    pub point2: [f64; 3],
+    /// Axes of its frame in body axes (columns).
+    pub frame2: [[f64; 3]; 3],
+    /// Displacements before turns [N/m, N, N/rad, N m/rad].
+    pub stiffness: [[f64; 6]; 6],
+    /// [N s/m, ...].
+    pub damping: [[f64; 6]; 6],
+}
+
+impl Load for Bushing {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        vec![&self.body1, &self.body2]
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        vec![
+            ("point1", &mut self.point1),
+            ("point2", &mut self.point2),
+            ("stiffness", self.stiffness.as_flattened_mut()),
+            ("damping", self.damping.as_flattened_mut()),
+        ]
+    }
+    fn fault(&self) -> Option<String> {
+        let both = [("frame1", &self.frame1), ("frame2", &self.frame2)];
+        both.into_iter().find_map(|(what, f)| {
+            let column = |j: usize| [f[0][j], f[1][j], f[2][j]];
+            let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+            let (x, y, z) = (column(0), column(1), column(2));
+            let turned = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+            let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(turned, z) - 1.0, dot(z, z) - 1.0];
+            // what ten printed digits can be off
+            let fits = off.iter().all(|x| x.abs() < 1e-9);
+            (!fits).then(|| format!("{what} is no rotation; orthogonalise it"))
+        })
+    }
+}
+
+/// Friction in a joint coordinate.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Friction {
+    /// Name.
+    pub name: String,
+    /// Joint.
+    pub joint: String,
+    /// Which of its coordinates.
+    #[serde(default)]
+    pub coordinate: usize,
+    /// Level while it slides [N] or [N m].
+    pub dynamic: Value,
+    /// Level that must be overcome; none: that of sliding.
+    #[serde(default, rename = "static")]
+    pub held: Option<Value>,
+    /// Speed at which it is reached [m/s] or [rad/s].
+    pub stick_velocity: f64,
+}
+
+impl Load for Friction {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn joints(&self) -> Vec<(&str, usize)> {
+        vec![(&self.joint, self.coordinate)]
+    }
+    fn values(&self) -> Vec<&Value> {
+        std::iter::once(&self.dynamic).chain(&self.held).collect()
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        let mut all = vec![("stick_velocity", one(&mut self.stick_velocity))];
+        all.extend(constant(&mut self.dynamic).map(|x| ("dynamic", x)));
+        all.extend(self.held.as_mut().and_then(constant).map(|x| ("static", x)));
+        all
+    }
+    fn fault(&self) -> Option<String> {
+        let level = |what, v: &Value| match v {
+            Value::Constant(x) => negative(&[(what, *x)]),
+            Value::Table(_) | Value::Function(_) => None,
+        };
+        without_size(&[("stick_velocity", self.stick_velocity)])
+            .or_else(|| level("dynamic", &self.dynamic))
+            .or_else(|| self.held.as_ref().and_then(|v| level("static", v)))
+    }
+}
+
+/// Compliant ends of a joint coordinate.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stop {
+    /// Name.
+    pub name: String,
+    /// Joint.
+    pub joint: String,
+    /// Which of its coordinates.
+    #[serde(default)]
+    pub coordinate: usize,
+    /// Where it begins to push forward.
+    #[serde(default)]
+    pub lower: Option<f64>,
+    /// Where it begins to push back.
+    #[serde(default)]
+    pub upper: Option<f64>,
+    /// Effort at a unit of depth.
+    pub stiffness: f64,
+    /// Power of the depth.
+    pub exponent: f64,
+    /// Growth of the effort with the speed inward (s/m or s/rad).
+    pub damping: f64,
+}
+
+impl Load for Stop {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn joints(&self) -> Vec<(&str, usize)> {
+        vec![(&self.joint, self.coordinate)]
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        let mut all = vec![("stiffness", one(&mut self.stiffness)), ("damping", one(&mut self.damping))];
+        all.extend(self.lower.as_mut().map(|x| ("lower", one(x))));
+        all.extend(self.upper.as_mut().map(|x| ("upper", one(x))));
+        all
+    }
+    fn fault(&self) -> Option<String> {
+        let order = match (self.lower, self.upper) {
+            (None, None) => Some("it has neither a lower nor an upper end; give one".into()),
+            (Some(a), Some(b)) if a >= b => Some(format!("lower = {a} is not below upper = {b}")),
+            _ => None,
+        };
+        order
+            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
+            .or_else(|| no_exponent(self.exponent))
+    }
+}
+
+/// A sphere on one body against a plane or a sphere on another.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Name.
+    pub name: String,
+    /// Body of the sphere.
+    pub body1: String,
+    /// Its centre, body axes.
+    pub point1: [f64; 3],
+    /// Its radius; 0 is a point.
+    pub radius1: f64,
+    /// Other body or `ground`.
+    pub body2: String,
+    /// A point of the plane, or the centre of the other sphere, body axes.
+    pub point2: [f64; 3],
+    /// Normal of the plane, towards the free side, body axes.
+    #[serde(default)]
+    pub normal: Option<[f64; 3]>,
+    /// Radius of the other sphere.
+    #[serde(default)]
+    pub radius2: Option<f64>,
+    /// Force at a unit of depth.
+    pub stiffness: f64,
+    /// Power of the depth.
+    #[serde(default = "three_halves")]
+    pub exponent: f64,
+    /// Growth of the force with the speed inward [s/m].
+    #[serde(default)]
+    pub damping: f64,
+    /// Coefficient of friction while it slides.
+    #[serde(default)]
+    pub friction: f64,
+    /// Coefficient that must be overcome.
+    #[serde(default)]
+    pub static_friction: f64,
+    /// Speed at which it is reached [m/s].
+    pub stick_velocity: f64,
+}
+
+impl Load for Contact {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        vec![&self.body1, &self.body2]
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        let mut all: Vec<(&'static str, &mut [f64])> = vec![
+            ("point1", &mut self.point1),
+            ("radius1", one(&mut self.radius1)),
+            ("point2", &mut self.point2),
+            ("stiffness", one(&mut self.stiffness)),
+            ("damping", one(&mut self.damping)),
+            ("friction", one(&mut self.friction)),
+            ("static_friction", one(&mut self.static_friction)),
+            ("stick_velocity", one(&mut self.stick_velocity)),
+        ];
+        all.extend(self.radius2.as_mut().map(|x| ("radius2", one(x))));
+        all
+    }
+    fn fault(&self) -> Option<String> {
+        let against = match (&self.normal, self.radius2) {
+            (Some(n), None) => negative(&[("radius1", self.radius1)]).or_else(|| no_direction("normal", n)),
+            (None, Some(r)) => negative(&[("radius1", self.radius1)]).or_else(|| without_size(&[("radius2", r)])),
+            _ => Some("the other side is a plane (normal) or a sphere (radius2), one of the two".into()),
+        };
+        against
+            .or_else(|| {
+                negative(&[
+                    ("stiffness", self.stiffness),
+                    ("damping", self.damping),
+                    ("friction", self.friction),
+                    ("static_friction", self.static_friction),
+                ])
+            })
+            .or_else(|| without_size(&[("stick_velocity", self.stick_velocity)]))
+            .or_else(|| no_exponent(self.exponent))
+    }
+}
+
+/// A disc on a body that rolls on a plane.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tyre {
+    /// Name.
+    pub name: String,
+    /// Body of the wheel.
+    pub body: String,
+    /// Centre of the wheel, body axes.
+    pub center: [f64; 3],
+    /// Its axis, body axes.
+    pub axis: [f64; 3],
+    /// Its free radius.
+    pub radius: f64,
+    /// Body of the road, or `ground`.
+    pub ground: String,
+    /// A point of the road, body axes.
+    pub point: [f64; 3],
+    /// Normal of the road, upward, body axes.
+    pub normal: [f64; 3],
+    /// Force at a unit of depth [N/m].
+    pub stiffness: f64,
+    /// Growth of the force with the speed inward [s/m].
+    #[serde(default)]
+    pub damping: f64,
+    /// Coefficient of friction that slip forces approach.
+    #[serde(default)]
+    pub friction: f64,
+    /// Force for a unit of slip along the wheel [N].
+    #[serde(default)]
+    pub longitudinal: f64,
+    /// Force for a unit of slip across it [N].
+    #[serde(default)]
+    pub lateral: f64,
+    /// Speed below which slip is counted as if at it [m/s].
+    pub slow_speed: f64,
+}
+
+impl Load for Tyre {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        vec![&self.body, &self.ground]
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        vec![
+            ("center", &mut self.center),
+            ("radius", one(&mut self.radius)),
+            ("point", &mut self.point),
+            ("stiffness", one(&mut self.stiffness)),
+            ("damping", one(&mut self.damping)),
+            ("friction", one(&mut self.friction)),
+            ("longitudinal", one(&mut self.longitudinal)),
+            ("lateral", one(&mut self.lateral)),
+            ("slow_speed", one(&mut self.slow_speed)),
+        ]
+    }
+    fn fault(&self) -> Option<String> {
+        without_size(&[("radius", self.radius), ("slow_speed", self.slow_speed)])
+            .or_else(|| no_direction("axis", &self.axis))
+            .or_else(|| no_direction("normal", &self.normal))
+            .or_else(|| {
+                negative(&[
+                    ("stiffness", self.stiffness),
+                    ("damping", self.damping),
+                    ("friction", self.friction),
+                    ("longitudinal", self.longitudinal),
+                    ("lateral", self.lateral),
+                ])
+            })
+    }
+}
+
+/// What a law of force sees.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Sight {
+    /// Position and velocity of a point of a body, world axes.
+    Point(Spot),
+    /// Position, orientation (row by row), velocity of the origin and angular velocity of a body, world axes.
+    Body(String),
+    /// Position and rate of a joint's coordinate.
+    Joint(String, usize),
+}
+
+/// A point of a body.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spot {
+    /// The body.
+    pub body: String,
+    /// Point in body axes.
+    pub point: [f64; 3],
+}
+
+/// Forces and moments that a function makes from what it sees.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Law {
+    /// Name.
+    pub name: String,
+    /// A function of t and all that is seen, one after the other; three forces and three moments for each of `on`.
+    pub value: Value,
+    /// What it sees.
+    pub sees: Vec<Sight>,
+    /// Where it acts.
+    pub on: Vec<Spot>,
+}
+
+impl Load for Law {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        let seen = self.sees.iter().filter_map(|s| match s {
+            Sight::Point(p) => Some(p.body.as_str()),
+            Sight::Body(name) => Some(name.as_str()),
+            Sight::Joint(..) => None,
+        });
+        seen.chain(self.on.iter().map(|p| p.body.as_str())).collect()
+    }
+    fn joints(&self) -> Vec<(&str, usize)> {
+        let joint = |s| match s {
+            &Sight::Joint(ref name, i) => Some((name.as_str(), i)),
+            Sight::Point(_) | Sight::Body(_) => None,
+        };
+        self.sees.iter().filter_map(joint).collect()
+    }
+    fn fault(&self) -> Option<String> {
+        match (self.on.as_slice(), &self.value) {
+            ([], _) => Some("it acts on nothing; name a point of a body".into()),
+            (_, Value::Function(_)) => None,
+            _ => Some("its value is no function; use a force where it is a number or a table".into()),
+        }
+    }
+    fn values(&self) -> Vec<&Value> {
+        vec![&self.value]
+    }
+}
+
+/// A body that gravity leaves alone.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weightless {
+    /// Name.
+    pub name: String,
+    /// The body.
+    pub body: String,
+}
+
+impl Load for Weightless {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn bodies(&self) -> Vec<&str> {
+        vec![&self.body]
+    }
+}
+
+/// Gravity that changes, in addition to the mechanism's own.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gravity {
+    /// Name.
+    pub name: String,
+    /// Acceleration, world axes [m/s²].
+    pub value: VectorValue,
+}
+
+impl Load for Gravity {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn values(&self) -> Vec<&Value> {
+        match &self.value {
+            VectorValue::Components(all) => all.iter().collect(),
+            VectorValue::Whole(one) => vec![one],
+        }
+    }
+}

@@ -1,0 +1,189 @@
+"""Contacts: spheres against planes and spheres, and wheels on a road.
+
+They are compliant: bodies overlap by a depth, and the force grows with it. A run sees the first touch as a corner of
+the force and takes small steps there; the stiffer the contact, the smaller.
+"""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from .bodies import resolve
+from .checks import direction, name_of, number, vector
+from .drawing import Drawing
+from .forces import store
+from .records import GROUND, Body, Force, LoadRecord
+
+
+def add_contact(
+    self: Drawing,
+    name: str,
+    body1: Body | str,
+    point1: ArrayLike,
+    body2: Body | str,
+    point2: ArrayLike,
+    *,
+    radius1: float,
+    stiffness: float,
+    normal: ArrayLike | None = None,
+    radius2: float | None = None,
+    exponent: float = 1.5,
+    damping: float = 0.0,
+    friction: float = 0.0,
+    static_friction: float | None = None,
+    stick_velocity: float | None = None,
+) -> Force:
+    """Add the contact of a sphere (or a point) on one body with a plane or a sphere on another.
+
+    At the depth d the bodies push each other apart by N = stiffness d^exponent (1 + damping dd/dt), never together
+    (Hunt and Crossley, J. Appl. Mech. 42, 1975); nothing acts before they touch. For elastic spheres of one material
+    Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
+    or midway in the overlap of two spheres. Friction resists the sliding speed there by N times the law of
+    `add_friction`.
+
+    Args:
+        name: unique among the forces.
+        body1: body of the sphere, or the ground.
+        point1: its centre, in body axes [m].
+        body2: body of the plane or the other sphere, or the ground.
+        point2: a point of the plane, or the other centre, in body axes (world for the ground) [m].
+        radius1: of the sphere [m]; 0: a point, on a plane only.
+        stiffness: force at a depth of 1 m [N/m^exponent], not negative.
+        normal: of the plane, towards its free side, in the axes of body 2; the plane has no edge.
+        radius2: of the other sphere [m], above 0. One of `normal` and `radius2` is given.
+        exponent: power of the depth, at least 1.
+        damping: growth of the force with the speed inward [s/m], not negative.
+        friction: coefficient while it slides; 0: none.
+        static_friction: coefficient to be overcome; None: that of sliding.
+        stick_velocity: sliding speed at which it is reached [m/s], needed where there is friction.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("ball")
+    >>> ball = m.add_body("ball", mass=0.1, inertia=(4e-5, 4e-5, 4e-5), position=(0, 0.5, 0))
+    >>> floor = dict(normal=(0, 1, 0), stiffness=1e6)
+    >>> contact = m.add_contact("floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, **floor)
+    >>> run = m.simulate(0.35)
+    >>> bool(run.body("ball").velocity[-1, 1] > 2.5)   # it came down and goes up again
+    True
+    """
+    element = name_of("force", name, self._description.forces)
+    first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
+    if first == second:
+        element.fail(f'both sides are on "{first}", which cannot meet itself; name two different bodies')
+    if (normal is None) == (radius2 is None):
+        element.fail("the other side is a plane (normal) or a sphere (radius2); give one of the two")
+    slides = number(element, "friction", friction, least=0.0)
+    held = slides if static_friction is None else number(element, "static_friction", static_friction, least=0.0)
+    if stick_velocity is None and (slides or held):
+        element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it may count as sticking")
+    means = {
+        "body1": first,
+        "point1": vector(element, "point1", point1),
+        "body2": second,
+        "point2": vector(element, "point2", point2),
+        "radius1": number(element, "radius1", radius1, least=0.0),
+        "normal": None if normal is None else direction(element, "normal", normal),
+        "radius2": None if radius2 is None else number(element, "radius2", radius2, above=0.0),
+        "stiffness": number(element, "stiffness", stiffness, least=0.0),
+        "exponent": number(element, "exponent", exponent, least=1.0),
+        "damping": number(element, "damping", damping, least=0.0),
+        "friction": slides,
+        "static_friction": held,
+        "stick_velocity": 1.0
+        if stick_velocity is None
+        else number(element, "stick_velocity", stick_velocity, above=0.0),
+    }
+    said = {
+        **means,
+        "damping": means["damping"] or None,
+        "friction": slides or None,
+        "static_friction": None if held == slides else held,
+        "stick_velocity": None if stick_velocity is None else means["stick_velocity"],
+    }
+    return store(self, LoadRecord(name, "contact", said, means))
+
+
+def add_tyre(
+    self: Drawing,
+    name: str,
+    body: Body | str,
+    *,
+    center: ArrayLike,
+    axis: ArrayLike,
+    radius: float,
+    normal: ArrayLike,
+    stiffness: float,
+    ground: Body | str = GROUND,
+    point: ArrayLike = (0.0, 0.0, 0.0),
+    damping: float = 0.0,
+    friction: float = 0.0,
+    longitudinal: float = 0.0,
+    lateral: float = 0.0,
+    slow_speed: float | None = None,
+) -> Force:
+    """Add a tyre: a wheel's disc that presses on a road, with forces against slip if wanted.
+
+    The lowest point of the free disc lies below the road by the depth d; the road pushes it along the normal by
+    N = stiffness d (1 + damping dd/dt), never down. Forces against slip act where the radius to that point meets the
+    road. With the velocity s of the wheel's material there, along the wheel and across it, and the speed V of the
+    centre along the wheel, z = (longitudinal s_x, lateral s_y) / sqrt(V^2 + slow_speed^2) and the force is -z / sqrt(1
+    + |z|^2 / (friction N)^2): linear at small slip, never above friction N.
+
+    Args:
+        name: unique among the forces.
+        body: the wheel's body, which turns about `axis`.
+        center: centre of the wheel, in body axes [m].
+        axis: axis of the wheel, in body axes; its sign does not matter.
+        radius: of the free disc [m].
+        normal: of the road, upward, in the axes of `ground`; the road is a plane without an edge.
+        stiffness: [N/m], not negative.
+        ground: body of the road.
+        point: a point of the road, in the axes of `ground` [m].
+        damping: growth of the force with the speed inward [s/m]; a damper of c [N s/m] at the depth d is c / (stiffness
+        d). friction: coefficient that limits the slip force; 0: the wheel slides freely. longitudinal, lateral: slip
+        stiffness, force for a slip of 1 [N]. slow_speed: speed below which slip is counted as if at it [m/s], needed
+        where there is slip stiffness.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("wheel")
+    >>> wheel = m.add_body("wheel", mass=20.0, inertia=(0.5, 0.5, 0.9), position=(0, 0.3, 0))
+    >>> tyre = dict(center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5)
+    >>> m.add_tyre("T", wheel, **tyre).name
+    'T'
+    """
+    element = name_of("force", name, self._description.forces)
+    wheel, road = resolve(self, element, "body", body, ground=False), resolve(self, element, "ground", ground)
+    if wheel == road:
+        element.fail(f'wheel and road are on "{wheel}"; name two different bodies')
+    grips = {
+        "friction": number(element, "friction", friction, least=0.0),
+        "longitudinal": number(element, "longitudinal", longitudinal, least=0.0),
+        "lateral": number(element, "lateral", lateral, least=0.0),
+    }
+    stiff = grips["longitudinal"] > 0.0 or grips["lateral"] > 0.0
+    if stiff and grips["friction"] == 0.0:
+        element.fail("slip stiffness without friction has no effect; give the friction that limits the force")
+    if grips["friction"] > 0.0 and not stiff:
+        element.fail("friction limits a slip force, and there is none; give longitudinal or lateral slip stiffness")
+    if stiff and slow_speed is None:
+        element.fail("slip needs a slow_speed: the speed [m/s] below which it is counted as if at it")
+    where = {
+        "body": wheel,
+        "center": vector(element, "center", center),
+        "axis": direction(element, "axis", axis),
+        "radius": number(element, "radius", radius, above=0.0),
+        "ground": road,
+        "point": vector(element, "point", point),
+        "normal": direction(element, "normal", normal),
+        "stiffness": number(element, "stiffness", stiffness, least=0.0),
+        "damping": number(element, "damping", damping, least=0.0),
+    }
+    slow = 1.0 if slow_speed is None else number(element, "slow_speed", slow_speed, above=0.0)
+    said = {
+        **where,
+        "ground": None if road == GROUND else road,
+        "damping": where["damping"] or None,
+        **{word: value or None for word, value in grips.items()},
+        "slow_speed": None if slow_speed is None else slow,
+    }
+    return store(self, LoadRecord(name, "tyre", said, {**where, **grips, "slow_speed": slow}))

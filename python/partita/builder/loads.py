@@ -1,0 +1,235 @@
+"""Bushings, friction in joints and end stops.
+
+They resist by smooth laws: friction by one of the speed that has a steep slope in place of a jump, stops by one of the
+depth. Both make a motion stiffer, and a run takes shorter steps, the smaller the stick velocity and the stiffer the
+stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import callbacks, frames
+from .bodies import resolve, to_world
+from .checks import Array, Element, matrix, name_of, number, shape_of, vector
+from .drawing import Drawing
+from .forces import coordinate_of, joint_record, named, store
+from .joints import scalars
+from .records import GROUND, Body, Description, Force, Joint, LoadRecord
+from .values import Constant, Value, scalar
+
+
+def add_bushing(
+    self: Drawing,
+    name: str,
+    body1: Body | str,
+    body2: Body | str,
+    point: ArrayLike,
+    *,
+    stiffness: ArrayLike,
+    damping: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    frame: Any = None,
+) -> Force:
+    """Add a bushing: stiffness and damping in all six directions between two bodies, at rest as drawn.
+
+    Both bodies carry a frame that is drawn at `point` with the axes `frame`. With x = (d, theta), the displacement of
+    the frame of body 2 and the rotation vector of its turn, both seen in the axes of the frame of body 1, body 2 feels
+    -(stiffness x + damping dx/dt): three forces along these axes and three moments, which do work on x alone. Body 1
+    feels the opposite at the same point of space. A symmetric stiffness has a potential, half x K x; what the damping
+    and the part of K that is not symmetric do counts as work. The turn must stay below half a turn.
+
+    Args:
+        name: unique among the forces.
+        body1, body2: two different bodies or the ground; body 1 carries the axes.
+        point: origin of both frames in the world, as drawn [m].
+        stiffness: six numbers (x, y, z [N/m], about x, y, z [N m/rad]) or a 6x6 matrix, displacements before turns.
+        damping: the same [N s/m, N m s/rad].
+        frame: axes of both frames in the world, as drawn: as `orientation` of `add_body`; None: the world's.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("mount")
+    >>> engine = m.add_body("engine", mass=80.0, inertia=(2, 3, 2))
+    >>> m.add_bushing("B", m.ground, engine, (0, 0, 0), stiffness=(2e5, 2e5, 4e5, 5e3, 5e3, 5e3)).name
+    'B'
+    """
+    element = name_of("force", name, self._description.forces)
+    first, second = _two(self, element, body1, body2)
+    where = vector(element, "point", point)
+    axes = frames.rotation(element, "frame", frame)
+    law = {"stiffness": _six(element, "stiffness", stiffness), "damping": _six(element, "damping", damping)}
+    d = self._description
+    means = {
+        "body1": first,
+        "point1": to_body(d, first, where),
+        "frame1": _axes(d, first).T @ axes,
+        "body2": second,
+        "point2": to_body(d, second, where),
+        "frame2": _axes(d, second).T @ axes,
+        **law,
+    }
+    said = {
+        "body1": first,
+        "body2": second,
+        "point": where,
+        "frame": None if np.array_equal(axes, np.eye(3)) else axes,
+        "stiffness": _short(law["stiffness"]),
+        "damping": _short(law["damping"]) if np.any(law["damping"]) else None,
+    }
+    return store(self, LoadRecord(name, "bushing", said, means))
+
+
+def add_friction(
+    self: Drawing,
+    joint: Joint | str,
+    dynamic: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    *,
+    stick_velocity: float,
+    static: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add dry friction along one coordinate of a joint, smoothed below the stick velocity.
+
+    With u = rate / stick_velocity the effort on the child is
+
+        -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
+
+    The second part, 1 and level at u = 1, is that of Brown and McPhee (J. Comput. Nonlinear Dynam. 11, 2016). At rest
+    there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below `static`
+    less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
+
+    The levels are given, not made from the joint's reaction: that would depend on the friction in turn.
+
+    Args:
+        joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
+        dynamic: level while it slides, torque on a turn [N m], force on a slide [N]: a number that is not negative, a
+            table (times, values), or f(t, state).
+        stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
+        static: level to be overcome; None: that of sliding.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("sledge", gravity=None)
+    >>> sledge = m.add_body("sledge", mass=2.0, inertia=(1, 1, 1))
+    >>> slide = m.add_prismatic("S", m.ground, sledge, axis=(1, 0, 0))
+    >>> _ = m.add_friction(slide, 4.0, stick_velocity=1e-3)
+    >>> run = m.simulate(0.5, initial=m.assemble(rates={"S": 3.0}))
+    >>> round(run.joint("S").velocity[-1].item(), 3)   # 3 - 4/2 * 0.5
+    2.0
+    """
+    element = named(self, name, "friction in", joint)
+    found = joint_record(self, element, joint)
+    where = coordinate_of(element, found, coordinate, scalars(found))
+    levels = {
+        "dynamic": _level(element, "dynamic", dynamic),
+        "static": None if static is None else _level(element, "static", static),
+        "stick_velocity": number(element, "stick_velocity", stick_velocity, above=0.0),
+    }
+    said = {"joint": found.name, "coordinate": where or None, **levels}
+    return store(self, LoadRecord(element.name, "friction", said, {**said, "coordinate": where}))
+
+
+def add_stop(
+    self: Drawing,
+    joint: Joint | str,
+    *,
+    stiffness: float,
+    lower: float | None = None,
+    upper: float | None = None,
+    damping: float = 0.0,
+    exponent: float = 1.0,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add end stops to one coordinate of a joint: springs that are there beyond the ends alone.
+
+    Past an end by the depth d the joint is pushed back by stiffness d^exponent (1 + damping dd/dt), never pulled (Hunt
+    and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at the
+    depth d is damping = c / (stiffness d).
+
+    Args:
+        joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion. The
+            angle of a joint that closes a loop in space (or in absolute coordinates) is known up to full turns: it is
+            taken between half a turn below and above the middle of the ends, or the one end.
+        stiffness: effort at a depth of 1 rad or 1 m, not negative.
+        lower, upper: ends of the coordinate, from the drawn position [rad] or [m]; None: there is none.
+        damping: growth of the effort with the speed inward [s/rad] or [s/m], not negative.
+        exponent: power of the depth, at least 1.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("door", gravity=None)
+    >>> leaf = m.add_rod("leaf", start=(0, 0, 0), end=(1, 0, 0), mass=3.0)
+    >>> hinge = m.add_revolute("A", m.ground, leaf, point=(0, 0, 0))
+    >>> m.add_stop(hinge, lower=-1.5, upper=1.5, stiffness=1e4, damping=0.5).name
+    'stop of A'
+    """
+    element = named(self, name, "stop of", joint)
+    found = joint_record(self, element, joint)
+    where = coordinate_of(element, found, coordinate, scalars(found))
+    low = None if lower is None else number(element, "lower", lower)
+    high = None if upper is None else number(element, "upper", upper)
+    if low is None and high is None:
+        element.fail("it has neither a lower nor an upper end; give one or both")
+    if low is not None and high is not None and low >= high:
+        element.fail(f"lower = {low:g} is not below upper = {high:g}")
+    law = {
+        "stiffness": number(element, "stiffness", stiffness, least=0.0),
+        "damping": number(element, "damping", damping, least=0.0),
+        "exponent": number(element, "exponent", exponent, least=1.0),
+    }
+    ends = {"joint": found.name, "coordinate": where, "lower": low, "upper": high}
+    said = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
+    said["exponent"] = None if law["exponent"] == 1.0 else law["exponent"]
+    return store(self, LoadRecord(element.name, "stop", said, {**ends, **law}))
+
+
+def _two(mechanism: Drawing, element: Element, body1: Body | str, body2: Body | str) -> tuple[str, str]:
+    """Names of two different bodies."""
+    first, second = resolve(mechanism, element, "body1", body1), resolve(mechanism, element, "body2", body2)
+    if first == second:
+        element.fail(f'both sides are on "{first}", where it does nothing; name two different bodies')
+    return first, second
+
+
+def _axes(description: Description, body: str) -> Array:
+    """Body axes in the world, as drawn."""
+    return np.eye(3) if body == GROUND else description.bodies[body].rotation
+
+
+def to_body(description: Description, body: str, point: Array) -> Array:
+    """A point of the world, as drawn, in the axes of a body."""
+    return point if body == GROUND else _axes(description, body).T @ (point - to_world(description, body, np.zeros(3)))
+
+
+def _six(element: Element, what: str, value: Any) -> Array:
+    """A 6x6 matrix, or six numbers on its diagonal."""
+    if shape_of(value) == (6,):
+        return np.diag(vector(element, what, value, 6))
+    if shape_of(value) != (6, 6):
+        element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
+    full = matrix(element, what, value, 6)
+    # symmetric but for the round-off of a product: as it was meant
+    return (
+        0.5 * (full + full.T) if np.allclose(full, full.T, rtol=0.0, atol=1e-14 * float(np.max(np.abs(full)))) else full
+    )
+
+
+def _short(value: Array) -> Array:
+    """Six numbers where only the diagonal counts."""
+    diagonal = np.diag(value)
+    return diagonal if np.array_equal(value, np.diag(diagonal)) else value
+
+
+def _level(element: Element, what: str, value: Any) -> Value:
+    """A level of friction: not negative where that can be told."""
+    level = scalar(element, what, value, "monotone", callbacks.number_of(element))
+    if isinstance(level, Constant):
+        number(element, what, level.value, least=0.0)
+    return level

@@ -1,0 +1,150 @@
+"""The user's own conditions F(t, readings) = 0 in the form in which the core calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import EvaluationError
+from ..state import Layout
+from .checks import Element
+from .motion import differences
+from .taylor import Jet
+from .travelling import check_picklable
+from .values import finite, one_number
+
+
+class Law:
+    """F(t, x) -> [F, F_t, F'' along the motion for x'' = 0, dF/dx_1, ...].
+
+    Derivatives are exact where F takes a `Jet` (arithmetic, NumPy functions), else central differences, and a note says
+    so; a gradient that is given takes their place.
+    """
+
+    def __init__(self, element: Element, function: Callable[..., Any], gradient: Callable[..., Any] | None) -> None:
+        self.element, self.function, self.gradient = element, function, gradient
+        self.notes: list[str] = []
+
+    def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
+        """Itself: what it sees is handed over."""
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        for what, function in (("function", self.function), ("gradient", self.gradient)):
+            if function is not None:
+                check_picklable(self.element, what, function)
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Law:
+        twin = type(self)(self.element, self.function, self.gradient)
+        twin.notes = list(self.notes)
+        return twin
+
+    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
+        at, along = [float(v) for v in x], [float(v) for v in rates]
+        value, _, bend = self._path(lambda s, f: f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), t)
+        rate = self._path(lambda s, f: f(t + s, *at), t)[1]
+        if self.gradient is not None:
+            slopes = self._numbers(self.gradient(t, *at), len(at), t)
+        else:
+            slopes = [
+                self._path(lambda s, f, i=i: f(t, *(v + s if j == i else v for j, v in enumerate(at))), t)[1]
+                for i in range(len(at))
+            ]
+        return self._finite([value, rate, bend, *slopes], t)
+
+    def _path(self, at: Callable[..., Any], t: float) -> tuple[float, float, float]:
+        """F, F', F'' over s at s = 0."""
+        try:
+            found = at(Jet(0.0, 1.0), self.function)
+            found = found if isinstance(found, Jet) else Jet(one_number(found))
+            return found.x, found.d1, found.d2
+        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+            value, slope, bend, error = differences(lambda s: self._number(at(s, self.function), t), 0.0)
+        if not self.notes:
+            self.notes.append(
+                f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '
+                f"are central differences of order 8, good to about {error:.0e} in the second derivative; use NumPy "
+                "functions (np.sin instead of math.sin)"
+            )
+        return value, slope, bend
+
+    def _number(self, value: Any, t: float) -> float:
+        try:
+            return one_number(value)
+        except TypeError as error:
+            raise self._error(t, f"the function must return one number, not {error}") from error
+
+    def _numbers(self, values: Any, count: int, t: float) -> list[float]:
+        try:
+            found = [one_number(value) for value in values]
+        except TypeError as error:
+            raise self._error(t, f"it must return {count} numbers, not {error}") from error
+        if len(found) != count:
+            raise self._error(t, f"it must return {count} numbers, not {len(found)}")
+        return found
+
+    def _finite(self, found: list[float], t: float) -> list[float]:
+        if not finite(found):
+            raise self._error(t, f"the function and its derivatives are {found}")
+        return found
+
+    def _error(self, t: float, sentence: str) -> EvaluationError:
+        name = self.element.name
+        return EvaluationError(f'coupling "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+
+
+class RateLaw(Law):
+    """Coefficients g_i(t, x) and a drift g_0 of the condition sum g_i x_i' + g_0 = 0 on rates alone."""
+
+    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
+        at, along = [float(v) for v in x], [float(v) for v in rates]
+        values = self._coefficients(t, at)
+        n = len(at)
+
+        def entry(i: int) -> Callable[..., Any]:
+            return lambda s, f: self._entry(f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), i, n)
+
+        weights = [*along, 1.0]
+        bend = sum(weight * self._path(entry(i), t)[1] for i, weight in enumerate(weights) if weight != 0.0)
+        return self._finite([0.0, values[n], bend, *values[:n]], t)
+
+    def _coefficients(self, t: float, at: Sequence[float]) -> list[float]:
+        values = list(self.function(t, *at))
+        if len(values) == len(at):
+            values.append(0.0)
+        return self._numbers(values, len(at) + 1, t)
+
+    @staticmethod
+    def _entry(values: Any, i: int, n: int) -> Any:
+        listed = list(values)
+        return listed[i] if i < len(listed) else 0.0
+
+
+class Profile:
+    """Distance of a point (x, y) from a closed curve, radius over angle, along the radius: for a cam's outline."""
+
+    notes: list[str]
+
+    def __init__(self, angles: Any, radii: Any) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self.notes = []
+        spline = CubicSpline(angles, radii, bc_type="periodic")
+        self.radius, self.first, self.second = spline, spline.derivative(), spline.derivative(2)
+
+    def bind(self, layout: Layout) -> Callable[[float, Any, Any], Any]:
+        """Itself: what it sees is handed over."""
+        return self
+
+    def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
+        (px, py), (vx, vy) = (float(v) for v in x), (float(v) for v in rates)
+        rho, angle = float(np.hypot(px, py)), float(np.arctan2(py, px))
+        r, r1, r2 = (float(f(angle)) for f in (self.radius, self.first, self.second))
+        # rho' and angle' along the motion, and their second derivatives for x'' = y'' = 0
+        rho1, turn = (px * vx + py * vy) / rho, (px * vy - py * vx) / rho**2
+        rho2, turn2 = rho * turn**2, -2.0 * rho1 * turn / rho
+        gradient = [px / rho + r1 * py / rho**2, py / rho - r1 * px / rho**2]
+        return [rho - r, 0.0, rho2 - r2 * turn**2 - r1 * turn2, *gradient]

@@ -1,0 +1,50 @@
+"""Vectors that may change: three values or one function for all; gravity is one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import callbacks
+from .checks import Array, Element, shape_of, vector
+from .values import Constant, Function, Table, Value, is_table, scalar, table
+
+Changing = tuple[Value, Value, Value] | Function | None
+
+
+def field(element: Element, gravity: Any) -> tuple[Array, Changing]:
+    """The constant part, and what changes."""
+    if gravity is None:
+        return np.zeros(3), None
+    if not callable(gravity) and not is_table(gravity) and not _has_parts(gravity):
+        return vector(element, "gravity", gravity), None
+    changing = components(element, "gravity", gravity)
+    if isinstance(changing, tuple) and all(isinstance(item, Constant) for item in changing):
+        return vector(element, "gravity", [item.value for item in changing if isinstance(item, Constant)]), None
+    return np.zeros(3), changing
+
+
+def _has_parts(value: Any) -> bool:
+    """Whether a list of three holds anything but numbers."""
+    return (
+        isinstance(value, tuple | list)
+        and len(value) == 3
+        and any(callable(item) or (is_table(item) and shape_of(item) is not None) for item in value)
+    )
+
+
+def components(element: Element, what: str, value: Any) -> tuple[Value, Value, Value] | Function:
+    """Three values, or one function for all three."""
+    if callable(value):
+        return callbacks.vector_of(element)(value)
+    if is_table(value):
+        whole = table(element, what, value, "monotone", columns=3)
+        return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
+    if not isinstance(value, tuple | list | np.ndarray) or len(value) != 3:
+        element.fail(f"{what} must have three components, or be a table or a function; got {value!r}")
+    x, y, z = (
+        scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element))
+        for label, item in zip("xyz", value, strict=True)
+    )
+    return x, y, z
