@@ -14,6 +14,7 @@ use partita_math::spatial::{Quaternion, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
+use partita_system::drawing::EXACT;
 use partita_system::start::{Start, REDUNDANT};
 use partita_system::system::Tangent;
 use partita_system::{ConstrainedSystem, Size, SystemError};
@@ -54,6 +55,8 @@ pub(crate) struct Geometry<'m> {
     scale2: Vec<f64>,
     /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
     row_reach: Vec<f64>,
+    /// Weight below which a row is round-off.
+    nothing: f64,
 }
 
 /// Scratch: that of the model, and room for the rows left out.
@@ -93,7 +96,9 @@ impl<'m> Geometry<'m> {
         }
         row_reach.extend(model.drives.iter().map(|d| scale2[d.v].sqrt()));
         row_reach.truncate(pattern.rows);
-        Self { model, pattern, scale2, row_reach }
+        // where misfits of the drawing are told from round-off, they are not round-off
+        let nothing = if model.drawing_tolerance() > 0.0 { EXACT * EXACT } else { REDUNDANT };
+        Self { model, pattern, scale2, row_reach, nothing }
     }
 
     /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
@@ -152,6 +157,21 @@ impl ConstrainedSystem for Geometry<'_> {
     fn row_is_drive(&self, i: usize) -> bool {
         self.model.row_is_drive(i)
     }
+    fn drawing_tolerance(&self) -> f64 {
+        self.model.drawing_tolerance()
+    }
+    fn row_reach(&self, i: usize) -> Option<f64> {
+        Some(self.row_reach[i])
+    }
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.model.row_is_angle(i)
+    }
+    fn row_words(&self, i: usize) -> String {
+        self.model.row_words(i)
+    }
+    fn row_owner(&self, i: usize) -> String {
+        self.model.row_owner(i)
+    }
     fn rheonomic(&self) -> bool {
         self.pattern.rows > self.model.row_names.len() && self.model.rheonomic()
     }
@@ -170,7 +190,7 @@ impl ConstrainedSystem for Geometry<'_> {
         c.copy_from_slice(&s.c[..c.len()]);
         a.copy_from_slice(&s.a[..a.len()]);
         for i in 0..self.pattern.rows {
-            if self.weight(i, c) < REDUNDANT {
+            if self.weight(i, c) < self.nothing {
                 c[self.pattern.row(i)].fill(0.0);
             }
         }

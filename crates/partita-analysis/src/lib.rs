@@ -8,6 +8,7 @@ mod examples;
 mod geometry;
 pub mod instant;
 pub mod matrices;
+mod misfit;
 pub mod mobility;
 pub mod outputs;
 mod reason;

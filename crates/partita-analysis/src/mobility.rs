@@ -2,12 +2,14 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
+use crate::misfit;
 use crate::reason::{names, reason};
 use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_model::Model;
-use partita_system::start::{analyse, REDUNDANT};
+use partita_system::drawing::{bridged, LARGEST_TOLERANCE};
+use partita_system::start::{analyse, Start, REDUNDANT};
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
 
@@ -44,6 +46,13 @@ pub struct Mobility {
     pub redundant: Vec<Redundant>,
     /// The same as rows of [`Model::in_space`], ascending.
     pub dropped: Vec<usize>,
+    /// What of the drawing does not fit, in sentences: within its tolerance, and bridged, or beyond it, and a structure.
+    pub misfits: Vec<String>,
+    /// What the closings that misfit open by when the mechanism is moved by a tenth of a radian or of its length, in parts of
+    /// their sizes; 0 where the drawing fits.
+    pub misfit: f64,
+    /// Is it a structure only because its drawing misfits by more than its tolerance?
+    pub structure_by_misfit: bool,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
     pub smallest: f64,
 }
@@ -59,11 +68,16 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let (nv, bodies) = (twin.placed.nv, twin.placed.bodies.len());
     let pose = Pose::new(&twin, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
-    for (stress, &row) in stresses(&released, &pose, &free, t, &q)?.iter().zip(&free.dropped) {
+    let of_rows = stresses(&released, &pose, &free, t, &q)?;
+    let misfits = match free.misfit > 0.0 {
+        true => misfit::sentences(&released, &pose, &free, &of_rows),
+        false => Vec::new(),
+    };
+    for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
             row: twin.row_name(row),
             joint: twin.spec.joints[twin.joint_of_row(row)].name.clone(),
-            why: reason(&pose, stress),
+            why: reason(&pose, stress, free.misfit > 0.0),
         });
     }
     let mut found = Mobility {
@@ -73,9 +87,22 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         closing_rows: twin.row_names.len(),
         closing_rank: free.rank,
         redundant,
+        misfits,
+        misfit: free.misfit,
+        structure_by_misfit: false,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped,
     };
+    if found.mobility == 0 && found.misfit == 0.0 {
+        if let Some(meant) = bridged(&released, t, &q, LARGEST_TOLERANCE)? {
+            let (rank, dropped, misfit) = (meant.rank, meant.dropped, meant.misfit);
+            let meant = Start { rank, dropped, near: meant.near, misfit, ..Start::default() };
+            let of_rows = stresses(&released, &pose, &meant, t, &q)?;
+            found.misfits = misfit::sentences(&released, &pose, &meant, &of_rows);
+            found.misfit = misfit;
+            found.structure_by_misfit = true;
+        }
+    }
     if !twin.drives.is_empty() {
         let driven = Geometry::new(&twin, true);
         let start = analyse(&driven, t, &q)?;
@@ -87,6 +114,26 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         found.mobility = nv - rank;
     }
     Ok(found)
+}
+
+impl Mobility {
+    /// What of the drawing does not fit and what becomes of it, in one sentence; none where it fits.
+    pub fn of_drawing(&self, tolerance: f64) -> Option<String> {
+        if self.misfits.is_empty() {
+            return None;
+        }
+        let what = self.misfits.join("; ");
+        Some(match self.structure_by_misfit {
+            false => format!(
+                "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the motion and the \
+                 reactions are those of the mechanism as it was meant, and what stands open is watched"
+            ),
+            true => format!(
+                "a structure only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; \
+                 draw that joint more exactly, or give a larger drawing_tolerance if it has that much play"
+            ),
+        })
+    }
 }
 
 /// Drives whose coordinate the loops and the drives before them already prescribe.

@@ -11,7 +11,7 @@ use partita_math::spatial::{Spatial, Vec3};
 use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::tree::TreeScratch;
-use partita_system::reduction::SINGULAR_PIVOT;
+use partita_system::reduction::{bridged_gap, SINGULAR_PIVOT};
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::BTreeMap;
@@ -153,6 +153,8 @@ pub(crate) fn stresses(
         std::iter::once((row, 1.0)).chain(of_rows).collect()
     };
 
+    // self-stresses of the mechanism as it was meant, seen through a drawing that misfits
+    let least = if start.misfit > 0.0 { ZERO.max(bridged_gap(system.drawing_tolerance())) } else { ZERO };
     let mut closing_of = Vec::with_capacity(size.rows);
     let mut unit = vec![1.0; size.rows];
     for (i, k) in system.model.full.closings.iter().enumerate() {
@@ -174,7 +176,7 @@ pub(crate) fn stresses(
         let mut joints = pose.wrenches(&lambda, &closing_of, &mut dense);
         let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
         let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-        let zero = (ZERO * largest).max(10.0 * unbalanced);
+        let zero = (least * largest).max(10.0 * unbalanced);
         joints.retain(|(_, w)| magnitude(w) > zero);
         found.push(Stress { joints, zero });
     }

@@ -13,6 +13,7 @@ pub mod positions;
 pub mod record;
 pub mod reduction;
 pub mod singular;
+pub mod drawing;
 pub mod start;
 pub mod system;
 pub mod tangent;

@@ -1,6 +1,8 @@
 //! What a run leaves: outputs, what is known about each, changes of the choice, work done.
 
 use crate::partition::criterion::Quality;
+use crate::reduction::Reduction;
+use crate::system::ConstrainedSystem;
 use partita_math::dense::Matrix;
 use std::sync::Arc;
 
@@ -188,14 +190,41 @@ pub struct Gaps {
     pub position: Gap,
     /// C v + a.
     pub velocity: Gap,
+    /// Φ of closings that a drawing tolerance bridges; the other two leave them out.
+    pub misfit: Gap,
+    /// C v + a of them.
+    pub misfit_rate: Gap,
 }
 
 impl Gaps {
+    /// At the point last evaluated, rates in parts of sizes alone [1/s]. `bridged`: closings left out are told by themselves.
+    pub(crate) fn of<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Self {
+        let gap = |(part, row): (f64, usize)| Gap { part, t, row };
+        if !bridged {
+            return Self { position: gap(r.gap()), velocity: gap(r.velocity_gap()), ..Self::default() };
+        }
+        Self {
+            position: gap(r.gap_beside_misfit()),
+            velocity: gap(r.velocity_gap_beside_misfit()),
+            misfit: gap(r.misfit()),
+            misfit_rate: gap(r.misfit_rate()),
+        }
+    }
+
+    /// Rates in parts of the fastest.
+    pub fn in_parts_of(&mut self, fastest: f64) {
+        for rate in [&mut self.velocity.part, &mut self.misfit_rate.part] {
+            *rate = if *rate > 0.0 { *rate / fastest } else { 0.0 };
+        }
+    }
+
     /// Take over what is worse in `other`.
     pub fn raise(&mut self, other: &Self) {
         let worse = |a: Gap, b: Gap| if b.part > a.part { b } else { a };
         self.position = worse(self.position, other.position);
         self.velocity = worse(self.velocity, other.velocity);
+        self.misfit = worse(self.misfit, other.misfit);
+        self.misfit_rate = worse(self.misfit_rate, other.misfit_rate);
     }
 }
 

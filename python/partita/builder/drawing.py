@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from .checks import name_of, vector
-from .records import GROUND, Body, Description
+from .checks import name_of, number, vector
+from .records import GROUND, LARGEST_DRAWING_TOLERANCE, Body, Description
 
 
 class Drawing:
     """A description that grows; `Mechanism` is what people use."""
 
-    def __init__(self, name: str, gravity: ArrayLike) -> None:
+    def __init__(self, name: str, gravity: ArrayLike, drawing_tolerance: float) -> None:
         element = name_of("mechanism", name)
-        self._description = Description(element.name, vector(element, "gravity", gravity))
+        tolerance = number(element, "drawing_tolerance", drawing_tolerance, least=0.0)
+        if tolerance > LARGEST_DRAWING_TOLERANCE:
+            element.fail(
+                f"drawing_tolerance is {tolerance:g} (radians, and parts of lengths); beyond {LARGEST_DRAWING_TOLERANCE:g} "
+                "the drawing is one of another mechanism"
+            )
+        self._description = Description(element.name, vector(element, "gravity", gravity), tolerance)
         self._ground = Body(GROUND, self)
 
     @property
@@ -26,6 +32,11 @@ class Drawing:
         """Acceleration of gravity in world axes [m/s^2]."""
         x, y, z = self._description.gravity.tolist()
         return x, y, z
+
+    @property
+    def drawing_tolerance(self) -> float:
+        """How far the drawing may be off, in radians and in parts of the characteristic lengths."""
+        return self._description.drawing_tolerance
 
     @property
     def ground(self) -> Body:

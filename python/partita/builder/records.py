@@ -139,6 +139,11 @@ class ForceRecord:
     axes: str
 
 
+DRAWING_TOLERANCE = 1e-4
+"""How far a drawing may be off where nothing is said (rad, parts of lengths): four decimals, as drawings have."""
+LARGEST_DRAWING_TOLERANCE = 1e-2
+"""Beyond it, what differs is another mechanism."""
+
 ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord
 
 
@@ -148,6 +153,7 @@ class Description:
 
     name: str
     gravity: Array
+    drawing_tolerance: float
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
@@ -161,7 +167,7 @@ class Description:
         tables = {
             name: dict(getattr(self, name)) for name in ("bodies", "joints", "drives", "driven", "forces", "numbers")
         }
-        return Description(self.name, self.gravity, version=self.version, **tables)
+        return Description(self.name, self.gravity, self.drawing_tolerance, version=self.version, **tables)
 
     def store(self, table: dict[str, Any], record: Any) -> None:
         """Add a finished record."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..builder import Builder
 from ..builder.checks import Array, Element
 from ..builder.records import (
+    DRAWING_TOLERANCE,
     BodyRecord,
     DriveRecord,
     ForceLike,
@@ -30,7 +31,9 @@ Entries = dict[str, Any]
 def document(mechanism: Builder) -> str:
     """The whole file. Raises `DescriptionError` that names the first Python function met."""
     d = mechanism._description
-    head = _table("[mechanism]", {"partita": VERSION, "name": d.name, "gravity": d.gravity})
+    tolerance = None if d.drawing_tolerance == DRAWING_TOLERANCE else d.drawing_tolerance
+    entries = {"partita": VERSION, "name": d.name, "gravity": d.gravity, "drawing_tolerance": tolerance}
+    head = _table("[mechanism]", entries)
     return "\n".join([head, *_tables(mechanism)])
 
 

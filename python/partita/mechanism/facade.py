@@ -6,6 +6,7 @@ from os import PathLike
 
 from numpy.typing import ArrayLike
 
+from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import save
 from . import models, solve
@@ -23,9 +24,14 @@ class Mechanism(Modelled):
     Args:
         name: shown in reports and results.
         gravity: acceleration of gravity in world axes [m/s^2].
+        drawing_tolerance: how far the drawing may be off, in radians and in parts of the characteristic lengths (0 to
+            0.01). Joints that would over-constrain a mechanism by no more than that, and misfit by no more than that when
+            it moves, are bridged: it moves as the one that was meant; what does not fit is named in `report` and in the
+            notes of a result, watched, and told in its certificate. 0 means every digit of the drawing.
 
     Raises:
-        DescriptionError: the name is not text or gravity is not three finite numbers.
+        DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is no number
+            above or equal to 0.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("four-bar")
@@ -42,8 +48,10 @@ class Mechanism(Modelled):
     1
     """
 
-    def __init__(self, name: str, gravity: ArrayLike = (0.0, -9.81, 0.0)) -> None:
-        super().__init__(name, gravity)
+    def __init__(
+        self, name: str, gravity: ArrayLike = (0.0, -9.81, 0.0), *, drawing_tolerance: float = DRAWING_TOLERANCE
+    ) -> None:
+        super().__init__(name, gravity, drawing_tolerance)
 
     compile = models.compile
     assemble = solve.assemble

@@ -4,7 +4,7 @@
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, VERSION};
+use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, DRAWING_TOLERANCE, VERSION};
 use partita_model::value::Functions;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
@@ -73,6 +73,7 @@ pub fn empty(name: &str) -> Spec {
         partita: VERSION,
         name: name.into(),
         gravity,
+        drawing_tolerance: DRAWING_TOLERANCE,
         bodies: vec![],
         joints: vec![],
         drives: vec![],

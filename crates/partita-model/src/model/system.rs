@@ -94,6 +94,9 @@ impl ConstrainedSystem for Model {
     fn corners(&self) -> Vec<f64> {
         crate::horizon::corners(&self.spec)
     }
+    fn drawing_tolerance(&self) -> f64 {
+        self.spec.drawing_tolerance
+    }
     fn row_is_drive(&self, i: usize) -> bool {
         i >= self.row_names.len()
     }

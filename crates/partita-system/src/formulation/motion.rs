@@ -74,7 +74,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size().nq, options.correction);
-        Self::with(name, system, Chosen::new(system, rank, options), positions)
+        Self::with(name, system, Chosen::new(system, rank, options), positions, options.misfit)
     }
 }
 
@@ -83,7 +83,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
         let positions = Independent::new(system, rank, Newton::default());
-        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
+        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions, options.misfit))
     }
 }
 
@@ -92,7 +92,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
         let positions = Independent::new(system, rank, InverseKinematics::default());
-        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
+        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions, options.misfit))
     }
 }
 
@@ -100,7 +100,7 @@ impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
         let (name, positions) = (basis.name(), All::new(system.size().nq, options.correction));
-        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions)
+        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions, options.misfit)
     }
 }
 
@@ -109,7 +109,7 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "tangent-space", "parametrises closed positions")?;
         let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
-        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
+        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?, options.misfit))
     }
 }
 
@@ -122,7 +122,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size().nq, options.correction).whole_turns();
-        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))
+        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions, options.misfit))
     }
 }
 
@@ -132,25 +132,25 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
         let positions = All::new(system.size().nq, tangent.correction);
-        Self::with(name, system, tangent, positions)
+        Self::with(name, system, tangent, positions, options.misfit)
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
+    fn with(name: &'static str, system: &'s S, tangent: T, positions: P, misfit: f64) -> Self {
         let (n, r) = (system.size().nv, tangent.seen());
         Self {
             name,
             system,
             k: tangent.count(),
-            describer: Describer::new(system, r.rank(), r.is_dense()),
+            describer: Describer::new(system, r.rank(), r.is_dense(), misfit > 0.0),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
             way: Way::new(system.size()),
-            watch: Watch::default(),
+            watch: Watch::new(misfit),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
         }

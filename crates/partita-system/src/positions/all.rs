@@ -50,7 +50,7 @@ impl All {
         let mut left = f64::INFINITY;
         for _ in 0..8 {
             tangent.reduction().position(t, &self.q)?;
-            let now = tangent.seen().closure();
+            let now = tangent.seen().closure_of_kept();
             if now >= left {
                 self.q.copy_from_slice(&self.last);
                 return tangent.reduction().position(t, &self.q);

@@ -3,12 +3,30 @@
 use super::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::dense::dot;
-use partita_math::rank::{independent_rows, preferred_rows};
+use partita_math::rank::{independent_rows, preferred_rows, weighed_rows, RowRank};
 
 /// Squared sine below which a row counts as a combination of the others (scaled, so free of units).
 ///
 /// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
 pub const REDUNDANT: f64 = 1e-9;
+
+/// A tilt or a misfit of one tolerance adds up to so many to a row, by lever arms and by the joints that share it.
+const ADDS_UP: f64 = 3.0;
+
+/// What a row adds at the most, squared and in natural sizes, that says nothing within a drawing tolerance.
+pub fn bridged_row(tolerance: f64) -> f64 {
+    (ADDS_UP * tolerance).powi(2)
+}
+
+/// How far conditions may be open that a tolerance bridges, in parts of their sizes: what it adds up to over a motion, where
+/// both ends of a turn may be off.
+pub fn bridged_gap(tolerance: f64) -> f64 {
+    2.0 * ADDS_UP * tolerance
+}
+
+/// Rows of a mechanism that is not drawn exactly stay in use until others add this many times as much, squared: seldom
+/// enough that a motion does not hop between them, and long before the condition suffers.
+const STAYS: f64 = 0.05;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come
@@ -26,6 +44,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let clear = |c: &mut [f64], i: usize| pattern.row(i).for_each(|e| c[e] = 0.0);
         for i in (0..rows).filter(|&i| self.row_scale[i] == 0.0) {
             clear(&mut c, i); // round-off alone, in whatever direction
+        }
+        if let Some(eligible) = self.rows_of_the_ideal(&c) {
+            return eligible;
         }
         let mut eligible = vec![false; rows];
         if self.size.holonomic == rows {
@@ -46,6 +67,48 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         kept.into_iter().for_each(|i| eligible[i] = true);
         eligible
+    }
+
+    /// Where a drawing tolerance may bridge closings: the rows of the mechanism as it was meant. What a row says is measured by
+    /// its size, not by its length: a row that is all misfit points somewhere, but says nothing.
+    ///
+    /// Rows in use stay in use as long as they serve nearly as well as any: others misfit otherwise.
+    fn rows_of_the_ideal(&self, c: &[f64]) -> Option<Vec<bool>> {
+        if self.system.drawing_tolerance() <= 0.0 || self.size.holonomic < self.size.rows {
+            return None;
+        }
+        let fresh = self.by_what_they_add(c);
+        if fresh.rank < self.rank {
+            return None;
+        }
+        let weakest = |pivots: &[f64]| pivots.iter().take(self.rank).fold(f64::INFINITY, |m: f64, x| m.min(*x));
+        let mut kept = &fresh.kept;
+        let in_use = (self.rows_stay && self.partition.rows.len() == self.rank).then(|| {
+            let mut of_rows = c.to_vec();
+            self.dropped.iter().for_each(|&i| of_rows[self.system.pattern().row(i)].fill(0.0));
+            self.by_what_they_add(&of_rows)
+        });
+        if let Some(now) = in_use.as_ref().filter(|now| now.rank == self.rank) {
+            if weakest(&now.pivots) > STAYS * weakest(&fresh.pivots) {
+                kept = &now.kept;
+            }
+        }
+        let mut eligible = vec![false; self.size.rows];
+        kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
+        Some(eligible)
+    }
+
+    /// Rows by what they add to those before them, in natural sizes; closings before drives.
+    fn by_what_they_add(&self, c: &[f64]) -> RowRank {
+        let drive = |i: usize| self.system.row_is_drive(i);
+        let sizes = (&self.reach[..], &self.row_size[..]);
+        let clear = bridged_row(self.system.drawing_tolerance()).max(REDUNDANT);
+        weighed_rows(self.system.pattern(), c, sizes, 0.0, (clear, &drive))
+    }
+
+    /// The same at the last position.
+    pub(crate) fn strongest_rows(&self) -> RowRank {
+        self.by_what_they_add(&self.c)
     }
 
     /// To the rows kept those velocity rows that stand out of their span most, one after the other, up to the rank.
