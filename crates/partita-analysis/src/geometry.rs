@@ -97,7 +97,7 @@ impl<'m> Geometry<'m> {
         row_reach.extend(model.drives.iter().map(|d| scale2[d.v].sqrt()));
         row_reach.truncate(pattern.rows);
         // where misfits of the drawing are told from round-off, they are not round-off
-        let nothing = if model.drawing_tolerance() > 0.0 { EXACT * EXACT } else { REDUNDANT };
+        let nothing = if model.drawing_tolerance() > 0.0 { EXACT } else { REDUNDANT };
         Self { model, pattern, scale2, row_reach, nothing }
     }
 

@@ -1,16 +1,19 @@
 //! A drawing that is off by a little: conditions that would be redundant, were it exact, are bridged.
 //!
-//! Rows and velocities are measured in natural sizes. What a row adds to the others is nothing below [`EXACT`]; between that
-//! and the drawing tolerance it is a candidate. Whether it closes a motion or merely misfits is not told by its rank at one
-//! position: the mechanism is moved, closed with the rows kept, and what the others open by is the misfit.     (11.9)
+//! Rows and velocities are measured in natural sizes. What a row adds to the others within the drawing tolerance makes it a
+//! candidate. Whether it closes a motion, merely misfits or says nothing at all is not told by its rank at one position: the
+//! mechanism is moved, closed with the rows kept, and what the others open by is the misfit.     (11.9)
 
 use crate::reduction::openness::CLOSED;
 use crate::reduction::{bridged_gap, bridged_row, Reduction, REDUNDANT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::weighed_rows;
 
-/// What adds less than this (in natural sizes) adds nothing: round-off of positions, times a condition of a million.
-pub const EXACT: f64 = 1e-9;
+/// What adds less than this (squared, in natural sizes) cannot be told from nothing: round-off of sums of squares.
+pub const EXACT: f64 = 1e-14;
+/// What opens by less than this part of its size on the motion that is tried fits: kept rows are closed to a hundredth of it,
+/// and over all positions it stays below what counts as closed.
+const FITS: f64 = 1e-11;
 /// A row kept must add this many times what a row left out does: below there is no telling which is which.
 const CLEAR: f64 = 10.0;
 /// Length of the motion by which misfits are told from conditions, in reaches of the velocity that moves most...
@@ -82,7 +85,7 @@ fn candidates<S: ConstrainedSystem>(
     let reach: Vec<f64> = (0..system.size().nv).map(|i| system.reach(i)).collect();
     let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
     let drive = |i: usize| system.row_is_drive(i);
-    let found = weighed_rows(system.pattern(), &r.c, (&reach, &sizes), EXACT * EXACT, (limit, &drive));
+    let found = weighed_rows(system.pattern(), &r.c, (&reach, &sizes), EXACT, (limit, &drive));
     let (mut near, mut kept) = (Vec::new(), Vec::new());
     let (mut smallest, mut strongest, mut closings) = (1.0f64, found.largest_dropped, 0);
     for (&row, &pivot) in found.kept.iter().zip(&found.pivots) {
@@ -97,8 +100,7 @@ fn candidates<S: ConstrainedSystem>(
             kept.push(row);
         }
     }
-    let open = (0..system.size().rows).filter(|&i| !drive(i)).fold(0.0, |m: f64, i| m.max(r.phi[i].abs() / sizes[i]));
-    if near.is_empty() && (open <= CLOSED || kept.len() == system.size().rows) {
+    if kept.len() + near.len() == 0 || (0..system.size().rows).all(|i| drive(i) || kept.contains(&i)) {
         return Ok(None);
     }
     if closings == 0 || smallest < CLEAR * CLEAR * strongest {
@@ -132,15 +134,15 @@ fn tried<S: ConstrainedSystem>(
     let limit = bridged_gap(tolerance);
     let mut opened: Vec<(usize, f64)> =
         bridged.dropped.iter().filter(|&&i| !system.row_is_drive(i)).map(|&i| (i, 0.0)).collect();
-    let mut look = |r: &Reduction<S>| {
-        for (i, most) in &mut opened {
+    let look = |r: &Reduction<S>, opened: &mut [(usize, f64)]| {
+        for (i, most) in opened.iter_mut() {
             let part = r.phi[*i].abs() / r.row_size(*i);
             *most = if part.is_nan() { f64::INFINITY } else { most.max(part) };
         }
         opened.iter().all(|x| x.1 <= limit)
     };
     let mut home = q.to_vec();
-    if !closed(&mut r, t, &mut home)? || !look(&r) {
+    if !closed(&mut r, t, &mut home)? || !look(&r, &mut opened) {
         return Ok(None);
     }
     let k = r.k();
@@ -148,6 +150,10 @@ fn tried<S: ConstrainedSystem>(
     let mut by = vec![0.0; system.size().nv];
     for direction in 0..k.min(DIRECTIONS) {
         for sign in [1.0, -1.0] {
+            let tried_once = direction > 0 || sign < 0.0;
+            if tried_once && bridged.near.is_empty() && opened.iter().all(|x| x.1 <= FITS) {
+                return Ok(None); // redundant for good
+            }
             let mut there = home.clone();
             r.position(t, &there)?;
             if r.tangent(t).is_err() {
@@ -173,7 +179,7 @@ fn tried<S: ConstrainedSystem>(
                 if !closed(&mut r, t, &mut there)? {
                     break; // the motion ends here: what was seen of it counts
                 }
-                if !look(&r) {
+                if !look(&r, &mut opened) {
                     return Ok(None);
                 }
                 if r.tangent(t).is_err() {
@@ -183,7 +189,7 @@ fn tried<S: ConstrainedSystem>(
         }
     }
     let is_near = |i: usize, near: &[(usize, f64)]| near.iter().any(|x| x.0 == i);
-    opened.retain(|&(i, part)| part > CLOSED || is_near(i, &bridged.near));
+    opened.retain(|&(i, part)| part > FITS || is_near(i, &bridged.near));
     bridged.near = opened;
     // a row that adds something is bridged even where it opens by nothing that is seen on so short a motion
     let largest = bridged.near.iter().fold(0.0, |m: f64, x| m.max(x.1));
@@ -198,7 +204,7 @@ fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> 
         if r.factor(t).is_err() {
             return Ok(false);
         }
-        if r.gap_of_kept() < EXACT * 1e-4 {
+        if r.gap_of_kept() < 0.01 * FITS {
             return Ok(true);
         }
         if !r.correct_dependent(q) {

@@ -96,8 +96,6 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     dropped: Vec<usize>,
     /// May the drawing tolerance bridge this row? A closing that is not kept, where there is one: nothing is closed by it.
     bridges: Vec<bool>,
-    /// Do rows in use stay in use as long as they serve?
-    rows_stay: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -183,7 +181,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
             dropped: Vec::new(),
             bridges: vec![false; size.rows],
-            rows_stay: true,
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],

@@ -83,7 +83,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let weakest = |pivots: &[f64]| pivots.iter().take(self.rank).fold(f64::INFINITY, |m: f64, x| m.min(*x));
         let mut kept = &fresh.kept;
-        let in_use = (self.rows_stay && self.partition.rows.len() == self.rank).then(|| {
+        let in_use = (self.partition.rows.len() == self.rank).then(|| {
             let mut of_rows = c.to_vec();
             self.dropped.iter().for_each(|&i| of_rows[self.system.pattern().row(i)].fill(0.0));
             self.by_what_they_add(&of_rows)

@@ -133,10 +133,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Keep other rows for the same partition, at the last position; leaves the tangent there.
     pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
         let independent = self.partition.independent.clone();
-        self.rows_stay = false;
-        let chosen = self.set_partition(t, &independent);
-        self.rows_stay = true;
-        chosen?;
+        self.set_partition(t, &independent)?;
         self.tangent(t)
     }
 

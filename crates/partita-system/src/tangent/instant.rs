@@ -91,7 +91,7 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
 fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], bridged: bool, out: &mut Sample) {
     out.closure = r.closure();
     r.v.copy_from_slice(v);
-    out.gaps = Gaps::of(out.t, r, bridged);
+    out.gaps = Gaps::of_output(out.t, r, bridged);
     out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
