@@ -8,7 +8,7 @@ use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_model::Model;
-use partita_system::drawing::{bridged, LARGEST_TOLERANCE};
+use partita_system::drawing::beyond;
 use partita_system::start::{analyse, Start, REDUNDANT};
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
@@ -41,6 +41,8 @@ pub struct Mobility {
     pub closing_rows: usize,
     /// How many of them are independent.
     pub closing_rank: usize,
+    /// Velocities of the tree in space.
+    pub velocities: usize,
     /// Rows that follow from the others, and drives that leave nothing to prescribe, in the order of `dropped`. The
     /// choice among rows that depend on each other is not unique; their number is.
     pub redundant: Vec<Redundant>,
@@ -51,8 +53,8 @@ pub struct Mobility {
     /// What the closings that misfit open by when the mechanism is moved by a tenth of a radian or of its length, in parts of
     /// their sizes; 0 where the drawing fits.
     pub misfit: f64,
-    /// Is it a structure only because its drawing misfits by more than its tolerance?
-    pub structure_by_misfit: bool,
+    /// Degrees of freedom that it would have, drives released, if its drawing did not misfit by more than its tolerance.
+    pub meant: Option<usize>,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
     pub smallest: f64,
 }
@@ -86,21 +88,22 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         joint_rank: 6 * bodies + free.rank - nv,
         closing_rows: twin.row_names.len(),
         closing_rank: free.rank,
+        velocities: nv,
         redundant,
         misfits,
         misfit: free.misfit,
-        structure_by_misfit: false,
+        meant: None,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped,
     };
-    if found.mobility == 0 && found.misfit == 0.0 {
-        if let Some(meant) = bridged(&released, t, &q, LARGEST_TOLERANCE)? {
+    if found.misfit == 0.0 {
+        if let Some(meant) = beyond(&released, t, &q)? {
             let (rank, dropped, misfit) = (meant.rank, meant.dropped, meant.misfit);
             let meant = Start { rank, dropped, near: meant.near, misfit, ..Start::default() };
             let of_rows = stresses(&released, &pose, &meant, t, &q)?;
             found.misfits = misfit::sentences(&released, &pose, &meant, &of_rows);
             found.misfit = misfit;
-            found.structure_by_misfit = true;
+            found.meant = Some(nv - meant.rank);
         }
     }
     if !twin.drives.is_empty() {
@@ -123,14 +126,17 @@ impl Mobility {
             return None;
         }
         let what = self.misfits.join("; ");
-        Some(match self.structure_by_misfit {
-            false => format!(
+        Some(match self.meant {
+            None => format!(
                 "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the motion and the \
                  reactions are those of the mechanism as it was meant, and what stands open is watched"
             ),
-            true => format!(
-                "a structure only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; \
-                 draw that joint more exactly, or give a larger drawing_tolerance if it has that much play"
+            Some(meant) => format!(
+                "{} only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; without that \
+                 it would have {meant} degree{} of freedom: draw that joint more exactly, or give a larger drawing_tolerance \
+                 if it has that much play",
+                if self.closing_rank == self.velocities { "a structure" } else { "less mobile" },
+                if meant == 1 { "" } else { "s" }
             ),
         })
     }

@@ -101,7 +101,8 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         }
         SystemError::Misfit { t, what, by, .. } => {
             let whom = "the other joints of its loop".to_string();
-            let fields = [("t", t.into()), ("gap", by.into()), ("who", String::from(what).into()), ("whom", whom.into())];
+            let fields =
+                [("t", t.into()), ("gap", by.into()), ("who", String::from(what).into()), ("whom", whom.into())];
             raise(py, "ContradictionError", &message, &fields)
         }
         SystemError::Mass { name, .. } => {

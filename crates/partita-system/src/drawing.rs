@@ -20,6 +20,9 @@ const CLEAR: f64 = 10.0;
 const MOVED: f64 = 0.1;
 /// ... in so many steps, each closed: Newton's method from a fiftieth of a reach finds the position next to it.
 const STEPS: usize = 5;
+/// A misfit opens a row by no more than this part of what it adds, on so short a motion; next to a singular position, where
+/// it adds as much as the distance, the motion opens it by half its own square.
+const GROWS: f64 = 0.4;
 /// Directions in which a mechanism of several freedoms is moved, at the most.
 const DIRECTIONS: usize = 4;
 
@@ -62,7 +65,26 @@ pub fn bridged<S: ConstrainedSystem>(
         return Ok(None);
     }
     let Some(found) = candidates(system, t, q, tolerance)? else { return Ok(None) };
-    tried(system, t, q, tolerance, found)
+    tried(system, t, q, bridged_gap(tolerance), found)
+}
+
+/// What would be bridged if the drawing might be off by more than it may: closings that hardly say anything, and open by no
+/// more than that when the mechanism is moved without them. A position near a singular one is none of these: what is weak
+/// there is strong next to it.
+///
+/// # Errors
+/// Where nothing can be evaluated at (t, q).
+pub fn beyond<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Option<Bridged>, SystemError> {
+    let size = system.size();
+    if size.rows == 0 || size.rows != size.holonomic {
+        return Ok(None);
+    }
+    let Some(found) = candidates(system, t, q, LARGEST_TOLERANCE)? else { return Ok(None) };
+    if found.bridged.near.is_empty() {
+        return Ok(None);
+    }
+    let weak = (found.bridged.smallest / found.bridged.gap).sqrt();
+    tried(system, t, q, GROWS * weak, found)
 }
 
 /// What rank alone tells.
@@ -121,7 +143,7 @@ fn tried<S: ConstrainedSystem>(
     system: &S,
     t: f64,
     q: &[f64],
-    tolerance: f64,
+    limit: f64,
     found: Candidates,
 ) -> Result<Option<Bridged>, SystemError> {
     let mut bridged = found.bridged;
@@ -131,7 +153,6 @@ fn tried<S: ConstrainedSystem>(
         Err(SystemError::Singular { .. }) => return Ok(None),
         Err(e) => return Err(e),
     }
-    let limit = bridged_gap(tolerance);
     let mut opened: Vec<(usize, f64)> =
         bridged.dropped.iter().filter(|&&i| !system.row_is_drive(i)).map(|&i| (i, 0.0)).collect();
     let look = |r: &Reduction<S>, opened: &mut [(usize, f64)]| {

@@ -3,6 +3,7 @@
 
 pub mod closing;
 pub mod clusters;
+pub mod drawing;
 pub mod equations;
 pub mod error;
 pub mod formulation;
@@ -13,7 +14,6 @@ pub mod positions;
 pub mod record;
 pub mod reduction;
 pub mod singular;
-pub mod drawing;
 pub mod start;
 pub mod system;
 pub mod tangent;

@@ -4,8 +4,8 @@ use crate::drawing;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
 use crate::reduction::openness::OPEN;
-pub use crate::reduction::REDUNDANT;
 use crate::reduction::Reduction;
+pub use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 
@@ -70,12 +70,10 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     }
     match persists(system, (t, q), &start, largest_dropped) {
         // what misfits by more than the tolerance is a condition of its own, however weak: the drawing is another mechanism
-        Err(e @ SystemError::SingularStart { .. }) => {
-            match drawing::bridged(system, t, q, drawing::LARGEST_TOLERANCE)? {
-                Some(b) => Ok(as_drawn(&b, system)),
-                None => Err(e),
-            }
-        }
+        Err(e @ SystemError::SingularStart { .. }) => match drawing::beyond(system, t, q)? {
+            Some(b) => Ok(as_drawn(&b, system)),
+            None => Err(e),
+        },
         Err(e) => Err(e),
         Ok(()) => Ok(start),
     }

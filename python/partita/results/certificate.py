@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
-from .verdict import Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
+from .verdict import ENERGY, Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,9 @@ class Certificate:
     """Steps after which the remainder of the closure was removed."""
     notes: tuple[str, ...]
     """All that was dropped, switched, repaired or not found, in sentences."""
+    misfit: float = 0.0
+    """Largest part of its size (of a radian, of the length of its loop) by which a closing stood open that the drawing
+    tolerance bridges; 0 where the drawing fits. `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
     """What stands against the run: broken or doubtful, when [s], and a sentence."""
 
@@ -58,6 +61,7 @@ class Certificate:
             f"Newton-Euler      {_shown(self.newton_euler)}  (residual over the largest force)",
             f"smallest sigma    {_placed(self.sigma, self.sigma_t)}",
             f"smallest sqrt(mu) {_placed(self.sqrt_mu, self.sqrt_mu_t)}",
+            *([f"drawing misfit    {_shown(self.misfit)}  (bridged by the drawing tolerance)"] if self.misfit else []),
             f"switches          {self.switches}",
             f"corrections       {self.corrections}",
         ]
@@ -75,12 +79,15 @@ def certify(result: Readable) -> Certificate:
         try:
             residual = result.reactions["residual"]
             newton_euler = _largest(residual)
-            findings += of_reactions(result.t, residual, result.record.options)
+            findings += of_reactions(result.t, residual, result.record.options, result.record.misfit)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
     if result.has_energy:
         findings += of_energy(
-            result.t, result.energy, tolerance(result.record.options), int(result.counters.get("steps", 0))
+            result.t,
+            result.energy,
+            max(tolerance(result.record.options), result.record.misfit / ENERGY),
+            int(result.counters.get("steps", 0)),
         )
     sigma, sigma_t = _smallest(result.sigma, result.t)
     sqrt_mu, sqrt_mu_t = _smallest(result.sqrt_mu, result.t)
@@ -96,6 +103,7 @@ def certify(result: Readable) -> Certificate:
         switches=sum(change.is_switch for change in result.partitions),
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
+        misfit=result.record.misfit,
         findings=tuple(dict.fromkeys(findings)),
     )
 

@@ -4,7 +4,9 @@
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, DRAWING_TOLERANCE, VERSION};
+use partita_model::spec::{
+    Axes, Body, Cut, Drive, Force, Joint, JointKind, Spec, Value, VectorValue, DRAWING_TOLERANCE, VERSION,
+};
 use partita_model::value::Functions;
 use partita_model::Model;
 use partita_system::kinematics::assembly;

@@ -93,6 +93,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         }
         Ok(false)
     }
+    fn holds_all(&self) -> bool {
+        true
+    }
     fn q(&self) -> &[f64] {
         &self.q
     }

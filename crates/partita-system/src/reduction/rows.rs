@@ -21,12 +21,12 @@ pub fn bridged_row(tolerance: f64) -> f64 {
 /// How far conditions may be open that a tolerance bridges, in parts of their sizes: what it adds up to over a motion, where
 /// both ends of a turn may be off.
 pub fn bridged_gap(tolerance: f64) -> f64 {
-    2.0 * ADDS_UP * tolerance
+    ADDS_UP * tolerance
 }
 
 /// Rows of a mechanism that is not drawn exactly stay in use until others add this many times as much, squared: seldom
 /// enough that a motion does not hop between them, and long before the condition suffers.
-const STAYS: f64 = 0.05;
+const STAYS: f64 = 0.3;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come
@@ -45,8 +45,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for i in (0..rows).filter(|&i| self.row_scale[i] == 0.0) {
             clear(&mut c, i); // round-off alone, in whatever direction
         }
-        if let Some(eligible) = self.rows_of_the_ideal(&c) {
-            return eligible;
+        for i in self.closings_left_out(&c) {
+            clear(&mut c, i);
         }
         let mut eligible = vec![false; rows];
         if self.size.holonomic == rows {
@@ -69,17 +69,17 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         eligible
     }
 
-    /// Where a drawing tolerance may bridge closings: the rows of the mechanism as it was meant. What a row says is measured by
-    /// its size, not by its length: a row that is all misfit points somewhere, but says nothing.
+    /// Where a drawing tolerance may bridge closings: those that the mechanism as it was meant does without. What a row says is
+    /// measured by its size, not by its length: a row that is all misfit points somewhere, but says nothing.
     ///
     /// Rows in use stay in use as long as they serve nearly as well as any: others misfit otherwise.
-    fn rows_of_the_ideal(&self, c: &[f64]) -> Option<Vec<bool>> {
+    fn closings_left_out(&self, c: &[f64]) -> Vec<usize> {
         if self.system.drawing_tolerance() <= 0.0 || self.size.holonomic < self.size.rows {
-            return None;
+            return Vec::new();
         }
         let fresh = self.by_what_they_add(c);
         if fresh.rank < self.rank {
-            return None;
+            return Vec::new();
         }
         let weakest = |pivots: &[f64]| pivots.iter().take(self.rank).fold(f64::INFINITY, |m: f64, x| m.min(*x));
         let mut kept = &fresh.kept;
@@ -93,9 +93,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 kept = &now.kept;
             }
         }
-        let mut eligible = vec![false; self.size.rows];
-        kept.iter().take(self.rank).for_each(|&i| eligible[i] = true);
-        Some(eligible)
+        let mut left_out: Vec<bool> = (0..self.size.rows).map(|i| !self.system.row_is_drive(i)).collect();
+        kept.iter().take(self.rank).for_each(|&i| left_out[i] = false);
+        (0..self.size.rows).filter(|&i| left_out[i]).collect()
     }
 
     /// Rows by what they add to those before them, in natural sizes; closings before drives.

@@ -97,11 +97,9 @@ fn drives_agree<S: ConstrainedSystem>(
         let size = r.row_size(i);
         let rate = (r.row_times(i, &r.v) + r.a[i]).abs() / size;
         let bend = (r.row_times(i, &vdot) + r.b[i]).abs() / size;
-        for (open, limit, unit) in [
-            (r.phi[i].abs() / size, OPEN, ""),
-            (rate, OPEN_RATE * fastest, "/s"),
-            (bend, BENDS * strongest, "/s^2"),
-        ] {
+        for (open, limit, unit) in
+            [(r.phi[i].abs() / size, OPEN, ""), (rate, OPEN_RATE * fastest, "/s"), (bend, BENDS * strongest, "/s^2")]
+        {
             if open > limit {
                 return Err(r.contradiction(t, i, open, unit));
             }
@@ -148,6 +146,11 @@ impl Watch {
     /// Over a run in which closings may misfit by so much.
     pub fn new(misfit: f64) -> Self {
         Self { misfit, ..Self::default() }
+    }
+
+    /// May closings misfit?
+    pub fn bridges(&self) -> bool {
+        self.misfit > 0.0
     }
 
     /// Look at the end of a step, the point last evaluated.
