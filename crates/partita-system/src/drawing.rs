@@ -5,15 +5,12 @@
 //! mechanism is moved, closed with the rows kept, and what the others open by is the misfit.     (11.9)
 
 use crate::reduction::openness::CLOSED;
-use crate::reduction::{bridged_gap, bridged_row, Reduction, REDUNDANT};
+use crate::reduction::{bridged_gap, bridged_row, Reduction, FITS, REDUNDANT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::weighed_rows;
 
 /// What adds less than this (squared, in natural sizes) cannot be told from nothing: round-off of sums of squares.
 pub const EXACT: f64 = 1e-14;
-/// What opens by less than this part of its size on the motion that is tried fits: kept rows are closed to a hundredth of it,
-/// and over all positions it stays below what counts as closed.
-const FITS: f64 = 1e-11;
 /// A row kept must add this many times what a row left out does: below there is no telling which is which.
 const CLEAR: f64 = 10.0;
 /// Length of the motion by which misfits are told from conditions, in reaches of the velocity that moves most...

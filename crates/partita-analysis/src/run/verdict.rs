@@ -75,7 +75,7 @@ impl Limits {
         look(gaps.position, self.position, "the closing", "its size");
         look(gaps.velocity, self.velocity, "the rate", "the fastest");
         // beyond the tolerance it is broken: there is nothing between a misfit that was allowed and one that was not
-        let rates = self.misfit.max(OPEN_RATE);
+        let rates = (4.0 * self.misfit).max(OPEN_RATE); // a misfit of a turn goes round with twice its rate, there and back
         look(gaps.misfit, (self.misfit, self.misfit), "the closing that the drawing tolerance bridges", "its size");
         look(gaps.misfit_rate, (rates, rates), "the rate of what the drawing tolerance bridges", "the fastest");
     }

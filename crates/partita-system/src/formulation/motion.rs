@@ -54,8 +54,10 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     watch: Watch,
     v: Vec<f64>,
     vdot: Vec<f64>,
-    /// Rows kept at the start of a step's end, where others misfit.
+    /// Rows kept up to the last step taken: where others are, what misfits is open in others.
     rows: Vec<usize>,
+    /// The end of that step, as it was with these rows.
+    taken: Output,
 }
 
 /// Newton's method from a misfit of a hundredth reaches round-off in three steps; one more sees it.
@@ -161,6 +163,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             v: vec![0.0; n],
             vdot: vec![0.0; n],
             rows: Vec::new(),
+            taken: Output::default(),
         }
     }
 
@@ -276,9 +279,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn close_other_rows(&mut self, step: &mut Step) -> Result<()> {
         let (p, w) = self.places();
         let t = step.t;
-        self.evaluate(t, step.y)?;
-        self.v.copy_from_slice(&self.tangent.seen().v);
-        let mut q = self.positions.q().to_vec();
+        if self.taken.t != t {
+            self.evaluate(t, step.y)?; // gone back farther than the last step
+            self.taken.set(t, self.positions.q(), &self.tangent.seen().v, 0.0);
+        }
+        let mut q = self.taken.q.clone();
         let r = self.tangent.reduction();
         for _ in 0..CLOSE_OTHERS {
             r.position(t, &q)?;
@@ -288,7 +293,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             correct_orthogonally(r, t, &mut q)?;
             r.system.normalise(&mut q);
         }
-        let v = near_with_rates(r, t, &q, &self.v, &[])?;
+        let v = near_with_rates(r, t, &q, &self.taken.v, &[])?;
         self.positions.rewrite(&mut self.tangent, &q, step.y);
         if self.positions.holds_all() {
             step.y[..p].copy_from_slice(&q);
@@ -341,6 +346,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
+        self.rows.clone_from(&self.tangent.seen().partition.rows);
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
@@ -387,12 +393,19 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         if !self.watch.bridges() {
             return self.conclude(verdict, step);
         }
-        self.rows.clone_from(&self.tangent.seen().partition.rows);
+        if verdict != Verdict::Repeat {
+            if self.moved {
+                self.evaluate(step.t, step.y)?;
+            }
+            self.tangent.base_mut().look_at_rows();
+            self.taken.set(step.t, self.positions.q(), &self.tangent.seen().v, 0.0);
+        }
         let rewritten = self.conclude(verdict, step)?;
         let now = &self.tangent.seen().partition.rows;
         if now.iter().all(|row| self.rows.contains(row)) {
             return Ok(rewritten);
         }
+        self.rows.clone_from(now);
         self.close_other_rows(step)?;
         Ok(true)
     }

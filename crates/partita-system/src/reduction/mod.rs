@@ -22,6 +22,9 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 /// No column.
 const NONE: u32 = u32::MAX;
 
+/// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
+pub const FITS: f64 = 1e-11;
+
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.
 const EMPTY_ROW: f64 = 1e-26;
 
@@ -96,6 +99,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     dropped: Vec<usize>,
     /// May the drawing tolerance bridge this row? A closing that is not kept, where there is one: nothing is closed by it.
     bridges: Vec<bool>,
+    /// Must the rows in use stay in use?
+    rows_stay: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -181,6 +186,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
             dropped: Vec::new(),
             bridges: vec![false; size.rows],
+            rows_stay: false,
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -462,7 +468,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t });
         }
         let independent = std::mem::take(&mut self.partition.independent);
+        // inside a step other rows would close other positions, where the drawing misfits
+        self.rows_stay = self.rank < self.size.rows && self.misfit().0 > FITS;
         let planned = self.set_partition(t, &independent);
+        self.rows_stay = false;
         if planned.is_err() {
             self.partition.independent = independent;
         }

@@ -12,6 +12,9 @@ pub const REDUNDANT: f64 = 1e-9;
 
 /// A tilt or a misfit of one tolerance adds up to so many to a row, by lever arms and by the joints that share it.
 const ADDS_UP: f64 = 3.0;
+/// ... and over all positions to so many: both ends of a turn are off, and rows that fade before others take their place make
+/// twice as much of it.
+const OVER_A_MOTION: f64 = 5.0;
 
 /// What a row adds at the most, squared and in natural sizes, that says nothing within a drawing tolerance.
 pub fn bridged_row(tolerance: f64) -> f64 {
@@ -21,7 +24,7 @@ pub fn bridged_row(tolerance: f64) -> f64 {
 /// How far conditions may be open that a tolerance bridges, in parts of their sizes: what it adds up to over a motion, where
 /// both ends of a turn may be off.
 pub fn bridged_gap(tolerance: f64) -> f64 {
-    ADDS_UP * tolerance
+    OVER_A_MOTION * tolerance
 }
 
 /// Rows of a mechanism that is not drawn exactly stay in use until others add this many times as much, squared: seldom
@@ -38,6 +41,11 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let (rows, rank) = (self.size.rows, self.rank);
         if rank == rows {
             return vec![true; rows];
+        }
+        if self.rows_stay && self.partition.rows.len() == rank {
+            let mut eligible = vec![false; rows];
+            self.partition.rows.iter().for_each(|&i| eligible[i] = true);
+            return eligible;
         }
         let pattern = self.system.pattern();
         let mut c = self.c.clone();
@@ -81,21 +89,30 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if fresh.rank < self.rank {
             return Vec::new();
         }
-        let weakest = |pivots: &[f64]| pivots.iter().take(self.rank).fold(f64::INFINITY, |m: f64, x| m.min(*x));
-        let mut kept = &fresh.kept;
-        let in_use = (self.partition.rows.len() == self.rank).then(|| {
-            let mut of_rows = c.to_vec();
-            self.dropped.iter().for_each(|&i| of_rows[self.system.pattern().row(i)].fill(0.0));
-            self.by_what_they_add(&of_rows)
-        });
-        if let Some(now) = in_use.as_ref().filter(|now| now.rank == self.rank) {
-            if weakest(&now.pivots) > STAYS * weakest(&fresh.pivots) {
-                kept = &now.kept;
-            }
-        }
+        let kept = match self.poor_beside(c, &fresh) {
+            Some((false, now)) => now.kept,
+            _ => fresh.kept,
+        };
         let mut left_out: Vec<bool> = (0..self.size.rows).map(|i| !self.system.row_is_drive(i)).collect();
         kept.iter().take(self.rank).for_each(|&i| left_out[i] = false);
         (0..self.size.rows).filter(|&i| left_out[i]).collect()
+    }
+
+    /// The rows in use by what they add, and are they poor beside the `fresh` ones? None where there are none in use.
+    fn poor_beside(&self, c: &[f64], fresh: &RowRank) -> Option<(bool, RowRank)> {
+        if self.partition.rows.len() != self.rank {
+            return None;
+        }
+        let weakest = |x: &RowRank| x.pivots.iter().take(self.rank).fold(f64::INFINITY, |m: f64, x| m.min(*x));
+        let mut of_rows = c.to_vec();
+        self.dropped.iter().for_each(|&i| of_rows[self.system.pattern().row(i)].fill(0.0));
+        let now = self.by_what_they_add(&of_rows);
+        Some((now.rank < self.rank || weakest(&now) <= STAYS * weakest(fresh), now))
+    }
+
+    /// Would other rows serve far better at the last position, where the drawing misfits?
+    pub fn rows_are_poor(&self) -> bool {
+        self.poor_beside(&self.c, &self.by_what_they_add(&self.c)).is_some_and(|x| x.0)
     }
 
     /// Rows by what they add to those before them, in natural sizes; closings before drives.
