@@ -32,7 +32,9 @@ pub struct Bridged {
     pub dropped: Vec<usize>,
     /// Those of them that misfit, each with what it opens by, in parts of its size, over the motion that was tried.
     pub near: Vec<(usize, f64)>,
-    /// The largest of these.
+    /// Rows that add something, however little, to those kept: with them the mechanism is the one that is drawn.
+    pub weak: Vec<usize>,
+    /// The largest of the openings.
     pub misfit: f64,
     /// Ratio between what the weakest row kept adds (squared) and the strongest one left out.
     pub gap: f64,
@@ -131,7 +133,8 @@ fn candidates<S: ConstrainedSystem>(
     kept.iter().for_each(|&i| is_kept[i] = true);
     let dropped: Vec<usize> = (0..is_kept.len()).filter(|&i| !is_kept[i]).collect();
     let gap = smallest / strongest.max(f64::MIN_POSITIVE);
-    let bridged = Bridged { rank, dropped, near, misfit: 0.0, gap, smallest };
+    let weak = near.iter().map(|x| x.0).collect();
+    let bridged = Bridged { rank, dropped, near, weak, misfit: 0.0, gap, smallest };
     Ok(Some(Candidates { closings, bridged }))
 }
 

@@ -68,22 +68,21 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     if start.dropped.is_empty() {
         return Ok(start);
     }
-    match persists(system, (t, q), &start, largest_dropped) {
+    if system.drawing_tolerance() > 0.0 {
         // what misfits by more than the tolerance is a condition of its own, however weak: the drawing is another mechanism
-        Err(e @ SystemError::SingularStart { .. }) => match drawing::beyond(system, t, q)? {
-            Some(b) => Ok(as_drawn(&b, system)),
-            None => Err(e),
-        },
-        Err(e) => Err(e),
-        Ok(()) => Ok(start),
+        if let Some(b) = drawing::beyond(system, t, q)? {
+            return Ok(as_drawn(&b, system));
+        }
     }
+    persists(system, (t, q), &start, largest_dropped)?;
+    Ok(start)
 }
 
 /// The mechanism as it is drawn: with the conditions that misfit.
 fn as_drawn<S: ConstrainedSystem>(found: &drawing::Bridged, system: &S) -> Start {
-    let is_near = |i: &usize| found.near.iter().any(|x| x.0 == *i);
+    let is_near = |i: &usize| found.weak.contains(i);
     let dropped: Vec<usize> = found.dropped.iter().copied().filter(|i| !is_near(i)).collect();
-    let rank = (system.size().rows - dropped.len()).min(system.size().nv);
+    let rank = system.size().rows - dropped.len();
     Start { rank, dropped, gap: found.gap, smallest: found.smallest, ..Start::default() }
 }
 
