@@ -59,7 +59,9 @@ def three_cranks(off: float) -> pt.Mechanism:
     for i, (pin, top) in enumerate(zip(pins, tops, strict=True)):
         bar(m, f"crank{i}", pin, top, 1.0)
         m.add_revolute(f"A{i}", m.ground, f"crank{i}", point=pin)
-        m.add_revolute(f"C{i}" if i == 1 else f"B{i}", f"crank{i}", "coupler", point=top, axis=Z + [off * (i == 1), 0, 0])
+        m.add_revolute(
+            f"C{i}" if i == 1 else f"B{i}", f"crank{i}", "coupler", point=top, axis=Z + [off * (i == 1), 0, 0]
+        )
     return m
 
 
@@ -70,7 +72,9 @@ def bennett(off: float) -> pt.Mechanism:
 
     def step(angle: float, length: float, twist: float) -> NDArray[np.float64]:
         c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        return np.array([[c, -s * ct, s * st, length * c], [s, c * ct, -c * st, length * s], [0, st, ct, 0], [0, 0, 0, 1]])
+        return np.array(
+            [[c, -s * ct, s * st, length * c], [s, c * ct, -c * st, length * s], [0, st, ct, 0], [0, 0, 0, 1]]
+        )
 
     first = 0.9
     second = 2.0 * np.arctan2(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2), np.tan(first / 2))
@@ -92,7 +96,8 @@ def bennett(off: float) -> pt.Mechanism:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize(
-    ("make", "mobility", "named"), [(four_bar, 1, True), (five_bar, 2, True), (three_cranks, 1, True), (bennett, 1, False)]
+    ("make", "mobility", "named"),
+    [(four_bar, 1, True), (five_bar, 2, True), (three_cranks, 1, True), (bennett, 1, False)],
 )
 def test_within_the_tolerance_it_moves_as_it_was_meant(
     make: Callable[[float], pt.Mechanism], mobility: int, named: bool, coordinates: str
@@ -116,7 +121,9 @@ def test_within_the_tolerance_it_moves_as_it_was_meant(
         if off >= 1e-9:
             assert certificate.misfit > 0.0 and "drawing misfit" in str(certificate)
             report = str(m.report(coordinates=coordinates))
-            words = f"{joint} is {np.degrees(off * (1.044 if make is five_bar else 1.0)):.3f} deg out of parallel with A"
+            words = (
+                f"{joint} is {np.degrees(off * (1.044 if make is five_bar else 1.0)):.3f} deg out of parallel with A"
+            )
             assert "the drawing does not fit exactly" in report
             if named and off == 1e-4:
                 assert words in report and any(words in note for note in certificate.notes)
@@ -179,10 +186,17 @@ def rounded(digits: int) -> pt.Mechanism:
     def cut(x: Vector) -> Vector:
         return np.round(x + 0.5 * 10.0**-digits * rng.uniform(-1, 1, 3), digits)
 
-    pairs = {"A": (m.ground, "crank", a), "B": ("crank", "coupler", b), "C": ("coupler", "rocker", c), "D": (m.ground, "rocker", d)}
+    pairs = {
+        "A": (m.ground, "crank", a),
+        "B": ("crank", "coupler", b),
+        "C": ("coupler", "rocker", c),
+        "D": (m.ground, "rocker", d),
+    }
     for name, (parent, child, point) in pairs.items():
         axis = turn @ Z
-        m.add_revolute(name, parent, child, point=cut(point), axis=cut(axis), child_point=cut(point), child_axis=cut(axis))
+        m.add_revolute(
+            name, parent, child, point=cut(point), axis=cut(axis), child_point=cut(point), child_axis=cut(axis)
+        )
     return m
 
 

@@ -2,8 +2,6 @@
 
 use thiserror::Error;
 
-use crate::reduction::bridged_gap;
-
 /// What was asked of a system, or why it could not be evaluated.
 pub type Result<T, E = SystemError> = std::result::Result<T, E>;
 
@@ -167,7 +165,7 @@ pub enum SystemError {
         "the drawing misfits at t = {}: {what} stands open by {by:.3e} {}, {part:.1e} of its size, where the drawing \
          tolerance of {tolerance:.0e} bridges up to {:.0e}; draw that joint more exactly, or give a larger \
          drawing_tolerance if it has that much play",
-        six_digits(*t), if *angle { "rad" } else { "m" }, bridged_gap(*tolerance)
+        six_digits(*t), if *angle { "rad" } else { "m" }, allowed
     )]
     Misfit {
         /// When it was seen.
@@ -182,6 +180,8 @@ pub enum SystemError {
         part: f64,
         /// The drawing tolerance.
         tolerance: f64,
+        /// Up to which part it bridges.
+        allowed: f64,
     },
     /// A condition is left in a step, however short.
     #[error(

@@ -1,8 +1,6 @@
 //! What a run leaves: outputs, what is known about each, changes of the choice, work done.
 
 use crate::partition::criterion::Quality;
-use crate::reduction::Reduction;
-use crate::system::ConstrainedSystem;
 use partita_math::dense::Matrix;
 use std::sync::Arc;
 
@@ -197,39 +195,6 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// At an output, as [`Gaps::of`]: which rows of a mechanism that is bridged were kept on the way there is not known any
-    /// more, so all its closings are held against the tolerance.
-    pub(crate) fn of_output<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Self {
-        let mut gaps = Self::of(t, r, bridged);
-        if bridged && !r.system.row_is_drive(gaps.position.row) {
-            if gaps.position.part > gaps.misfit.part {
-                gaps.misfit = gaps.position;
-            }
-            gaps.position = Gap::default();
-        }
-        if bridged && !r.system.row_is_drive(gaps.velocity.row) {
-            if gaps.velocity.part > gaps.misfit_rate.part {
-                gaps.misfit_rate = gaps.velocity;
-            }
-            gaps.velocity = Gap::default();
-        }
-        gaps
-    }
-
-    /// At the point last evaluated, rates in parts of sizes alone [1/s]. `bridged`: closings left out are told by themselves.
-    pub(crate) fn of<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Self {
-        let gap = |(part, row): (f64, usize)| Gap { part, t, row };
-        if !bridged {
-            return Self { position: gap(r.gap()), velocity: gap(r.velocity_gap()), ..Self::default() };
-        }
-        Self {
-            position: gap(r.gap_beside_misfit()),
-            velocity: gap(r.velocity_gap_beside_misfit()),
-            misfit: gap(r.misfit()),
-            misfit_rate: gap(r.misfit_rate()),
-        }
-    }
-
     /// Rates in parts of the fastest.
     pub fn in_parts_of(&mut self, fastest: f64) {
         for rate in [&mut self.velocity.part, &mut self.misfit_rate.part] {

@@ -113,7 +113,9 @@ class _File:
         except schema.Mismatch as error:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
-        mechanism = self._call("/mechanism", make, {key: head[key] for key in ("name", "gravity", "drawing_tolerance") if key in head})
+        mechanism = self._call(
+            "/mechanism", make, {key: head[key] for key in ("name", "gravity", "drawing_tolerance") if key in head}
+        )
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)

@@ -25,9 +25,9 @@ class Mechanism(Modelled):
         name: shown in reports and results.
         gravity: acceleration of gravity in world axes [m/s^2].
         drawing_tolerance: how far the drawing may be off, in radians and in parts of the characteristic lengths (0 to
-            0.01). Joints that would over-constrain a mechanism by no more than that, and misfit by no more than that when
-            it moves, are bridged: it moves as the one that was meant; what does not fit is named in `report` and in the
-            notes of a result, watched, and told in its certificate. 0 means every digit of the drawing.
+            0.01). Joints that would over-constrain a mechanism by no more than that, and misfit by no more than a few
+            times that when it moves, are bridged: it moves as the one that was meant; what does not fit is named in
+            `report` and in the notes of a result, watched, and told in its certificate. 0 means every digit.
 
     Raises:
         DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is no number

@@ -14,8 +14,8 @@ from .tables import Tables
 from .verdict import Finding, findings_of
 
 ACCOUNT = (
-    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit", "findings",
-    "options", "spec",
+    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
+    "findings", "options", "spec",
 )  # fmt: skip
 
 
@@ -36,7 +36,7 @@ class Record:
     gaps: tuple[float, float] = (0.0, 0.0)
     """The same in parts of what a large move opens each condition by, and of the fastest rate."""
     misfit: float = 0.0
-    """Largest part of its size that a closing stood open by which the drawing tolerance bridges; 0 where none is bridged."""
+    """Largest part of its size that a closing which the drawing tolerance bridges stood open by; 0 where none is."""
     findings: list[Finding] = field(default_factory=list)
     """What stands against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)

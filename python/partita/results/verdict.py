@@ -18,7 +18,7 @@ NEWTON_EULER = 1e-7, 1e-3
 """Residual of a body over the largest force: what round-off leaves of it next to the worst position that is worked in
 (1e-16 times a condition of 1e9), and where no digit is safe."""
 LEVER = 10.0
-"""Moments of a reaction about where a joint is not, in misfits of its loop: loops are longer than the bodies in them."""
+"""Moments of a reaction about where a joint is not, in misfits of its loop: loops are longer than their bodies."""
 ENERGY = 100
 """Tolerances that the energy may be off by besides one for each step: errors grow with the motion."""
 ENERGY_FLOOR = 1e-8

@@ -5,7 +5,7 @@
 //! other: no motion keeps them all.
 
 use crate::kinematics::projection::correct_orthogonally;
-use crate::record::Gaps;
+use crate::record::{Gap, Gaps};
 use crate::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
 use crate::reduction::Reduction;
 use crate::start::{choose_partition, Start};
@@ -125,6 +125,39 @@ fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> R
     r.factor(t)
 }
 
+/// At an output, as [`gaps`]: which rows of a mechanism that is bridged were kept on the way there is not known any
+/// more, so all its closings are held against the tolerance.
+pub(crate) fn gaps_of_output<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Gaps {
+    let mut open = gaps(t, r, bridged);
+    if bridged && !r.system.row_is_drive(open.position.row) {
+        if open.position.part > open.misfit.part {
+            open.misfit = open.position;
+        }
+        open.position = Gap::default();
+    }
+    if bridged && !r.system.row_is_drive(open.velocity.row) {
+        if open.velocity.part > open.misfit_rate.part {
+            open.misfit_rate = open.velocity;
+        }
+        open.velocity = Gap::default();
+    }
+    open
+}
+
+/// At the point last evaluated, rates in parts of sizes alone [1/s]. `bridged`: closings left out are told by themselves.
+pub(crate) fn gaps<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Gaps {
+    let gap = |(part, row): (f64, usize)| Gap { part, t, row };
+    if !bridged {
+        return Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()), ..Gaps::default() };
+    }
+    Gaps {
+        position: gap(r.gap_beside_misfit()),
+        velocity: gap(r.velocity_gap_beside_misfit()),
+        misfit: gap(r.misfit()),
+        misfit_rate: gap(r.misfit_rate()),
+    }
+}
+
 /// What was open at the end of the step that is judged, and at the ends of those taken.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watch {
@@ -158,7 +191,7 @@ impl Watch {
         self.trial = (r.closure(), r.velocity_closure());
         let fastest = self.fastest.max(r.fastest());
         self.trial_fastest = fastest;
-        self.trial_gaps = Gaps::of(t, r, self.misfit > 0.0);
+        self.trial_gaps = gaps(t, r, self.misfit > 0.0);
         self.trial_gaps.in_parts_of(fastest);
     }
 
@@ -180,6 +213,7 @@ impl Watch {
                 angle: r.system.row_is_angle(row),
                 part: misfit,
                 tolerance: r.system.drawing_tolerance(),
+                allowed: self.misfit,
             });
         }
         let mut drives = r.dropped().iter().copied().filter(|&i| r.system.row_is_drive(i));

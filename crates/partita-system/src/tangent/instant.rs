@@ -6,8 +6,9 @@
 
 use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
-use crate::record::{Gaps, Output, Sample};
+use crate::record::{Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
+use crate::singular::consistency::gaps_of_output;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -91,7 +92,7 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
 fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], bridged: bool, out: &mut Sample) {
     out.closure = r.closure();
     r.v.copy_from_slice(v);
-    out.gaps = Gaps::of_output(out.t, r, bridged);
+    out.gaps = gaps_of_output(out.t, r, bridged);
     out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
