@@ -1,4 +1,4 @@
-"""Drawings that are off by a little: within the drawing tolerance the mechanism that was meant, beyond it a named structure."""
+"""Drawings that are off by a little: within the tolerance the mechanism that was meant, beyond it a named structure."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawings import EVERY
 from numpy.typing import NDArray
 from test_contradictions import rockers
 
@@ -33,7 +34,7 @@ def four_bar(off: float, scale: float = 1.0, **options: float) -> pt.Mechanism:
     bar(m, "rocker", d, c, 0.7)
     m.add_revolute("A", m.ground, "crank", point=a, axis=Z)
     m.add_revolute("B", "crank", "coupler", point=b, axis=Z)
-    m.add_revolute("C", "coupler", "rocker", point=c, axis=Z + [off, 0, 0])
+    m.add_revolute("C", "coupler", "rocker", point=c, axis=np.array([off, 0, 1.0]))
     m.add_revolute("D", m.ground, "rocker", point=d, axis=Z)
     return m
 
@@ -54,14 +55,13 @@ def three_cranks(off: float) -> pt.Mechanism:
     """Three parallel cranks, one of their hinges tilted."""
     m = pt.Mechanism("three cranks")
     pins = [np.array([x, 0, 0]) for x in (0.0, 1.0, 2.5)]
-    tops = [pin + [0.3, 1.0, 0] for pin in pins]
+    tops = [pin + np.array([0.3, 1.0, 0]) for pin in pins]
     bar(m, "coupler", tops[0], tops[2], 1.0)
     for i, (pin, top) in enumerate(zip(pins, tops, strict=True)):
         bar(m, f"crank{i}", pin, top, 1.0)
         m.add_revolute(f"A{i}", m.ground, f"crank{i}", point=pin)
-        m.add_revolute(
-            f"C{i}" if i == 1 else f"B{i}", f"crank{i}", "coupler", point=top, axis=Z + [off * (i == 1), 0, 0]
-        )
+        axis = np.array([off if i == 1 else 0.0, 0, 1.0])
+        m.add_revolute(f"{'C' if i == 1 else 'B'}{i}", f"crank{i}", "coupler", point=top, axis=axis)
     return m
 
 
@@ -72,9 +72,8 @@ def bennett(off: float) -> pt.Mechanism:
 
     def step(angle: float, length: float, twist: float) -> NDArray[np.float64]:
         c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        return np.array(
-            [[c, -s * ct, s * st, length * c], [s, c * ct, -c * st, length * s], [0, st, ct, 0], [0, 0, 0, 1]]
-        )
+        rows = [[c, -s * ct, s * st, length * c], [s, c * ct, -c * st, length * s], [0, st, ct, 0], [0, 0, 0, 1]]
+        return np.array(rows)
 
     first = 0.9
     second = 2.0 * np.arctan2(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2), np.tan(first / 2))
@@ -161,11 +160,7 @@ def test_of_any_size(scale: float) -> None:
     assert run.certificate.misfit == pytest.approx(one.certificate.misfit, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "formulation",
-    ["projective", "fixed", "zero-eigenvalue", "svd", "qr", "gram-schmidt", "wehage-haug", "explicit-closing"]
-    + ["tangent-space", "multipliers", "range-space", "proximal"],
-)
+@pytest.mark.parametrize("formulation", EVERY)
 def test_every_formulation(formulation: str) -> None:
     meant = four_bar(0.0).simulate(0.3, formulation=formulation)
     run = four_bar(1e-5).simulate(0.3, formulation=formulation)
@@ -186,23 +181,16 @@ def rounded(digits: int) -> pt.Mechanism:
     def cut(x: Vector) -> Vector:
         return np.round(x + 0.5 * 10.0**-digits * rng.uniform(-1, 1, 3), digits)
 
-    pairs = {
-        "A": (m.ground, "crank", a),
-        "B": ("crank", "coupler", b),
-        "C": ("coupler", "rocker", c),
-        "D": (m.ground, "rocker", d),
-    }
-    for name, (parent, child, point) in pairs.items():
-        axis = turn @ Z
-        m.add_revolute(
-            name, parent, child, point=cut(point), axis=cut(axis), child_point=cut(point), child_axis=cut(axis)
-        )
+    pairs = [(m.ground, "crank", a), ("crank", "coupler", b), ("coupler", "rocker", c), (m.ground, "rocker", d)]
+    for name, (parent, child, point) in zip("ABCD", pairs, strict=True):
+        sides = [cut(x) for x in (point, turn @ Z, point, turn @ Z)]
+        m.add_revolute(name, parent, child, point=sides[0], axis=sides[1], child_point=sides[2], child_axis=sides[3])
     return m
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_rounded_drawings_assemble_and_run(coordinates: str) -> None:
-    """Rounded to four digits no position closes all conditions; the motion is that of the exact one within the rounding."""
+    """Rounded to four digits no position closes all conditions; the motion is the exact one within that."""
     exact = rounded(14).simulate(0.5, coordinates=coordinates).body("coupler").position
     for digits in (12, 8, 6, 5, 4):
         m = rounded(digits)

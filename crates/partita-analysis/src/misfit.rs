@@ -64,7 +64,8 @@ fn degrees(angle: f64) -> String {
 fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let model = pose.model;
     let name = |j: usize| model.spec.joints[j].name.as_str();
-    let (mut turns, mut slides): (Vec<(usize, Vec3<f64>)>, Vec<(usize, Vec3<f64>)>) = (Vec::new(), Vec::new());
+    let mut turns: Vec<(usize, Vec3<f64>)> = Vec::new();
+    let mut slides: Vec<(usize, Vec3<f64>)> = Vec::new();
     for &j in joints {
         let p = &model.placed.joints[j];
         let rot = |node: usize, on| pose.tree.links[model.placed.link_of(node)].rot.mul(on);

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
-from .verdict import ENERGY, Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
+from .verdict import Finding, allowed, of_arrays, of_energy, of_reactions, word_of
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def certify(result: Readable) -> Certificate:
         findings += of_energy(
             result.t,
             result.energy,
-            max(tolerance(result.record.options), result.record.misfit / ENERGY),
+            allowed(result.record.options, result.record.misfit),
             int(result.counters.get("steps", 0)),
         )
     sigma, sigma_t = _smallest(result.sigma, result.t)

@@ -98,6 +98,11 @@ def tolerance(options: Mapping[str, Any]) -> float:
     return 1.0 if options.get("step") is not None else float(options.get("rtol") or 0.0)
 
 
+def allowed(options: Mapping[str, Any], misfit: float) -> float:
+    """The tolerance that an energy is held against: that of the run, or what a drawing that misfits moves by on the way."""
+    return max(tolerance(options), misfit / ENERGY)
+
+
 def of_arrays(t: NDArray[np.float64], *arrays: NDArray[np.float64]) -> list[Finding]:
     """Coordinates and velocities that are not numbers."""
     for array in arrays:
