@@ -17,7 +17,7 @@ DRIFT = 1e4, 1e-6, 1e-3
 NEWTON_EULER = 1e-7, 1e-3
 """Residual of a body over the largest force: what round-off leaves of it next to the worst position that is worked in
 (1e-16 times a condition of 1e9), and where no digit is safe."""
-LEVER = 10.0
+LEVER = 3.0
 """Moments of a reaction about where a joint is not, in misfits of its loop: loops are longer than their bodies."""
 ENERGY = 100
 """Tolerances that the energy may be off by besides one for each step: errors grow with the motion."""
@@ -99,7 +99,7 @@ def tolerance(options: Mapping[str, Any]) -> float:
 
 
 def allowed(options: Mapping[str, Any], misfit: float) -> float:
-    """The tolerance that an energy is held against: that of the run, or what a drawing that misfits moves by on the way."""
+    """The tolerance that an energy is held against: that of the run, or what a misfit of the drawing explains."""
     return max(tolerance(options), misfit / ENERGY)
 
 
