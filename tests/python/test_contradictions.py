@@ -51,9 +51,9 @@ def five_bar() -> pt.Mechanism:
     return m
 
 
-def rockers(off: float) -> pt.Mechanism:
+def rockers(off: float, drawing_tolerance: float = 0.0) -> pt.Mechanism:
     """A platform on three parallel rockers, the third too long by `off`: closed as drawn, and to first order."""
-    m = pt.Mechanism("rockers", gravity=(0, -9.81, 0))
+    m = pt.Mechanism("rockers", gravity=(0, -9.81, 0), drawing_tolerance=drawing_tolerance)
     platform = m.add_rod("platform", start=(0, 0, 0), end=(4, 0, 0), mass=1.0)
     for i, x in enumerate((0.0, 2.0, 4.0)):
         length = 1.0 + off * (i == 2)
@@ -176,7 +176,10 @@ def test_redundant_rows_that_agree_run(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9])
 def test_a_rocker_of_slightly_wrong_length(off: float, coordinates: str) -> None:
-    """Turned by x the third rocker stands off by `off` x^2 / 2: within what is closed for 1e-9, else told."""
+    """Turned by x the third rocker stands off by `off` x^2 / 2: within what is closed for 1e-9, else told.
+
+    Every digit of the drawing is meant here; within a drawing tolerance: `test_drawing_tolerance`.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DoubtfulResultWarning)

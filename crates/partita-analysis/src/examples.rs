@@ -2,7 +2,7 @@
 
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
-use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, VERSION};
+use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION};
 use partita_model::value::NoFunctions;
 use partita_model::Model;
 use std::sync::Arc;
@@ -14,6 +14,7 @@ pub fn empty(name: &str) -> Spec {
         partita: VERSION,
         name: name.into(),
         gravity: [0.0, -9.81, 0.0],
+        drawing_tolerance: DRAWING_TOLERANCE,
         bodies: vec![],
         joints: vec![],
         couplings: vec![],

@@ -14,6 +14,7 @@ use partita_math::spatial::{Quaternion, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
+use partita_system::drawing::EXACT;
 use partita_system::start::{Start, REDUNDANT};
 use partita_system::system::Tangent;
 use partita_system::{ConstrainedSystem, Size, SystemError};
@@ -58,6 +59,8 @@ pub(crate) struct Geometry<'m> {
     scale2: Vec<f64>,
     /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
     row_reach: Vec<f64>,
+    /// Weight below which a row is round-off.
+    nothing: f64,
 }
 
 /// Scratch: that of the model, and room for the rows left out.
@@ -96,7 +99,9 @@ impl<'m> Geometry<'m> {
         // conditions that are no closings say themselves what they measure; 0 where nothing is known
         row_reach.extend((model.closing_rows..all.rows).map(|i| model.row_reach(i).unwrap_or(0.0)));
         let row_reach = rows.iter().map(|&i| row_reach[i]).collect();
-        Self { model, pattern, rows, holonomic, scale2, row_reach }
+        // where misfits of the drawing are told from round-off, they are not round-off
+        let nothing = if model.drawing_tolerance() > 0.0 { EXACT } else { REDUNDANT };
+        Self { model, pattern, rows, holonomic, scale2, row_reach, nothing }
     }
 
     /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
@@ -163,6 +168,21 @@ impl ConstrainedSystem for Geometry<'_> {
     fn row_is_drive(&self, i: usize) -> bool {
         self.model.row_is_drive(self.rows[i])
     }
+    fn drawing_tolerance(&self) -> f64 {
+        self.model.drawing_tolerance()
+    }
+    fn row_reach(&self, i: usize) -> Option<f64> {
+        Some(self.row_reach[i])
+    }
+    fn row_is_angle(&self, i: usize) -> bool {
+        self.model.row_is_angle(self.rows[i])
+    }
+    fn row_words(&self, i: usize) -> String {
+        self.model.row_words(self.rows[i])
+    }
+    fn row_owner(&self, i: usize) -> String {
+        self.model.row_owner(self.rows[i])
+    }
     fn rheonomic(&self) -> bool {
         self.model.rheonomic()
     }
@@ -186,7 +206,7 @@ impl ConstrainedSystem for Geometry<'_> {
             c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
         }
         for i in 0..self.pattern.rows {
-            if self.weight(i, c) < REDUNDANT {
+            if self.weight(i, c) < self.nothing {
                 c[self.pattern.row(i)].fill(0.0);
             }
         }

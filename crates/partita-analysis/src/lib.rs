@@ -9,6 +9,7 @@ mod examples;
 mod geometry;
 pub mod instant;
 pub mod matrices;
+mod misfit;
 pub mod mobility;
 pub mod outputs;
 pub mod poses;

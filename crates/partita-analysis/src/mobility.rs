@@ -2,12 +2,14 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
+use crate::misfit;
 use crate::reason::{names, reason};
 use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_model::Model;
-use partita_system::start::{analyse, REDUNDANT};
+use partita_system::drawing::beyond;
+use partita_system::start::{analyse, Start, REDUNDANT};
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
 
@@ -39,11 +41,20 @@ pub struct Mobility {
     pub closing_rows: usize,
     /// How many of them are independent.
     pub closing_rank: usize,
+    /// Velocities of the tree in space.
+    pub velocities: usize,
     /// Rows that follow from the others, and drives that leave nothing to prescribe, in the order of `dropped`. The
     /// choice among rows that depend on each other is not unique; their number is.
     pub redundant: Vec<Redundant>,
     /// The same as rows of [`Model::in_space`], ascending.
     pub dropped: Vec<usize>,
+    /// What of the drawing does not fit, in sentences: within its tolerance, and bridged, or beyond it, and a structure.
+    pub misfits: Vec<String>,
+    /// What the closings that misfit open by when the mechanism is moved by a tenth of a radian or of its length, in parts of
+    /// their sizes; 0 where the drawing fits.
+    pub misfit: f64,
+    /// Degrees of freedom that it would have, drives released, if its drawing did not misfit by more than its tolerance.
+    pub meant: Option<usize>,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
     pub smallest: f64,
 }
@@ -59,11 +70,16 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let (nv, bodies) = (twin.placed.nv, twin.placed.bodies.len());
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
-    for (stress, &row) in stresses(&released, &pose, &free, t, &q)?.iter().zip(&free.dropped) {
+    let of_rows = stresses(&released, &pose, &free, t, &q)?;
+    let misfits = match free.misfit > 0.0 {
+        true => misfit::sentences(&released, &pose, &free, &of_rows),
+        false => Vec::new(),
+    };
+    for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
             row: released.row_name(row),
             joint: twin.row_names[released.row_of_model(row)].owner.name(&twin.spec).to_string(),
-            why: reason(&pose, stress),
+            why: reason(&pose, stress, free.misfit > 0.0),
         });
     }
     let mut found = Mobility {
@@ -72,10 +88,24 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         joint_rank: 6 * bodies + free.rank - nv,
         closing_rows: released.size().rows,
         closing_rank: free.rank,
+        velocities: nv,
         redundant,
+        misfits,
+        misfit: free.misfit,
+        meant: None,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
+    if found.misfit == 0.0 {
+        if let Some(meant) = beyond(&released, t, &q)? {
+            let (rank, dropped, misfit) = (meant.rank, meant.dropped, meant.misfit);
+            let meant = Start { rank, dropped, near: meant.near, misfit, ..Start::default() };
+            let of_rows = stresses(&released, &pose, &meant, t, &q)?;
+            found.misfits = misfit::sentences(&released, &pose, &meant, &of_rows);
+            found.misfit = misfit;
+            found.meant = Some(nv - meant.rank);
+        }
+    }
     if !twin.drives.is_empty() {
         let driven = Geometry::new(&twin, true);
         let start = analyse(&driven, t, &q)?;
@@ -87,6 +117,29 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         found.mobility = nv - rank;
     }
     Ok(found)
+}
+
+impl Mobility {
+    /// What of the drawing does not fit and what becomes of it, in one sentence; none where it fits.
+    pub fn of_drawing(&self, tolerance: f64) -> Option<String> {
+        if self.misfits.is_empty() {
+            return None;
+        }
+        let what = self.misfits.join("; ");
+        Some(match self.meant {
+            None => format!(
+                "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the motion and the \
+                 reactions are those of the mechanism as it was meant, and what stands open is watched"
+            ),
+            Some(meant) => format!(
+                "{} only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; without that \
+                 it would have {meant} degree{} of freedom: draw that joint more exactly, or give a larger drawing_tolerance \
+                 if it has that much play",
+                if self.closing_rank == self.velocities { "a structure" } else { "less mobile" },
+                if meant == 1 { "" } else { "s" }
+            ),
+        })
+    }
 }
 
 /// Drives whose coordinate the loops and the drives before them already prescribe.

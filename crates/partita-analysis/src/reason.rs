@@ -3,6 +3,8 @@
 use crate::stress::{Pose, Stress};
 use partita_math::spatial::Vec3;
 use partita_model::joint::Motion;
+use partita_system::reduction::bridged_gap;
+use partita_system::ConstrainedSystem;
 
 /// Sine of the angle below which directions count as parallel; what ten printed digits of an axis can be off.
 const PARALLEL: f64 = 1e-8;
@@ -17,11 +19,13 @@ struct Motions {
     slides: Vec<Vec3<f64>>,
     /// Centres of turns in space.
     balls: Vec<Vec3<f64>>,
+    /// Sine of the angle below which directions count as parallel.
+    parallel: f64,
 }
 
 impl Motions {
-    fn of(pose: &Pose, joints: &[usize]) -> Self {
-        let mut all = Self { turns: Vec::new(), slides: Vec::new(), balls: Vec::new() };
+    fn of(pose: &Pose, joints: &[usize], parallel: f64) -> Self {
+        let mut all = Self { turns: Vec::new(), slides: Vec::new(), balls: Vec::new(), parallel };
         for &j in joints {
             let p = &pose.model.placed.joints[j];
             let axes_on = |node: usize| pose.tree.links[pose.model.placed.link_of(node)].rot;
@@ -49,21 +53,21 @@ impl Motions {
             Some(&(_, axis)) => axis,
             None => {
                 let first = *self.slides.first()?;
-                let across = self.slides.iter().map(|s| first.cross(*s)).find(|n| n.norm() > PARALLEL);
+                let across = self.slides.iter().map(|s| first.cross(*s)).find(|n| n.norm() > self.parallel);
                 across?.unit()?
             }
         };
-        let fits = self.turns.iter().all(|(_, a)| a.cross(normal).norm() < PARALLEL)
-            && self.slides.iter().all(|s| s.dot(normal).abs() < PARALLEL);
+        let fits = self.turns.iter().all(|(_, a)| a.cross(normal).norm() < self.parallel)
+            && self.slides.iter().all(|s| s.dot(normal).abs() < self.parallel);
         fits.then_some(normal)
     }
 
     /// Do all turns share one axis, along which the slides go?
     fn one_axis(&self, size: f64) -> bool {
         let Some(&(p, axis)) = self.turns.first() else { return false };
-        let on_axis = |x: Vec3<f64>| (x - p).cross(axis).norm() < PARALLEL * size;
-        self.turns.iter().all(|(x, a)| a.cross(axis).norm() < PARALLEL && on_axis(*x))
-            && self.slides.iter().all(|s| s.cross(axis).norm() < PARALLEL)
+        let on_axis = |x: Vec3<f64>| (x - p).cross(axis).norm() < self.parallel * size;
+        self.turns.iter().all(|(x, a)| a.cross(axis).norm() < self.parallel && on_axis(*x))
+            && self.slides.iter().all(|s| s.cross(axis).norm() < self.parallel)
             && self.balls.iter().all(|x| on_axis(*x))
     }
 
@@ -74,10 +78,10 @@ impl Motions {
         // nearest point of the first axis to the second
         let n = a.cross(b);
         let centre = p + a.times((r - p).cross(b).dot(n) / n.dot(n));
-        let meets = |x: Vec3<f64>, a: Vec3<f64>| (centre - x).cross(a).norm() < PARALLEL * size;
+        let meets = |x: Vec3<f64>, a: Vec3<f64>| (centre - x).cross(a).norm() < self.parallel * size;
         let all = self.slides.is_empty()
             && self.turns.iter().all(|(x, a)| meets(*x, *a))
-            && self.balls.iter().all(|x| (centre - *x).norm() < PARALLEL * size);
+            && self.balls.iter().all(|x| (centre - *x).norm() < self.parallel * size);
         all.then_some(centre)
     }
 }
@@ -96,12 +100,15 @@ pub(crate) fn names<S: AsRef<str>>(names: &[S]) -> String {
 }
 
 /// The sentence for a row whose self-stress this is.
-pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
+///
+/// `misfits` where the drawing does: what is parallel within its tolerance was meant to be parallel.
+pub(crate) fn reason(pose: &Pose, stress: &Stress, misfits: bool) -> String {
     let joints: Vec<usize> = stress.joints.iter().map(|x| x.0).collect();
     let all: Vec<&str> = joints.iter().map(|&j| pose.model.spec.joints[j].name.as_str()).collect();
     let all = names(&all);
     let size = pose.model.placed.size;
-    let motions = Motions::of(pose, &joints);
+    let parallel = if misfits { PARALLEL.max(bridged_gap(pose.model.drawing_tolerance())) } else { PARALLEL };
+    let motions = Motions::of(pose, &joints, parallel);
     let wrenches = || stress.joints.iter().map(|(j, w)| (pose.points[*j], w));
     let small = |force: f64| force <= stress.zero;
     if motions.one_axis(size) {

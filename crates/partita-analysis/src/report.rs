@@ -98,6 +98,10 @@ pub struct Report {
     pub closing_rank: usize,
     /// Do all motions lie in one plane?
     pub planar: bool,
+    /// What the closings that misfit in the drawing open by when it is moved a little, in parts of sizes; 0 where it fits.
+    pub misfit: f64,
+    /// What of the drawing does not fit, in sentences.
+    pub misfits: Vec<String>,
     /// Rows that say nothing new.
     pub redundant: Vec<Redundant>,
     /// Joints of the spanning tree, from the ground outwards.
@@ -202,6 +206,8 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         closing_rows: found.closing_rows,
         closing_rank: found.closing_rank,
         planar: model.is_planar(),
+        misfit: found.misfit,
+        misfits: found.misfits,
         redundant: found.redundant,
     })
 }
@@ -385,6 +391,7 @@ fn count(n: usize, one: &str, many: &str) -> String {
 
 fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     let mut notes = Vec::new();
+    notes.extend(found.of_drawing(model.spec.drawing_tolerance));
     let superfluous: Vec<&Redundant> = found.redundant[found.closing_rows - found.closing_rank..].iter().collect();
     for d in superfluous {
         notes.push(format!("{} of {} is superfluous: {}; remove it", d.row, d.joint, d.why));

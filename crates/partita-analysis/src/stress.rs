@@ -13,7 +13,7 @@ use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
-use partita_system::reduction::SINGULAR_PIVOT;
+use partita_system::reduction::{bridged_gap, SINGULAR_PIVOT};
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::BTreeMap;
@@ -207,6 +207,8 @@ fn singular(t: f64) -> SystemError {
 pub(crate) struct Balance<'g, 'm> {
     system: &'g Geometry<'m>,
     dropped: Vec<usize>,
+    /// Part of the largest component of a self-stress that counts as nothing.
+    least: f64,
     plan: Plan,
     /// Step of the elimination that uses a column.
     step_of: Vec<Option<usize>>,
@@ -258,7 +260,12 @@ impl<'g, 'm> Balance<'g, 'm> {
                 unit[row] = 1.0 / length;
             }
         }
-        Ok((Self { system, dropped: start.dropped.clone(), plan, step_of, closing_of, drive_of, unit, reach }, c))
+        // self-stresses of the mechanism as it was meant, seen through a drawing that misfits
+        let least = if start.misfit > 0.0 { ZERO.max(bridged_gap(system.drawing_tolerance())) } else { ZERO };
+        Ok((
+            Self { system, dropped: start.dropped.clone(), least, plan, step_of, closing_of, drive_of, unit, reach },
+            c,
+        ))
     }
 
     /// The multipliers `(row, λ)` that balance one row, itself first, for the factors of C.
@@ -297,7 +304,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             let mut joints = pose.wrenches(&of_model, &self.closing_of, &mut dense);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
             let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
-            let zero = (ZERO * largest).max(10.0 * unbalanced);
+            let zero = (self.least * largest).max(10.0 * unbalanced);
             joints.retain(|(_, w)| magnitude(w) > zero);
             let drives = lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))).collect();
             found.push(Stress { joints, drives, zero, unbalanced: unbalanced / largest });

@@ -195,7 +195,7 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
             let status = match &error {
-                SystemError::Contradiction { .. } => Status::Contradiction,
+                SystemError::Contradiction { .. } | SystemError::Misfit { .. } => Status::Contradiction,
                 e if is_of_a_position(e) => Status::Singular,
                 _ => Status::EvaluationFailed,
             };

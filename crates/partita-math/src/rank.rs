@@ -67,9 +67,35 @@ pub fn preferred_rows(
     tol: f64,
     (clear, last): (f64, &dyn Fn(usize) -> bool),
 ) -> RowRank {
+    chosen_rows(pattern, values, (col_scale, None), tol, (clear, last))
+}
+
+/// The same for rows of known sizes: each is divided by its own, not by its length, so that a pivot is the square of what
+/// a row adds to those before it, and a row that hardly says anything counts for as little as it says.
+///
+/// # Panics
+/// If a length contradicts the pattern.
+pub fn weighed_rows(
+    pattern: &Pattern,
+    values: &[f64],
+    scales: (&[f64], &[f64]),
+    tol: f64,
+    preference: (f64, &dyn Fn(usize) -> bool),
+) -> RowRank {
+    assert_eq!(scales.1.len(), pattern.rows, "one size per row");
+    chosen_rows(pattern, values, (scales.0, Some(scales.1)), tol, preference)
+}
+
+fn chosen_rows(
+    pattern: &Pattern,
+    values: &[f64],
+    (col_scale, row_size): (&[f64], Option<&[f64]>),
+    tol: f64,
+    (clear, last): (f64, &dyn Fn(usize) -> bool),
+) -> RowRank {
     assert_eq!(values.len(), pattern.nnz(), "one value per entry");
     assert_eq!(col_scale.len(), pattern.cols, "one scale per column");
-    let mut gram = Gram::new(pattern, values, col_scale);
+    let mut gram = Gram::new(pattern, values, col_scale, row_size);
     gram.clear = clear;
     gram.last = (0..pattern.rows).map(last).collect();
     let mut heap: BinaryHeap<Claim> = (0..pattern.rows).filter(|&i| gram.waiting[i]).map(|i| gram.claim(i)).collect();
@@ -151,9 +177,19 @@ struct Gram {
 }
 
 impl Gram {
-    fn new(pattern: &Pattern, values: &[f64], col_scale: &[f64]) -> Self {
+    fn new(pattern: &Pattern, values: &[f64], col_scale: &[f64], row_size: Option<&[f64]>) -> Self {
         let m = pattern.rows;
-        let unit: Vec<Vec<(usize, f64)>> = (0..m).map(|i| unit_row(pattern, values, col_scale, i)).collect();
+        let mut lengths = vec![1.0; m];
+        let unit: Vec<Vec<(usize, f64)>> = (0..m)
+            .map(|i| {
+                let (mut row, length) = unit_row(pattern, values, col_scale, i);
+                if let Some(size) = row_size {
+                    lengths[i] = length / size[i];
+                    row.iter_mut().for_each(|x| x.1 *= lengths[i]);
+                }
+                row
+            })
+            .collect();
         let mut columns = vec![Vec::new(); pattern.cols];
         for (i, row) in unit.iter().enumerate() {
             for &(j, x) in row {
@@ -161,7 +197,7 @@ impl Gram {
             }
         }
         let mut gram = Self {
-            diagonal: vec![1.0; m],
+            diagonal: lengths.iter().map(|x| x * x).collect(),
             rows: vec![Vec::new(); m],
             waiting: unit.iter().map(|row| !row.is_empty()).collect(),
             place: vec![0; m],
@@ -259,22 +295,22 @@ fn remove(row: &mut Vec<(usize, f64)>, j: usize) {
     }
 }
 
-/// Row `i` scaled to length 1; empty if it is zero or not finite.
-fn unit_row(pattern: &Pattern, values: &[f64], col_scale: &[f64], i: usize) -> Vec<(usize, f64)> {
+/// Row `i` scaled to length 1, and its length; empty if it is zero or not finite.
+fn unit_row(pattern: &Pattern, values: &[f64], col_scale: &[f64], i: usize) -> (Vec<(usize, f64)>, f64) {
     let mut row: Vec<(usize, f64)> = pattern
         .row(i)
         .map(|p| (pattern.col_idx[p], values[p] * col_scale[pattern.col_idx[p]]))
         .filter(|e| e.1 != 0.0)
         .collect();
     if row.iter().any(|e| !e.1.is_finite()) {
-        return Vec::new();
+        return (Vec::new(), 0.0);
     }
     // By the largest entry first, so that squares neither overflow nor vanish.
     let largest = row.iter().fold(0.0, |m: f64, e| m.max(e.1.abs()));
     row.iter_mut().for_each(|e| e.1 /= largest);
     let length = row.iter().map(|e| e.1 * e.1).sum::<f64>().sqrt();
     row.iter_mut().for_each(|e| e.1 /= length);
-    row
+    (row, length * largest)
 }
 
 #[cfg(test)]

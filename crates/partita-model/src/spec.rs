@@ -9,6 +9,12 @@ use serde::{Deserialize, Serialize};
 /// Version of the description that this build reads.
 pub const VERSION: u32 = 1;
 
+/// A drawing tolerance where none is said: four decimals, as drawings are dimensioned.
+pub const DRAWING_TOLERANCE: f64 = 1e-4;
+fn drawing_tolerance() -> f64 {
+    DRAWING_TOLERANCE
+}
+
 /// A mechanism as drawn.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -19,6 +25,9 @@ pub struct Spec {
     pub name: String,
     /// Gravity [m/s²].
     pub gravity: [f64; 3],
+    /// How far the drawing may be off (radians, parts of lengths): what is redundant but for so much counts as redundant.
+    #[serde(default = "drawing_tolerance")]
+    pub drawing_tolerance: f64,
     /// Rigid bodies.
     #[serde(default)]
     pub bodies: Vec<Body>,

@@ -5,10 +5,24 @@ use crate::spec::{Body, Coupling, Force, Load, Measure, Spec, Value, VectorValue
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
+use partita_system::drawing::LARGEST_TOLERANCE;
 use std::collections::HashMap;
 
 /// Name of the ground.
 pub const GROUND: &str = "ground";
+
+/// A tolerance that makes sense.
+fn drawing_tolerance(spec: &Spec) -> Result<(), DescriptionError> {
+    let x = spec.drawing_tolerance;
+    if (0.0..=LARGEST_TOLERANCE).contains(&x) {
+        return Ok(());
+    }
+    let message = format!(
+        "drawing_tolerance = {x}; give a number from 0 (what is drawn is meant to the last digit) to {LARGEST_TOLERANCE} \
+         (radians, and parts of lengths): beyond that the drawing is one of another mechanism"
+    );
+    Err(DescriptionError::new("mechanism", &spec.name, message))
+}
 
 /// Node numbers by body name (the ground is 0).
 pub fn nodes(spec: &Spec) -> Result<HashMap<&str, usize>, DescriptionError> {
@@ -115,6 +129,7 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
         return Err(DescriptionError::new("mechanism", &spec.name, message));
     }
     finite(&spec.gravity, "mechanism", &spec.name, "gravity")?;
+    drawing_tolerance(spec)?;
     if spec.bodies.is_empty() {
         return Err(DescriptionError::new("mechanism", &spec.name, "it has no bodies; add one"));
     }

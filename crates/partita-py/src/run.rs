@@ -277,6 +277,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("kept_rows", &run.rows)?;
     d.set_item("steps_open", run.open)?;
     d.set_item("gaps", (run.gaps.position.part, run.gaps.velocity.part))?;
+    d.set_item("misfit", run.gaps.misfit.part)?;
     d.set_item("findings", told(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);

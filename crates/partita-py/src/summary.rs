@@ -27,7 +27,8 @@ struct Summary<'m> {
     velocities: &'m [String],
     rows_names: Vec<String>,
     removed: Vec<Removed<'m>>,
-    notes: Vec<&'m str>,
+    misfit: f64,
+    notes: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -71,6 +72,7 @@ struct Removed<'m> {
 /// Of a model with what its closed drawing tells.
 pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> serde_json::Result<String> {
     let size = m.size();
+    let of_drawing = mobility.and_then(|x| x.of_drawing(m.spec.drawing_tolerance));
     let redundant = mobility.map_or(&[][..], |x| &x.redundant);
     let summary = Summary {
         name: &m.spec.name,
@@ -90,7 +92,8 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         velocities: &m.placed.velocity_names,
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
-        notes: note.into_iter().collect(),
+        misfit: mobility.map_or(0.0, |x| x.misfit),
+        notes: note.map(str::to_string).into_iter().chain(of_drawing).collect(),
     };
     serde_json::to_string(&summary)
 }

@@ -3,6 +3,7 @@
 
 pub mod closing;
 pub mod clusters;
+pub mod drawing;
 pub mod equations;
 pub mod error;
 pub mod formulation;

@@ -1,10 +1,11 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
+use crate::drawing;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
 use crate::reduction::openness::OPEN;
+use crate::reduction::Reduction;
 pub use crate::reduction::REDUNDANT;
-use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 
@@ -18,7 +19,7 @@ const NEXT_DOOR: f64 = 1e-3;
 const OPENS: f64 = 1e-9;
 
 /// What was found at the start.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Start {
     /// Rank of C.
     pub rank: usize,
@@ -28,6 +29,11 @@ pub struct Start {
     pub gap: f64,
     /// Smallest squared sine kept: κ, the distance of the mechanism from a singular position.
     pub smallest: f64,
+    /// Rows dropped that are redundant but for a misfit of the drawing, ascending, each with what it opens by on a short
+    /// motion, in parts of its size.
+    pub near: Vec<(usize, f64)>,
+    /// The largest of these; 0 where nothing is bridged.
+    pub misfit: f64,
 }
 
 /// Rank at the last position; rows that are nearly nothing as a whole do not count.
@@ -51,13 +57,42 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 /// Rank of the constraints at an assembled position, by pivots with a gap (scaled Delassus matrix).
 ///
 /// A row that is dependent only here (a singular position) is told from a redundant one by a small move along the
-/// mechanism's own motion: redundant rows stay closed and stay dependent.
+/// mechanism's own motion: redundant rows stay closed and stay dependent. Closings that would be redundant in an exact drawing
+/// are bridged within its tolerance.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    let size = system.size();
+    if let Some(b) = drawing::bridged(system, t, q, system.drawing_tolerance())? {
+        let (rank, dropped, gap, smallest) = (b.rank, b.dropped, b.gap, b.smallest);
+        return Ok(Start { rank, dropped, gap, smallest, near: b.near, misfit: b.misfit });
+    }
     let (start, largest_dropped) = ranked(system, t, q)?;
     if start.dropped.is_empty() {
         return Ok(start);
     }
+    if system.drawing_tolerance() > 0.0 {
+        // what misfits by more than the tolerance is a condition of its own, however weak: the drawing is another mechanism
+        if let Some(b) = drawing::beyond(system, t, q)? {
+            return Ok(as_drawn(&b, system));
+        }
+    }
+    persists(system, (t, q), &start, largest_dropped)?;
+    Ok(start)
+}
+
+/// The mechanism as it is drawn: with the conditions that misfit.
+fn as_drawn<S: ConstrainedSystem>(found: &drawing::Bridged, system: &S) -> Start {
+    let is_near = |i: &usize| found.weak.contains(i);
+    let dropped: Vec<usize> = found.dropped.iter().copied().filter(|i| !is_near(i)).collect();
+    let rank = system.size().rows - dropped.len();
+    Start { rank, dropped, gap: found.gap, smallest: found.smallest, ..Start::default() }
+}
+
+/// Are the rows dropped redundant next door too?
+fn persists<S: ConstrainedSystem>(
+    system: &S,
+    (t, q): (f64, &[f64]),
+    start: &Start,
+    largest_dropped: f64,
+) -> Result<(), SystemError> {
     if start.gap < RANK_GAP {
         let message = format!(
             "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
@@ -66,16 +101,33 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
         );
         return Err(SystemError::SingularStart { t, message });
     }
-    if start.rank < size.nv {
-        check_neighbour(system, t, q, &start)?;
+    match start.rank < system.size().nv {
+        true => check_neighbour(system, t, q, start),
+        false => Ok(()),
     }
-    Ok(start)
 }
 
 /// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused: a
 /// singular position has a rank of its own.
 pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     Ok(ranked(system, t, q)?.0)
+}
+
+/// The rank at one position of a mechanism that is bridged: no more than `rank`, that of the mechanism as it was meant.
+pub fn rank_of_ideal<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    let mut r = Reduction::new(system, rank);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let found = r.strongest_rows();
+    let mut kept = vec![false; system.size().rows];
+    let mut start = Start { smallest: 1.0, gap: f64::INFINITY, misfit: f64::EPSILON, ..Start::default() };
+    for (&row, &pivot) in found.kept.iter().zip(&found.pivots).take(rank).filter(|x| *x.1 > REDUNDANT) {
+        kept[row] = true;
+        start.rank += 1;
+        start.smallest = start.smallest.min(pivot);
+    }
+    start.dropped = (0..kept.len()).filter(|&i| !kept[i]).collect();
+    Ok(start)
 }
 
 /// The rank at a position, and the largest squared sine of a row dropped.
@@ -87,7 +139,8 @@ fn ranked<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<(Start,
     let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
     let mut dropped = here.dropped.clone();
     dropped.sort_unstable();
-    Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest }, here.largest_dropped))
+    let (near, misfit) = (Vec::new(), 0.0);
+    Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest, near, misfit }, here.largest_dropped))
 }
 
 /// Take a small step along the motion that the kept rows allow; a redundant row does not notice.
@@ -159,29 +212,7 @@ pub(crate) fn first_partition<S: ConstrainedSystem>(
     t: f64,
     q: &[f64],
 ) -> Result<(), SystemError> {
-    use partita_math::elimination::{Plan, PlanOptions};
-    r.position(t, q)?;
-    r.refresh_scales(t, q)?;
-    let size = r.size();
-    let pattern = r.system.pattern();
-    let plan = Plan::new(
-        pattern,
-        &r.c,
-        &r.eligible_rows(),
-        &vec![true; size.nv],
-        r.row_scales(),
-        r.scales(),
-        r.rank(),
-        PlanOptions::default(),
-    )
-    .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
-    let mut dependent = vec![false; size.nv];
-    for &c in plan.pivot_cols() {
-        dependent[c] = true;
-    }
-    let independent: Vec<usize> = (0..size.nv).filter(|&i| !dependent[i]).collect();
-    r.take(t, plan, &independent)?;
-    r.tangent(t)
+    r.first_partition(t, q)
 }
 
 /// These velocities, ascending: below n and each named once.

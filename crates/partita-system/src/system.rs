@@ -275,6 +275,10 @@ pub trait ConstrainedSystem: Sync {
     fn corners(&self) -> Vec<f64> {
         Vec::new()
     }
+    /// How far the drawing may be off: what is redundant but for so much (radians, parts of sizes) is taken as redundant.
+    fn drawing_tolerance(&self) -> f64 {
+        0.0
+    }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {
         self.row_words(i)

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from .bodies import resolve
 from .checks import Element, choice, direction, name_of, number, vector
 from .drawing import Drawing
-from .relations import Law, Profile, RateLaw
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
 from .records import Coupling, CouplingRecord, Joint
+from .relations import Law, Profile, RateLaw
 from .values import Function, is_table, table
 
 MOST = 12

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from .checks import name_of
-from .records import GROUND, Body, Description
+from .checks import name_of, number
+from .records import GROUND, LARGEST_DRAWING_TOLERANCE, Body, Description
 from .vectors import field
 
 
 class Drawing:
     """A description that grows; `Mechanism` is what people use."""
 
-    def __init__(self, name: str, gravity: Any) -> None:
+    def __init__(self, name: str, gravity: Any, drawing_tolerance: float) -> None:
         element = name_of("mechanism", name)
         constant, changing = field(element, gravity)
-        self._description = Description(element.name, constant, changing)
+        tolerance = number(element, "drawing_tolerance", drawing_tolerance, least=0.0)
+        if tolerance > LARGEST_DRAWING_TOLERANCE:
+            element.fail(
+                f"drawing_tolerance is {tolerance:g} (radians, and parts of lengths); beyond "
+                f"{LARGEST_DRAWING_TOLERANCE:g} the drawing is one of another mechanism"
+            )
+        self._description = Description(element.name, constant, changing, tolerance)
         self._ground = Body(GROUND, self)
 
     @property
@@ -28,6 +34,11 @@ class Drawing:
         """Acceleration of gravity in world axes [m/s^2]; (0, 0, 0) where it was given over time."""
         x, y, z = self._description.gravity.tolist()
         return x, y, z
+
+    @property
+    def drawing_tolerance(self) -> float:
+        """How far the drawing may be off, in radians and in parts of the characteristic lengths."""
+        return self._description.drawing_tolerance
 
     @property
     def ground(self) -> Body:

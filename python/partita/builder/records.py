@@ -160,6 +160,12 @@ class ForceRecord:
     axes: str
 
 
+DRAWING_TOLERANCE = 1e-4
+"""How far a drawing may be off where nothing is said (rad, parts of lengths): four decimals, as drawings have."""
+LARGEST_DRAWING_TOLERANCE = 1e-2
+"""Beyond it, what differs is another mechanism."""
+
+
 @dataclass(frozen=True)
 class LoadRecord:
     """Any other force: `said` is what the user gave, by argument, for files; `means` is what the core is told. Values
@@ -182,6 +188,7 @@ class Description:
     name: str
     gravity: Array
     changing_gravity: tuple[Value, Value, Value] | Function | None = None  # in addition
+    drawing_tolerance: float = DRAWING_TOLERANCE
     bodies: dict[str, BodyRecord] = field(default_factory=dict)
     joints: dict[str, JointRecord] = field(default_factory=dict)
     drives: dict[str, DriveRecord] = field(default_factory=dict)
@@ -197,7 +204,9 @@ class Description:
             name: dict(getattr(self, name))
             for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "numbers")
         }
-        return Description(self.name, self.gravity, self.changing_gravity, version=self.version, **tables)
+        return Description(
+            self.name, self.gravity, self.changing_gravity, self.drawing_tolerance, version=self.version, **tables
+        )
 
     def store(self, table: dict[str, Any], record: Any) -> None:
         """Add a finished record."""

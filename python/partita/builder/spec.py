@@ -53,7 +53,12 @@ class Writer:
 
     def _head(self) -> dict[str, Any]:
         d = self.description
-        return {"partita": VERSION, "name": d.name, "gravity": d.gravity.tolist()}
+        return {
+            "partita": VERSION,
+            "name": d.name,
+            "gravity": d.gravity.tolist(),
+            "drawing_tolerance": d.drawing_tolerance,
+        }
 
     def _lists(self) -> dict[str, Iterator[dict[str, Any]]]:
         d = self.description

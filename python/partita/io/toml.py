@@ -122,7 +122,9 @@ class _File:
             raise self._error(error.pointer, error.sentence) from error
         head = self.content["mechanism"]
         mechanism = self._call(
-            "/mechanism", make, {key: _argument(head[key]) for key in ("name", "gravity") if key in head}
+            "/mechanism",
+            make,
+            {key: _argument(head[key]) for key in ("name", "gravity", "drawing_tolerance") if key in head},
         )
         for tables in _STAGES:
             for kind, pointer, item in self._in_order(tables):

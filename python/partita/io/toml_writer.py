@@ -11,6 +11,7 @@ import numpy as np
 from ..builder import Builder
 from ..builder.checks import Array, Element
 from ..builder.records import (
+    DRAWING_TOLERANCE,
     BodyRecord,
     CouplingRecord,
     DriveRecord,
@@ -34,7 +35,9 @@ def document(mechanism: Builder) -> str:
     d = mechanism._description
     changing, element = d.changing_gravity, Element("mechanism", d.name)
     gravity = d.gravity if changing is None else _vector(element, changing)
-    head = _table("[mechanism]", {"partita": VERSION, "name": d.name, "gravity": gravity})
+    tolerance = None if d.drawing_tolerance == DRAWING_TOLERANCE else d.drawing_tolerance
+    entries = {"partita": VERSION, "name": d.name, "gravity": gravity, "drawing_tolerance": tolerance}
+    head = _table("[mechanism]", entries)
     return "\n".join([head, *_tables(mechanism)])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
+from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import save
 from . import models, solve
@@ -26,9 +27,14 @@ class Mechanism(Modelled):
             changes, as `add_force` takes a force: components that are tables (times, values) or functions f(t, state),
             one table (times (n,), values (n, 3)), or one function that returns three numbers. Gravity that changes has
             no potential: what it does counts as work.
+        drawing_tolerance: how far the drawing may be off, in radians and in parts of the characteristic lengths (0 to
+            0.01). Joints that would over-constrain a mechanism by no more than that, and misfit by no more than a few
+            times that when it moves, are bridged: it moves as the one that was meant; what does not fit is named in
+            `report` and in the notes of a result, watched, and told in its certificate. 0 means every digit.
 
     Raises:
-        DescriptionError: the name is not text or gravity is not three finite numbers.
+        DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is no number
+            above or equal to 0.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("four-bar")
@@ -45,8 +51,10 @@ class Mechanism(Modelled):
     1
     """
 
-    def __init__(self, name: str, gravity: Any = (0.0, -9.81, 0.0)) -> None:
-        super().__init__(name, gravity)
+    def __init__(
+        self, name: str, gravity: Any = (0.0, -9.81, 0.0), *, drawing_tolerance: float = DRAWING_TOLERANCE
+    ) -> None:
+        super().__init__(name, gravity, drawing_tolerance)
 
     compile = models.compile
     assemble = solve.assemble

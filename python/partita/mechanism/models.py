@@ -16,8 +16,8 @@ from ..state import Layout
 class Modelled(Builder):
     """A builder that keeps the models made of it until the description changes."""
 
-    def __init__(self, name: str, gravity: Any) -> None:
-        super().__init__(name, gravity)
+    def __init__(self, name: str, gravity: Any, drawing_tolerance: float) -> None:
+        super().__init__(name, gravity, drawing_tolerance)
         self._compiled: dict[str, tuple[int, CompiledModel, Layout]] = {}
 
     def __getstate__(self) -> dict[str, object]:

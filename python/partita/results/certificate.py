@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
-from .verdict import Finding, of_arrays, of_energy, of_reactions, tolerance, word_of
+from .verdict import Finding, allowed, of_arrays, of_energy, of_reactions, word_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -63,8 +63,9 @@ class Certificate:
     margin: float = float("nan")
     """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
-    misfit: float | None = None
-    """By how much conditions are off that a drawing meets within its tolerance only; None where none was bridged."""
+    misfit: float = 0.0
+    """Largest part of its size (of a radian, of the length of its loop) by which a closing stood open that the drawing
+    tolerance bridges; 0 where the drawing fits. `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
     """What stands against the run: broken or doubtful, when [s], and a sentence."""
 
@@ -87,9 +88,9 @@ class Certificate:
                 [f"rank              {_ranks(self.rank)}, margin {_placed(self.margin, self.margin_t)}"]
                 * bool(self.rank)
             ),
-            *([f"misfit            {self.misfit:.2e}"] if self.misfit is not None else []),
             f"smallest sigma    {_placed(self.sigma, self.sigma_t)}",
             f"smallest sqrt(mu) {_placed(self.sqrt_mu, self.sqrt_mu_t)}",
+            *([f"drawing misfit    {_shown(self.misfit)}  (bridged by the drawing tolerance)"] if self.misfit else []),
             f"switches          {self.switches}",
             f"corrections       {self.corrections}",
         ]
@@ -110,12 +111,15 @@ def certify(result: Readable) -> Certificate:
         try:
             residual = result.reactions["residual"]
             newton_euler = _largest(residual)
-            findings += of_reactions(result.t, residual, result.record.options)
+            findings += of_reactions(result.t, residual, result.record.options, result.record.misfit)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
     if result.has_energy:
         findings += of_energy(
-            result.t, result.energy, tolerance(result.record.options), int(result.counters.get("steps", 0))
+            result.t,
+            result.energy,
+            allowed(result.record.options, result.record.misfit),
+            int(result.counters.get("steps", 0)),
         )
     grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
     if newton_euler is not None:
@@ -135,6 +139,7 @@ def certify(result: Readable) -> Certificate:
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
         **grown,
+        misfit=result.record.misfit,
         findings=tuple(dict.fromkeys(findings)),
     )
 

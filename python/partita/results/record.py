@@ -14,8 +14,8 @@ from .tables import Tables
 from .verdict import Finding, findings_of
 
 ACCOUNT = (
-    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "findings",
-    "options", "spec",
+    "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
+    "findings", "options", "spec",
 )  # fmt: skip
 
 
@@ -35,6 +35,8 @@ class Record:
     """Largest |Phi| and |C v + a| at the ends of the steps taken."""
     gaps: tuple[float, float] = (0.0, 0.0)
     """The same in parts of what a large move opens each condition by, and of the fastest rate."""
+    misfit: float = 0.0
+    """Largest part of its size that a closing which the drawing tolerance bridges stood open by; 0 where none is."""
     findings: list[Finding] = field(default_factory=list)
     """What stands against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
@@ -68,6 +70,7 @@ class Record:
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
             gaps=_pair(raw.get("gaps")),
+            misfit=float(raw.get("misfit", 0.0)),
             findings=findings_of(raw.get("findings", ())),
             options=dict(options),
             error=raw.get("error"),
@@ -88,8 +91,9 @@ class Record:
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
         spec = account["spec"]
-        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open", "gaps", "findings")}
+        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open", "gaps", "misfit", "findings")}
         told["steps_open"], told["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
+        told["misfit"] = _pair((account.get("misfit", 0.0), 0.0))[0]
         told["findings"] = findings_of(account.get("findings", ()))
         return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
 

@@ -25,7 +25,7 @@ from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
 from .source import BODIES, Arrays, ModelSource, Source
-from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, word_of
+from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, word_of
 
 if TYPE_CHECKING:
     import pandas
@@ -123,11 +123,10 @@ class Result:
         known = list(self._record.findings)
         if self._source is not None and len(self.t):
             ends = [0, -1] if len(self.t) > 1 else [0]
-            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options)
+            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options, self._record.misfit)
             if self.has_energy:
-                own += of_energy(
-                    self.t, self.energy, tolerance(self._record.options), int(self.counters.get("steps", 0))
-                )
+                explained = allowed(self._record.options, self._record.misfit)
+                own += of_energy(self.t, self.energy, explained, int(self.counters.get("steps", 0)))
             self._warn(own)
             known += own
         return known

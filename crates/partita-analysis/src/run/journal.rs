@@ -56,6 +56,9 @@ pub struct Assessed {
     pub sqrt_mu: Vec<f64>,
 }
 
+/// Numbers kept of what stands open at an output: a part and a row of each kind, and the fastest rate.
+const OPEN: usize = 9;
+
 /// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores nor
 /// on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
 fn chunk(nv: usize) -> usize {
@@ -113,10 +116,13 @@ impl Journal {
             rows.row(3, i)[0] = sample.closure;
             rows.row(4, i)[0] = sample.velocity_closure;
             let (position, velocity) = (sample.gaps.position, sample.gaps.velocity);
-            let open = [position.part, position.row as f64, velocity.part, velocity.row as f64, sample.fastest];
-            rows.row(5, i).copy_from_slice(&open);
+            let (misfit, rate) = (sample.gaps.misfit, sample.gaps.misfit_rate);
+            let open = [position, velocity, misfit, rate].map(|gap| [gap.part, gap.row as f64]).concat();
+            let (last, open_to) = (OPEN - 1, rows.row(5, i));
+            open_to[..last].copy_from_slice(&open);
+            open_to[last] = sample.fastest;
         };
-        let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1, 5], fill, watch)?;
+        let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1, OPEN], fill, watch)?;
         let mut next = || found.next().unwrap_or_default();
         let (vdot, multipliers, independent) = (next(), next(), next());
         let (closure, velocity_closure) = (next(), next());
@@ -163,12 +169,13 @@ impl Journal {
 
     /// The worst of what was open at the outputs.
     fn worst(&self, open: &[f64]) -> Gaps {
-        let fastest = largest(open.chunks_exact(5).map(|x| x[4]));
+        let fastest = largest(open.chunks_exact(OPEN).map(|x| x[OPEN - 1]));
         let mut gaps = Gaps::default();
-        for (x, output) in open.chunks_exact(5).zip(&self.outputs) {
-            let gap = |part: f64, row: f64| Gap { part, t: output.t, row: row as usize };
-            let rate = if x[2] > 0.0 { x[2] / fastest } else { 0.0 };
-            gaps.raise(&Gaps { position: gap(x[0], x[1]), velocity: gap(rate, x[3]) });
+        for (x, output) in open.chunks_exact(OPEN).zip(&self.outputs) {
+            let gap = |i: usize| Gap { part: x[2 * i], t: output.t, row: x[2 * i + 1] as usize };
+            let mut here = Gaps { position: gap(0), velocity: gap(1), misfit: gap(2), misfit_rate: gap(3) };
+            here.in_parts_of(fastest);
+            gaps.raise(&here);
         }
         gaps
     }

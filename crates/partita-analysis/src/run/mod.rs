@@ -15,6 +15,7 @@ use partita_integrate::simulate::{simulate, Outcome, Status};
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Gaps, Output};
+use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::ConstrainedSystem;
@@ -91,14 +92,18 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if let Some((end, _)) = &ends {
         settings.t_end = *end;
     }
-    let options = request.formulation_options(system, tangent)?;
-    let limits = Limits::of(request);
+    let mut options = request.formulation_options(system, tangent)?;
+    let mut limits = Limits::of(request);
     let mut notes = Vec::new();
     let unread = registry::unread(&request.formulation, &options);
     if !unread.is_empty() {
         notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
     }
     let found = start::analyse(system, request.t0, q)?;
+    if found.misfit > 0.0 {
+        options.misfit = bridged_gap(system.drawing_tolerance());
+        limits.misfit = options.misfit;
+    }
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
         consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;

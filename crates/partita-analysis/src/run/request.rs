@@ -164,6 +164,7 @@ impl Request {
             baumgarte: self.baumgarte,
             renew,
             tangent,
+            misfit: 0.0,
         })
     }
 }

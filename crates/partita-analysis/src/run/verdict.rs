@@ -35,6 +35,8 @@ pub struct Limits {
     pub position: (f64, f64),
     /// Rates, in parts of the fastest.
     pub velocity: (f64, f64),
+    /// Closings that a drawing tolerance bridges, in parts of their sizes, and their rates in parts of the fastest.
+    pub misfit: f64,
 }
 
 impl Limits {
@@ -50,6 +52,7 @@ impl Limits {
         Self {
             position: (position, (10.0 * explained).max(OPEN)),
             velocity: (velocity, (10.0 * explained).max(OPEN_RATE)),
+            misfit: 0.0,
         }
     }
 
@@ -71,6 +74,10 @@ impl Limits {
         };
         look(gaps.position, self.position, "the closing", "its size");
         look(gaps.velocity, self.velocity, "the rate", "the fastest");
+        // beyond the tolerance it is broken: there is nothing between a misfit that was allowed and one that was not
+        let rates = (4.0 * self.misfit).max(OPEN_RATE); // a misfit of a turn goes round with twice its rate, there and back
+        look(gaps.misfit, (self.misfit, self.misfit), "the closing that the drawing tolerance bridges", "its size");
+        look(gaps.misfit_rate, (rates, rates), "the rate of what the drawing tolerance bridges", "the fastest");
     }
 }
 
@@ -112,7 +119,7 @@ mod tests {
         let m = model(four_bar([Revolute; 4]));
         let gap = |part: f64| Gap { part, t: 0.5, row: 1 };
         let mut found = Vec::new();
-        let gaps = Gaps { position: gap(position), velocity: gap(velocity) };
+        let gaps = Gaps { position: gap(position), velocity: gap(velocity), ..Gaps::default() };
         Limits::of(request).judge(&m, &gaps, "the output", &mut found);
         match (found.iter().any(|f| f.broken), found.is_empty()) {
             (true, _) => "broken",

@@ -6,7 +6,9 @@ use partita_math::spatial::Quaternion;
 use partita_model::loop_closure::LoopClosing;
 use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
-use partita_model::spec::{Body, Cut, Drive, Joint, JointKind, Level, Measure, Spec, Value, VERSION};
+use partita_model::spec::{
+    Body, Cut, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION,
+};
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
 use partita_model::Model;
@@ -28,6 +30,7 @@ pub fn drawing(name: &str) -> Drawing {
         partita: VERSION,
         name: name.into(),
         gravity: [0.0, -9.81, 0.0],
+        drawing_tolerance: DRAWING_TOLERANCE,
         bodies: vec![],
         joints: vec![],
         couplings: vec![],

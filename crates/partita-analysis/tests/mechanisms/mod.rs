@@ -6,7 +6,7 @@ use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
 use partita_model::spec::{
     Axes, Body, Bushing, Contact, Cut, Drive, Force, Friction, Gravity, Joint, JointKind, Law, Level, Measure, Sight,
-    Spec, Spot, Stop, Tyre, Value, VectorValue, Weightless, VERSION,
+    Spec, Spot, Stop, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
 };
 use partita_model::value::Functions;
 use partita_model::Model;
@@ -88,6 +88,7 @@ pub fn empty(name: &str) -> Spec {
         partita: VERSION,
         name: name.into(),
         gravity,
+        drawing_tolerance: DRAWING_TOLERANCE,
         bodies: vec![],
         joints: vec![],
         couplings: vec![],

@@ -80,6 +80,9 @@ impl ConstrainedSystem for Model {
     fn corners(&self) -> Vec<f64> {
         crate::horizon::corners(&self.spec)
     }
+    fn drawing_tolerance(&self) -> f64 {
+        self.spec.drawing_tolerance
+    }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))
     }

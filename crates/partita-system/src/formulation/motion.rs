@@ -12,6 +12,8 @@ mod passing;
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
+use crate::kinematics::projection::correct_orthogonally;
+use crate::kinematics::velocity::near_with_rates;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -52,7 +54,14 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     watch: Watch,
     v: Vec<f64>,
     vdot: Vec<f64>,
+    /// Rows kept up to the last step taken: where others are, what misfits is open in others.
+    rows: Vec<usize>,
+    /// The end of that step, as it was with these rows.
+    taken: Output,
 }
+
+/// Newton's method from a misfit of a hundredth reaches round-off in three steps; one more sees it.
+const CLOSE_OTHERS: usize = 4;
 
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
 pub type Projective<'s, S> = Motion<'s, S, Chosen<'s, S>, All>;
@@ -74,7 +83,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size().nq, options.correction);
-        Self::with(name, system, Chosen::new(system, rank, options), positions)
+        Self::with(name, system, Chosen::new(system, rank, options), positions, options.misfit)
     }
 }
 
@@ -83,7 +92,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
         let positions = Independent::new(system, rank, Newton::default());
-        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
+        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions, options.misfit))
     }
 }
 
@@ -92,7 +101,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
         let positions = Independent::new(system, rank, InverseKinematics::default());
-        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
+        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions, options.misfit))
     }
 }
 
@@ -100,7 +109,7 @@ impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
         let (name, positions) = (basis.name(), All::new(system.size().nq, options.correction));
-        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions)
+        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions, options.misfit)
     }
 }
 
@@ -109,7 +118,7 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "tangent-space", "parametrises closed positions")?;
         let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
-        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
+        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?, options.misfit))
     }
 }
 
@@ -122,7 +131,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size().nq, options.correction).whole_turns();
-        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))
+        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions, options.misfit))
     }
 }
 
@@ -132,27 +141,29 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
         let positions = All::new(system.size().nq, tangent.correction);
-        Self::with(name, system, tangent, positions)
+        Self::with(name, system, tangent, positions, options.misfit)
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
+    fn with(name: &'static str, system: &'s S, tangent: T, positions: P, misfit: f64) -> Self {
         let (n, r) = (system.size().nv, tangent.seen());
         Self {
             name,
             system,
             k: tangent.count(),
-            describer: Describer::new(system, r.rank(), r.is_dense()),
+            describer: Describer::new(system, r.rank(), r.is_dense(), misfit > 0.0),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
             way: Way::new(system.size()),
-            watch: Watch::default(),
+            watch: Watch::new(misfit),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
+            rows: Vec::new(),
+            taken: Output::default(),
         }
     }
 
@@ -216,6 +227,81 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
+    /// Take the step or take it back, and choose anew where that is due.
+    fn conclude(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
+        let t = step.t;
+        if verdict == Verdict::Repeat {
+            if self.way.lost {
+                return self.cross_again(step);
+            }
+            if self.way.spoilt {
+                self.way.spoilt_in_a_row += 1;
+                let (half_t, half) = self.half_way();
+                let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
+                // one that stays has no other to go on with
+                if let e @ SystemError::DeadPoint { .. } = self.tangent.blame(half_t, &half, singular) {
+                    return Err(e);
+                }
+            }
+            self.evaluate(t, step.y)?;
+            if let Some(e) = self.positions.broken(&mut self.tangent, t) {
+                return Err(e);
+            }
+            self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?;
+            self.derivative(t, step.y, step.dy)?;
+            self.tangent.seen().sides(&mut self.way.sides);
+            if let (Some(zero), Some(pace)) = (self.way.passage.crossing(), step.pace.as_deref_mut()) {
+                // half a crossing step would end next to the position
+                self.way.passage.cross(zero, t, pace);
+            }
+            return Ok(true);
+        }
+        self.watch.accept();
+        self.way.spoilt_in_a_row = 0;
+        if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
+            self.evaluate(t, step.y)?; // outputs were evaluated since
+        }
+        let why = self.positions.wants_change().map_or(Occasion::Decayed, Occasion::Positions);
+        self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
+        let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
+        self.tangent.accept(t, self.positions.q())?;
+        if self.way.passage.crossed(t, self.flip(t)) {
+            self.way.trail.clear();
+        }
+        self.begin();
+        rewritten |= self.positions.wrap(&self.tangent, step.y, step.turns);
+        rewritten |= self.plan_ahead(step)?;
+        Ok(rewritten)
+    }
+
+    /// Other rows are kept from here on, and what misfits in the drawing is open in others than before: the least move in the
+    /// mass metric closes these, and the least change of velocities keeps their rates.                 (33, 35)
+    fn close_other_rows(&mut self, step: &mut Step) -> Result<()> {
+        let (p, w) = self.places();
+        let t = step.t;
+        if self.taken.t != t {
+            self.evaluate(t, step.y)?; // gone back farther than the last step
+            self.taken.set(t, self.positions.q(), &self.tangent.seen().v, 0.0);
+        }
+        let mut q = self.taken.q.clone();
+        let r = self.tangent.reduction();
+        for _ in 0..CLOSE_OTHERS {
+            r.position(t, &q)?;
+            if r.is_closed() {
+                break;
+            }
+            correct_orthogonally(r, t, &mut q)?;
+            r.system.normalise(&mut q);
+        }
+        let v = near_with_rates(r, t, &q, &self.taken.v, &[])?;
+        self.positions.rewrite(&mut self.tangent, &q, step.y);
+        if self.positions.holds_all() {
+            step.y[..p].copy_from_slice(&q);
+        }
+        self.tangent.select(&v, &mut step.y[p..w]);
+        self.derivative(t, step.y, step.dy)
+    }
+
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.places();
@@ -260,6 +346,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
+        self.rows.clone_from(&self.tangent.seen().partition.rows);
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
@@ -303,49 +390,24 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
-        let t = step.t;
-        if verdict == Verdict::Repeat {
-            if self.way.lost {
-                return self.cross_again(step);
-            }
-            if self.way.spoilt {
-                self.way.spoilt_in_a_row += 1;
-                let (half_t, half) = self.half_way();
-                let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
-                // one that stays has no other to go on with
-                if let e @ SystemError::DeadPoint { .. } = self.tangent.blame(half_t, &half, singular) {
-                    return Err(e);
-                }
-            }
-            self.evaluate(t, step.y)?;
-            if let Some(e) = self.positions.broken(&mut self.tangent, t) {
-                return Err(e);
-            }
-            self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?;
-            self.derivative(t, step.y, step.dy)?;
-            self.tangent.seen().sides(&mut self.way.sides);
-            if let (Some(zero), Some(pace)) = (self.way.passage.crossing(), step.pace.as_deref_mut()) {
-                // half a crossing step would end next to the position
-                self.way.passage.cross(zero, t, pace);
-            }
-            return Ok(true);
+        if !self.watch.bridges() {
+            return self.conclude(verdict, step);
         }
-        self.watch.accept();
-        self.way.spoilt_in_a_row = 0;
-        if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
-            self.evaluate(t, step.y)?; // outputs were evaluated since
+        if verdict != Verdict::Repeat {
+            if self.moved {
+                self.evaluate(step.t, step.y)?;
+            }
+            self.tangent.base_mut().look_at_rows();
+            self.taken.set(step.t, self.positions.q(), &self.tangent.seen().v, 0.0);
         }
-        let why = self.positions.wants_change().map_or(Occasion::Decayed, Occasion::Positions);
-        self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
-        let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
-        self.tangent.accept(t, self.positions.q())?;
-        if self.way.passage.crossed(t, self.flip(t)) {
-            self.way.trail.clear();
+        let rewritten = self.conclude(verdict, step)?;
+        let now = &self.tangent.seen().partition.rows;
+        if now.iter().all(|row| self.rows.contains(row)) {
+            return Ok(rewritten);
         }
-        self.begin();
-        rewritten |= self.positions.wrap(&self.tangent, step.y, step.turns);
-        rewritten |= self.plan_ahead(step)?;
-        Ok(rewritten)
+        self.rows.clone_from(now);
+        self.close_other_rows(step)?;
+        Ok(true)
     }
 
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {

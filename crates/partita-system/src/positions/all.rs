@@ -50,7 +50,7 @@ impl All {
         let mut left = f64::INFINITY;
         for _ in 0..8 {
             tangent.reduction().position(t, &self.q)?;
-            let now = tangent.seen().closure();
+            let now = tangent.seen().closure_of_kept();
             if now >= left {
                 self.q.copy_from_slice(&self.last);
                 return tangent.reduction().position(t, &self.q);
@@ -92,6 +92,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
             false => tangent.reduction().position(t, &self.q)?,
         }
         Ok(false)
+    }
+    fn holds_all(&self) -> bool {
+        true
     }
     fn q(&self) -> &[f64] {
         &self.q

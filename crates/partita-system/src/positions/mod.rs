@@ -52,6 +52,10 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
     /// The tangent has chosen anew at q: write y for it.
     fn rewrite(&mut self, _tangent: &mut T, _q: &[f64], _y: &mut [f64]) {}
+    /// Do the leading components of y hold q itself?
+    fn holds_all(&self) -> bool {
+        false
+    }
     /// Has repeating the step been in vain too often? Then this is what to say.
     fn broken(&mut self, _tangent: &mut T, _t: f64) -> Option<SystemError> {
         None

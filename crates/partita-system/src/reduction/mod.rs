@@ -6,7 +6,7 @@ mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
-pub use rows::REDUNDANT;
+pub use rows::{bridged_gap, bridged_row, REDUNDANT};
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
@@ -21,6 +21,9 @@ pub const SINGULAR_PIVOT: f64 = 1e-7;
 
 /// No column.
 const NONE: u32 = u32::MAX;
+
+/// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
+pub const FITS: f64 = 1e-11;
 
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.
 const EMPTY_ROW: f64 = 1e-26;
@@ -94,6 +97,10 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
     dropped: Vec<usize>,
+    /// May the drawing tolerance bridge this row? A closing that is not kept, where there is one: nothing is closed by it.
+    bridges: Vec<bool>,
+    /// Must the rows in use stay in use?
+    rows_stay: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -178,6 +185,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
             row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
             dropped: Vec::new(),
+            bridges: vec![false; size.rows],
+            rows_stay: false,
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -301,6 +310,22 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.take(t, plan, independent)
     }
 
+    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent there.
+    pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.position(t, q)?;
+        self.refresh_scales(t, q)?;
+        let pattern = self.system.pattern();
+        let (rows, any) = (self.eligible_rows(), vec![true; self.size.nv]);
+        let plan =
+            Plan::new(pattern, &self.c, &rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        let mut dependent = vec![false; self.size.nv];
+        plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
+        let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();
+        self.take(t, plan, &independent)?;
+        self.tangent(t)
+    }
+
     /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
     pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
         self.plans += 1;
@@ -329,6 +354,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         let mut dropped = vec![true; self.size.rows];
         self.partition.rows.iter().for_each(|&i| dropped[i] = false);
         self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
+        if self.system.drawing_tolerance() > 0.0 {
+            let closing = |i: usize| i < self.size.holonomic && !self.system.row_is_drive(i);
+            self.bridges.iter_mut().enumerate().for_each(|(i, x)| *x = dropped[i] && closing(i));
+        }
         self.plan_recursion();
         self.place_columns(independent);
         let mut place = vec![NONE; self.size.nv];
@@ -439,7 +468,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t });
         }
         let independent = std::mem::take(&mut self.partition.independent);
+        // inside a step other rows would close other positions, where the drawing misfits
+        self.rows_stay = self.rank < self.size.rows && self.misfit().0 > FITS;
         let planned = self.set_partition(t, &independent);
+        self.rows_stay = false;
         if planned.is_err() {
             self.partition.independent = independent;
         }
@@ -569,7 +601,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             true => 0.0,
             false => self.row_scale[i],
         };
-        let residual = self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
+        let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.bridges[*i]);
+        let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
         let scale = if known { &self.reach } else { &self.s };
         let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
         if moved > LARGEST_AMPLIFICATION * residual && moved < POSTPONED {

@@ -6,8 +6,9 @@
 
 use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
-use crate::record::{Gap, Gaps, Output, Sample};
+use crate::record::{Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
+use crate::singular::consistency::gaps_of_output;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -18,14 +19,16 @@ pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
     dense: bool,
+    /// Are closings bridged by a drawing tolerance?
+    bridged: bool,
     probe: Option<Reduction<'s, S>>,
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
     /// whose quality is told by them.
-    pub fn new(system: &'s S, rank: usize, dense: bool) -> Self {
-        Self { system, rank, dense, probe: None }
+    pub fn new(system: &'s S, rank: usize, dense: bool, bridged: bool) -> Self {
+        Self { system, rank, dense, bridged, probe: None }
     }
 
     /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
@@ -37,7 +40,7 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         independent: Option<&[usize]>,
         out: &mut Sample,
     ) -> Result<Option<&mut Reduction<'s, S>>> {
-        let (system, rank, dense) = (self.system, self.rank, self.dense);
+        let (system, rank, dense, bridged) = (self.system, self.rank, self.dense, self.bridged);
         let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
         let r = self.probe.get_or_insert_with(|| match dense {
             true => Reduction::dense(system, rank),
@@ -50,14 +53,14 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         out.note = None;
         let why = match at.singular {
             true => "the mechanism stands in a singular position".into(),
-            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
+            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, (v, bridged), out)) {
                 Ok(()) => return Ok(Some(r)),
                 Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
                 Err(e) => return Err(e),
             },
         };
         r.position(t, q)?;
-        closures(r, v, out);
+        closures(r, v, bridged, out);
         out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
         undetermined(r.size().nv, r.size().rows, &why, out);
         Ok(None)
@@ -86,18 +89,23 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
     }
 }
 
-fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
+fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], bridged: bool, out: &mut Sample) {
     out.closure = r.closure();
     r.v.copy_from_slice(v);
-    let gap = |(part, row): (f64, usize)| Gap { part, t: out.t, row };
-    out.gaps = Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()) };
+    out.gaps = gaps_of_output(out.t, r, bridged);
     out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
 
-fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64], out: &mut Sample) -> Result<()> {
+fn levels<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    (v, bridged): (&[f64], bool),
+    out: &mut Sample,
+) -> Result<()> {
     let size = r.size();
-    closures(r, v, out);
+    closures(r, v, bridged, out);
     r.tangent(t)?;
     r.velocity(t, q)?;
     r.acceleration(t, q)?;

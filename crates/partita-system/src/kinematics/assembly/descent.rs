@@ -4,6 +4,7 @@
 //! by itself: a thousand loops side by side take as many iterations as the slowest of them.
 
 use super::scaled::Scaled;
+use crate::drawing;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::least_norm::LeastNorm;
 
@@ -145,6 +146,17 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         locked.iter().for_each(|&v| self.scaled.locked[v] = true);
     }
 
+    /// Near a closed position: leave out the closings that the drawing tolerance bridges there. True if there are any.
+    pub fn bridge(&mut self, t: f64, q: &[f64]) -> Result<bool, SystemError> {
+        let system = self.scaled.system;
+        self.scaled.bridged.fill(false);
+        let found = drawing::bridged(system, t, q, system.drawing_tolerance())?;
+        for i in found.iter().flat_map(|x| &x.dropped).filter(|i| !system.row_is_drive(**i)) {
+            self.scaled.bridged[*i] = true;
+        }
+        Ok(found.is_some())
+    }
+
     /// Φ and C at (t, q), and what is open in each part.
     pub fn evaluate(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.scaled.evaluate(t, q)?;
@@ -160,6 +172,14 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
             p.active = p.worst > tolerance;
             p.ending = if p.active { Ending::Open } else { Ending::Closed };
             (p.damping, p.idle) = (FIRST_DAMPING, 0);
+        }
+    }
+
+    /// Parts that gain nothing any more and are open by no more than this are as closed as their drawing allows.
+    pub fn accept_last_digits(&mut self, open: f64) {
+        let stays = |p: &Part| matches!(p.ending, Ending::AtRest | Ending::Unfinished);
+        for p in self.parts.iter_mut().filter(|p| stays(p) && p.worst <= open) {
+            p.ending = Ending::Closed;
         }
     }
 
