@@ -99,7 +99,7 @@ fn candidates<S: ConstrainedSystem>(
     q: &[f64],
     tolerance: f64,
 ) -> Result<Option<Candidates>, SystemError> {
-    let mut r = Reduction::new(system, 0);
+    let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let limit = bridged_row(tolerance);
@@ -147,7 +147,7 @@ fn tried<S: ConstrainedSystem>(
     found: Candidates,
 ) -> Result<Option<Bridged>, SystemError> {
     let mut bridged = found.bridged;
-    let mut r = Reduction::new(system, found.closings);
+    let mut r = Reduction::geometric(system, found.closings);
     match r.first_partition(t, q) {
         Ok(()) => {}
         Err(SystemError::Singular { .. }) => return Ok(None),

@@ -101,6 +101,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     bridges: Vec<bool>,
     /// Must the rows in use stay in use?
     rows_stay: bool,
+    /// Do velocities weigh by their reaches, whatever the masses?
+    weighs_reaches: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -154,6 +156,13 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         new
     }
 
+    /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
+    pub fn geometric(system: &'s S, rank: usize) -> Self {
+        let mut new = Self::new(system, rank);
+        new.weighs_reaches = true;
+        new
+    }
+
     /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many freedoms there are.
     pub fn dense(system: &'s S, rank: usize) -> Self {
         let size = system.size();
@@ -187,6 +196,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             dropped: Vec::new(),
             bridges: vec![false; size.rows],
             rows_stay: false,
+            weighs_reaches: false,
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -260,7 +270,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
     pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?;
+        match self.weighs_reaches {
+            true => self.s2.iter_mut().zip(&self.reach).for_each(|(s2, reach)| *s2 = reach * reach),
+            false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
+        }
         if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
             return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
         }
