@@ -182,7 +182,14 @@ def built() -> dict[str, Callable[[], Call]]:
             "name": "d",
         },
         "add_compliance": {"joint": "A", "translation": 1e-8, "rotation": (0.0, 1e-6, 0.0)},
-        "add_torque": {"joint": "A", "value": 1.0, "coordinate": 0, "name": "t"},
+        "add_torque": {
+            "joint": "A",
+            "value": ([0.0, 1.0], [0.0, 1.0]),
+            "over": "P",
+            "periodic": False,
+            "coordinate": 0,
+            "name": "t",
+        },
         "add_force": {"body": "rod", "force": X, "point": ORIGIN, "axes": "world", "name": "f"},
         "add_spring": {
             "name": "s",

@@ -311,3 +311,45 @@ def test_files_keep_couplings(tmp_path: Any) -> None:
     path = tmp_path / "m.toml"
     m.save(path)
     assert pt.load(path).to_spec() == m.to_spec()
+
+
+@BOTH
+def test_a_gas_force_over_the_crank_angle(coordinates: str) -> None:
+    """A table over an angle does the work that its area says; the same as a function of the state."""
+    x = np.linspace(-np.pi, np.pi, 2001)
+    m = wheels(1.0, 2.0)
+    m.add_gear("A1", "A2", ratio=1.0)
+    m.add_torque("A2", (x, 0.3 * np.sin(x)), over="A1", periodic=True)
+    m.add_torque("A1", 0.1)
+    r = run(m, coordinates, 8.0, rtol=1e-9)
+    angle, rate = r.joint("A1").position[:, 0], r.joint("A1").velocity[:, 0]
+    assert angle[-1] > 1.7
+    # 3 w^2 / 2 = 0.1 a + 0.3 (1 - cos a); the table's own error is the square of its spacing
+    assert np.allclose(1.5 * rate**2, 0.1 * angle + 0.3 * (1 - np.cos(angle)), atol=2e-6)
+
+
+@BOTH
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 2, 2)])
+def test_a_torsion_spring_swings_wherever_its_joint_stands(coordinates: str, axis: tuple[float, ...]) -> None:
+    m = pt.Mechanism("balance wheel", gravity=(0, 0, 0))
+    wheel = m.add_body("wheel", mass=1.0, inertia=(2.0, 2.0, 2.0))
+    m.add_revolute("A", m.ground, wheel, point=(0, 0, 0), axis=axis)
+    m.add_torsion_spring("A", stiffness=8.0, angle=0.5)
+    r = run(m, coordinates, 5.0)
+    assert np.allclose(r.joint("A").position[:, 0], 0.5 * (1 - np.cos(2.0 * r.t)), atol=1e-9)
+    assert np.ptp(r.energy.total) < 1e-9
+
+
+def test_a_spring_wound_beyond_what_is_known_says_so() -> None:
+    """In the tree turns are counted; in absolute coordinates in space a turned wheel is known within half a turn."""
+    m = pt.Mechanism("winder", gravity=(0, 0, 0))
+    wheel = m.add_body("wheel", mass=1.0, inertia=(2.0, 2.0, 2.0))
+    m.add_revolute("A", m.ground, wheel, point=(0, 0, 0), axis=(1, 2, 2))
+    # a second axis, so that the mechanism is none of the plane, where angles are counted
+    fan = m.add_body("fan", mass=1.0, inertia=(2.0, 2.0, 2.0), position=(1, 0, 0))
+    m.add_revolute("B", m.ground, fan, point=(1, 0, 0), axis=(1, 0, 0))
+    m.add_torsion_spring("A", stiffness=1.0)
+    m.add_drive("A", velocity=2.0)
+    assert run(m, "relative", 4.0).joint("A").drive[-1, 0] == pytest.approx(8.0)
+    r = m.simulate(4.0, coordinates="absolute")
+    assert not r.success and "wound by" in r.message and "in the tree" in r.message

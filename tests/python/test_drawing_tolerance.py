@@ -133,13 +133,14 @@ def test_beyond_the_tolerance_it_is_a_structure_that_is_named(coordinates: str) 
     for off in (1e-3, 1e-2):
         model = four_bar(off).compile(coordinates=coordinates)
         assert model.mobility == 0
-        said = str(four_bar(off).report(coordinates=coordinates))
+        said = " ".join(four_bar(off).report(coordinates=coordinates).split())
         assert "a structure only because the drawing does not fit" in said
         assert f"C is {np.degrees(off):.3f} deg out of parallel with A, B and D" in said
         assert "1 degree of freedom" in said and "drawing_tolerance" in said
     # the hinge that is tilted locks; the others go on
     assert five_bar(1e-3).compile(coordinates=coordinates).mobility == 1
-    assert "less mobile only because the drawing does not fit" in str(five_bar(1e-3).report(coordinates=coordinates))
+    said = " ".join(five_bar(1e-3).report(coordinates=coordinates).split())
+    assert "less mobile only because the drawing does not fit" in said
     assert four_bar(1e-3, drawing_tolerance=1e-3).compile(coordinates=coordinates).mobility == 1
 
 
@@ -149,7 +150,7 @@ def test_a_tolerance_of_nothing_means_every_digit(off: float, coordinates: str) 
     exact = four_bar(off, drawing_tolerance=1e-9)
     assert exact.compile(coordinates=coordinates).mobility == 0
     if off == 1e-5:  # weaker ones cannot be told from a singular position by numbers of sixteen digits
-        assert "out of parallel" in str(exact.report(coordinates=coordinates))
+        assert "out of parallel" in " ".join(exact.report(coordinates=coordinates).split())
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])

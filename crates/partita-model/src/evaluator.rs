@@ -423,7 +423,8 @@ fn mechanics<G: Space>(
     let (tree, mut rows) = compile::compile::<G>(spec, placed, numbers);
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
-    Ok((Mechanics::new(tree, conditions, Element::all(spec, placed, numbers)?, massive), rows))
+    let elements = Element::all(spec, placed, numbers, &tree)?;
+    Ok((Mechanics::new(tree, conditions, elements, massive), rows))
 }
 
 /// Links with mass or inertia.

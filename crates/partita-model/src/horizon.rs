@@ -14,6 +14,8 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
     let drives = spec.drives.iter().map(|d| (&d.motion, words(&d.name, "drive")));
     let forces = spec.forces.iter().flat_map(|f| {
         let values = match f {
+            // a table over a coordinate has no end in time
+            Force::Torque { over: Some(_), .. } => Vec::new(),
             Force::Torque { value, .. } => vec![value],
             Force::Force { value, .. } => tables(value),
             Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),

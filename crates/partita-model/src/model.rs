@@ -429,7 +429,8 @@ impl Look<'_> {
                         Some(terms.iter().zip(factors).fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.reach(t))))
                     }
                     Coupling::Curve { terms, .. } => Some(self.reach(&terms[0])),
-                    Coupling::Function { .. } | Coupling::Roll { .. } => None,
+                    Coupling::Function { terms, like, .. } => like.and_then(|i| terms.get(i)).map(|m| self.reach(m)),
+                    Coupling::Roll { .. } => None,
                 },
             };
             reaches.extend(vec![of; c.rows()]);
@@ -447,7 +448,7 @@ impl Look<'_> {
                 (Owner::Joint(j), _) => self.placed.joints[j].shape.own == Some(Own::Twist),
                 (Owner::Drive(i), _) => angle(&self.spec.drives[i].measure),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
-                    Coupling::Curve { terms, .. } => angle(&terms[0]),
+                    Coupling::Curve { terms, .. } | Coupling::Function { terms, like: Some(0), .. } => angle(&terms[0]),
                     other => other.terms().iter().all(angle),
                 },
             };

@@ -128,6 +128,9 @@ pub struct Placed {
 fn loaded(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
     let by_forces = spec.forces.iter().flat_map(|f| match f {
+        Force::Torque { joint, over: Some(over), .. } => {
+            std::iter::once(joint.as_str()).chain(over.of_joint()).collect()
+        }
         Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => vec![joint.as_str()],
         // an angle in the tree counts its turns
         other => other.load().map_or_else(Vec::new, |load| load.joints().into_iter().map(|j| j.0).collect()),

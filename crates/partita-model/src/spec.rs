@@ -367,6 +367,9 @@ pub enum Coupling {
         /// Level.
         #[serde(default)]
         level: Level,
+        /// The reading that F measures like: r_0 of `r_0 - f(r_1)`.
+        #[serde(default)]
+        like: Option<usize>,
     },
     /// A disc or a ball that rolls on a plane.
     Roll {
@@ -490,6 +493,12 @@ pub enum Force {
         coordinate: usize,
         /// Effort.
         value: Value,
+        /// What a table is over, in place of time.
+        #[serde(default)]
+        over: Option<Measure>,
+        /// Does the table over it repeat itself?
+        #[serde(default)]
+        periodic: bool,
     },
     /// Force at a point of a body.
     Force {

@@ -263,9 +263,16 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 joint("force", name, j)?;
                 finite(&[*stiffness, *damping, *angle], "force", name, "stiffness, damping, angle")?;
             }
-            Force::Torque { name, joint: j, value: v, .. } => {
+            Force::Torque { name, joint: j, value: v, over, .. } => {
                 joint("force", name, j)?;
                 value::check(v, functions, "force", name)?;
+                if let Some(over) = over {
+                    measure(over, "force", name)?;
+                    if !matches!(v, Value::Table(_)) {
+                        let m = "what it is over is said, but its value is no table";
+                        return Err(DescriptionError::new("force", name, m));
+                    }
+                }
             }
             Force::Force { name, body, point, value: v, .. } => {
                 known("force", name, body)?;

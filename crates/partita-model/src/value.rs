@@ -137,6 +137,31 @@ pub(crate) fn cubic_at<S: Scalar>(table: &Table, x: S) -> [S; 3] {
     [position, (a.scale(3.0) * x + b.scale(2.0)) * x + c, a.scale(6.0) * x + b.scale(2.0)]
 }
 
+/// What is left of x up to multiples of a period.
+#[inline(always)]
+pub(crate) fn up_to<S: Scalar>(x: S, period: Option<f64>) -> S {
+    match period {
+        Some(period) => x - x.scale(1.0 / period).round().scale(period),
+        None => x,
+    }
+}
+
+/// Value and derivatives of a curve at x.
+#[inline(always)]
+pub(crate) fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &str) -> Result<[S; 3], SystemError> {
+    let (first, last) = (curve.breaks[0], curve.breaks[curve.breaks.len() - 1]);
+    let x = if periodic {
+        // the nearest whole number of periods around the middle
+        let middle = S::from_f64(0.5 * (first + last));
+        middle + up_to(x - middle, Some(last - first))
+    } else if let Some(x) = x.outside(first - 1e-9 * (last - first), last + 1e-9 * (last - first)) {
+        return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
+    } else {
+        x
+    };
+    Ok(cubic_at(curve, x))
+}
+
 pub(crate) fn finite<const N: usize>(x: [f64; N], what: &str, t: f64) -> Result<[f64; N], SystemError> {
     if x.iter().all(|x| x.is_finite()) {
         Ok(x)

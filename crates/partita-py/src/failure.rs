@@ -77,7 +77,7 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::NotFinite { what, t } | SystemError::OutsideTable { what, t, .. } => {
             raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", what.into())])
         }
-        SystemError::OutsideCurve { what, .. } => {
+        SystemError::OutsideCurve { what, .. } | SystemError::Wound { what, .. } => {
             raise(py, "EvaluationError", &message, &[("t", f64::NAN.into()), ("where", what.into())])
         }
         SystemError::Assembly { iterations, residual, loops, .. }

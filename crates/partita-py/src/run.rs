@@ -237,7 +237,9 @@ pub fn doubt(
 fn blamed(error: &SystemError) -> String {
     match error {
         SystemError::Function { what, .. } | SystemError::NotFinite { what, .. } => what.clone(),
-        SystemError::OutsideTable { what, .. } | SystemError::OutsideCurve { what, .. } => what.clone(),
+        SystemError::OutsideTable { what, .. }
+        | SystemError::OutsideCurve { what, .. }
+        | SystemError::Wound { what, .. } => what.clone(),
         _ => String::new(),
     }
 }

@@ -52,6 +52,17 @@ pub enum SystemError {
         /// End of the table.
         to: f64,
     },
+    /// A spring was wound farther than its angle can be told.
+    #[error(
+        "{what}: it is wound by {by:.3} rad, and the turns of its joint, which closes a loop in space, are known within half \
+         a turn only; keep the joint in the tree (cut = \"never\", relative coordinates)"
+    )]
+    Wound {
+        /// Which element.
+        what: String,
+        /// By how much.
+        by: f64,
+    },
     /// A curve over a coordinate was left.
     #[error("{what}: its curve is asked for at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
     OutsideCurve {

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .checks import Array, Element, number, shape_of, vector
 from .drawing import Drawing
-from .forces import joint_record
+from .joints import joint_record
 from .records import Joint
 
 

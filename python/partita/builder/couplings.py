@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..numeric import floats
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, vector
+from .checks import Element, choice, direction, name_of, number, switch, vector
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
 from .records import Coupling, CouplingRecord, Joint
@@ -63,8 +64,8 @@ def add_coupler(
     element = _element(self, name)
     found = _terms(self, element, terms)
     try:
-        weights = [number(element, "factors", f) for f in np.asarray(factors, dtype=float).ravel().tolist()]
-    except (TypeError, ValueError) as error:
+        weights = [number(element, "factors", f) for f in floats(factors).ravel().tolist()]
+    except (TypeError, ValueError, OverflowError) as error:
         element.fail(f"factors must be numbers, not {factors!r}", cause=error)
     if len(weights) != len(found):
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
@@ -131,7 +132,7 @@ def add_belt(
     name = f"belt {pulley1} - {pulley2}" if name is None else name
     element = _element(self, name)
     radii = [_positive(element, what, r) for what, r in (("radius1", radius1), ("radius2", radius2))]
-    ratio = radii[0] / radii[1] * (-1.0 if crossed else 1.0)
+    ratio = radii[0] / radii[1] * (-1.0 if switch(element, "crossed", crossed) else 1.0)
     return add_coupler(self, name, [Coordinate(pulley2), Coordinate(pulley1)], [1.0, -ratio], word="belt")
 
 
@@ -231,17 +232,20 @@ def add_cam(
     terms = _terms(self, element, [follower, cam])
     if callable(law):
         function = Function(Law(element, _Follows(law), None))
-        return _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), {"function": function}))
+        return _store(
+            self, CouplingRecord(element.name, "function", str(word), tuple(terms), {"function": function, "like": 0})
+        )
     if not is_table(law):
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
     curve = table(element, "law", (law[0], law[1]), "smooth")
-    if periodic:
+    repeats = switch(element, "periodic", periodic)
+    if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
             element.fail(
                 f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last"
             )
-    data = {"curve": curve, "periodic": bool(periodic)}
+    data = {"curve": curve, "periodic": repeats}
     return _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))
 
 
@@ -279,7 +283,7 @@ def add_point_on_curve(
         Along(body1, origin, axis, body2, point2)
         for axis in (direction(element, "x_axis", x_axis), direction(element, "y_axis", y_axis))
     )
-    if not polar:
+    if not switch(element, "polar", polar):
         return add_cam(self, y, x, curve, name=name, word="curve")
     if callable(curve) or not is_table(curve):
         element.fail("a polar curve is a table (angles, radii)")
@@ -296,7 +300,7 @@ def add_point_on_curve(
     values = np.append(outline.values[:-1], outline.values[0])
     function = Function(Profile(outline.times, values))
     terms = tuple(_terms(self, element, [x, y]))
-    return _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function}))
+    return _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function, "like": 0}))
 
 
 def add_rolling(
@@ -339,12 +343,12 @@ def add_rolling(
     data = {
         "body": roller,
         "center": vector(element, "center", center).tolist(),
-        "axis": None if ball else direction(element, "axis", axis).tolist(),
+        "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
         "radius": _positive(element, "radius", radius),
         "on": carrier,
         "point": vector(element, "point", point).tolist(),
         "normal": direction(element, "normal", normal).tolist(),
-        "slips": bool(slips),
+        "slips": switch(element, "slips", slips),
     }
     return _store(self, CouplingRecord(element.name, "roll", "rolling contact", (), data))
 

@@ -16,22 +16,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import callbacks
-from .bodies import own_name, resolve, to_world
-from .checks import Element, choice, find, index, name_of, number, vector
+from .bodies import resolve, to_world
+from .checks import Element, choice, name_of, number, switch, vector
 from .drawing import Drawing
-from .joints import scalars, speeds
+from .joints import coordinate_of, joint_record, scalars, speeds
+from .measures import measure
 from .records import (
     Body,
     Force,
     ForceLike,
     ForceRecord,
     Joint,
-    JointRecord,
     SpringRecord,
     TorqueRecord,
     TorsionSpringRecord,
 )
-from .values import scalar
+from .values import Table, scalar
 from .vectors import components
 
 
@@ -136,6 +136,8 @@ def add_torque(
     joint: Joint | str,
     value: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
     *,
+    over: Any = None,
+    periodic: bool = False,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
@@ -145,6 +147,9 @@ def add_torque(
         joint: the joint or its name.
         value: torque on a turn [N m], force on a slide [N]: a number, a table (times, values), or f(t, state)
             that returns a number.
+        over: what a table is over, in place of time: a joint (its first coordinate) or a measure such as
+            `pt.Distance`; a gas force over the crank's angle. Computed without Python.
+        periodic: that table repeats itself after its last entry; first and last value are then equal.
         coordinate: which velocity of the joint, from 0.
         name: None: made from the joint's name.
 
@@ -162,7 +167,17 @@ def add_torque(
         joint=found.name,
         coordinate=coordinate_of(element, found, coordinate, speeds(found)),
         value=scalar(element, "value", value, "monotone", callbacks.number_of(element)),
+        over=None if over is None else measure(self, element, over),
+        periodic=switch(element, "periodic", periodic),
     )
+    if record.over is None and record.periodic:
+        element.fail("periodic belongs to a table over a coordinate; say over=")
+    if record.over is not None:
+        if not isinstance(record.value, Table):
+            element.fail("over= belongs to a table (x, values); a function may look at the state itself")
+        ends = record.value.values[[0, -1]]
+        if record.periodic and abs(ends[1] - ends[0]) > 1e-9 * max(1e-300, float(np.abs(record.value.values).max())):
+            element.fail(f"a periodic table must end where it begins: {ends[0]:g} first, {ends[1]:g} last")
     return store(self, record)
 
 
@@ -201,20 +216,6 @@ def add_force(
         axes=choice(element, "axes", axes, ("world", "body")),
     )
     return store(self, record)
-
-
-def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
-    """The record of the joint meant by a handle or a name."""
-    joints = mechanism._description.joints
-    name = own_name(mechanism, element, "joint", joint, Joint)
-    return joints[find("joint", name, joints, where=f'{element.kind} "{element.name}": ')]
-
-
-def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: int) -> int:
-    """A coordinate number that the joint has and the element can use."""
-    if count == 0:
-        element.fail(f'the {joint.kind} joint "{joint.name}" has no slide or angle that this could act along')
-    return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)
 
 
 def named(mechanism: Drawing, name: str | None, words: str, owner: Any) -> Element:

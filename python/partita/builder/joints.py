@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import frames
-from .bodies import resolve
-from .checks import Array, Element, choice, direction, name_of, vector
+from .bodies import own_name, resolve
+from .checks import Array, Element, choice, direction, find, index, name_of, vector
 from .drawing import Drawing
 from .records import Body, Joint, JointRecord
 
@@ -385,3 +385,17 @@ def scalars(joint: JointRecord) -> int:
         return _SLIDES[joint.kind]
     turns = sum(item.startswith("r") for item in joint.free)
     return len(joint.free) - 3 if turns == 3 else speeds(joint)
+
+
+def joint_record(mechanism: Drawing, element: Element, joint: Joint | str) -> JointRecord:
+    """The record of the joint meant by a handle or a name."""
+    joints = mechanism._description.joints
+    name = own_name(mechanism, element, "joint", joint, Joint)
+    return joints[find("joint", name, joints, where=f'{element.kind} "{element.name}": ')]
+
+
+def coordinate_of(element: Element, joint: JointRecord, coordinate: Any, count: int) -> int:
+    """A coordinate number that the joint has and the element can use."""
+    if count == 0:
+        element.fail(f'the {joint.kind} joint "{joint.name}" has no slide or angle that this could act along')
+    return index(element, f'coordinate of the {joint.kind} joint "{joint.name}"', coordinate, count)

@@ -14,8 +14,8 @@ from ..state import Layout
 from .bodies import resolve
 from .checks import Array, Element, find, name_of, vector
 from .drawing import Drawing
-from .forces import joint_record, store
-from .joints import scalars
+from .forces import store
+from .joints import joint_record, scalars
 from .records import GROUND, Body, Force, Joint, LoadRecord
 from .travelling import check_picklable
 from .values import Function, finite, one_number

@@ -17,8 +17,8 @@ from . import callbacks, frames
 from .bodies import resolve, to_world
 from .checks import Array, Element, matrix, name_of, number, shape_of, vector
 from .drawing import Drawing
-from .forces import coordinate_of, joint_record, named, store
-from .joints import scalars
+from .forces import named, store
+from .joints import coordinate_of, joint_record, scalars
 from .records import GROUND, Body, Description, Force, Joint, LoadRecord
 from .values import Constant, Value, scalar
 

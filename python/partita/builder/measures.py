@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from .bodies import resolve, to_world
 from .checks import Element, direction, vector
 from .drawing import Drawing
-from .forces import coordinate_of, joint_record
-from .joints import scalars
+from .joints import coordinate_of, joint_record, scalars
 from .records import Body, Joint
 
 BodyLike = Body | str

@@ -140,12 +140,14 @@ class TorsionSpringRecord:
 
 @dataclass(frozen=True)
 class TorqueRecord:
-    """Effort along one joint coordinate."""
+    """Effort along one joint coordinate; with `over`, a table over that measure in place of time."""
 
     name: str
     joint: str
     coordinate: int
     value: Value
+    over: Mapping[str, Any] | None = None
+    periodic: bool = False
 
 
 @dataclass(frozen=True)

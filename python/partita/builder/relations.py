@@ -15,6 +15,9 @@ from .taylor import Jet
 from .travelling import check_picklable
 from .values import finite, one_number
 
+_SMOOTH = 1e-3
+"""A smooth function's slope changes over this much of its argument by no more than ten times itself."""
+
 
 class Law:
     """F(t, x) -> [F, F_t, F'' along the motion for x'' = 0, dF/dx_1, ...].
@@ -63,6 +66,12 @@ class Law:
             return found.x, found.d1, found.d2
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
             value, slope, bend, error = differences(lambda s: self._number(at(s, self.function), t), 0.0)
+        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value)):
+            raise self._error(
+                t,
+                f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "
+                f"within {error:.0e} only); a condition must be twice differentiable",
+            )
         if not self.notes:
             self.notes.append(
                 f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '

@@ -167,6 +167,7 @@ class Writer:
                     "joint": record.joint,
                     "coordinate": record.coordinate,
                     "value": self._value(record.value),
+                    **({} if record.over is None else {"over": dict(record.over), "periodic": record.periodic}),
                 }
             case ForceRecord():
                 value = record.value

@@ -152,7 +152,8 @@ def _force(record: ForceLike) -> str:
             return _table("[[torsion_spring]]", {**where, **law})
         case TorqueRecord():
             where = {"name": record.name, "joint": record.joint, "coordinate": record.coordinate or None}
-            return _table("[[torque]]", {**where, "value": _value(element, record.value)})
+            over = {"over": record.over, "periodic": record.periodic or None}
+            return _table("[[torque]]", {**where, "value": _value(element, record.value), **over})
         case ForceRecord():
             force = _vector(element, record.value)
             axes = None if record.axes == "world" else record.axes

@@ -230,8 +230,11 @@ def driven_twice() -> Iterator[Held]:
 
 
 def rockers(off: float) -> pt.Mechanism:
-    """A platform on three parallel rockers, the third too long by `off`: closed as drawn, and to first order."""
-    m = pt.Mechanism("rockers", gravity=(0, -9.81, 0))
+    """A platform on three parallel rockers, the third too long by `off`: closed as drawn, and to first order.
+
+    Every digit of the drawing is meant.
+    """
+    m = pt.Mechanism("rockers", gravity=(0, -9.81, 0), drawing_tolerance=0.0)
     platform = m.add_rod("platform", start=(0, 0, 0), end=(4, 0, 0), mass=1.0)
     for i, x in enumerate((0.0, 2.0, 4.0)):
         length = 1.0 + off * (i == 2)

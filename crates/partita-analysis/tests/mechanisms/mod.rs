@@ -239,14 +239,28 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
         let (motions, name) = (scalar_motions(&j), j.name.clone());
         if j.kind == JointKind::Spherical && wishes.bound && j.cut == Cut::Auto && rng.bool() {
             let (coordinate, value) = (rng.usize(0..3), Value::Constant(2.3));
-            spec.forces.push(Force::Torque { name: format!("torque {name}"), joint: name.clone(), coordinate, value });
+            spec.forces.push(Force::Torque {
+                name: format!("torque {name}"),
+                joint: name.clone(),
+                coordinate,
+                value,
+                over: None,
+                periodic: false,
+            });
         }
         if motions == 0 || rng.f64() < 0.5 {
             continue;
         }
         let coordinate = rng.usize(0..motions);
         let value = if rng.bool() { Value::Function(0) } else { Value::Constant(1.7) };
-        spec.forces.push(Force::Torque { name: format!("torque {name}"), joint: name.clone(), coordinate, value });
+        spec.forces.push(Force::Torque {
+            name: format!("torque {name}"),
+            joint: name.clone(),
+            coordinate,
+            value,
+            over: None,
+            periodic: false,
+        });
         if !wishes.bound || j.cut == Cut::Always {
             continue;
         }

@@ -49,7 +49,14 @@ fn four_bar() -> Spec {
     pin(&mut spec, "coupler", "rocker", [3.1, 1.8, 0.0]);
     pin(&mut spec, "ground", "rocker", [2.2, 0.0, 0.0]);
     let name = "torque".to_string();
-    spec.forces.push(Force::Torque { name, joint: "pin0".into(), coordinate: 0, value: Value::Constant(1.0) });
+    spec.forces.push(Force::Torque {
+        name,
+        joint: "pin0".into(),
+        coordinate: 0,
+        value: Value::Constant(1.0),
+        over: None,
+        periodic: false,
+    });
     spec
 }
 

@@ -59,31 +59,6 @@ pub(crate) struct Found<S> {
     pub gradient: [S; MOST],
 }
 
-/// What is left of x up to multiples of a period.
-#[inline(always)]
-fn up_to<S: Scalar>(x: S, period: Option<f64>) -> S {
-    match period {
-        Some(period) => x - x.scale(1.0 / period).round().scale(period),
-        None => x,
-    }
-}
-
-/// Value and derivatives of a curve at x.
-#[inline(always)]
-fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &str) -> Result<[S; 3], SystemError> {
-    let (first, last) = (curve.breaks[0], curve.breaks[curve.breaks.len() - 1]);
-    let x = if periodic {
-        // the nearest whole number of periods around the middle
-        let middle = S::from_f64(0.5 * (first + last));
-        middle + up_to(x - middle, Some(last - first))
-    } else if let Some(x) = x.outside(first - 1e-9 * (last - first), last + 1e-9 * (last - first)) {
-        return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
-    } else {
-        x
-    };
-    Ok(value::cubic_at(curve, x))
-}
-
 impl<S: Scalar> Law<S> {
     /// F, F_t and F_i at the last poses.
     #[inline(always)]
@@ -106,17 +81,17 @@ impl<S: Scalar> Law<S> {
                     value += factor * read(i);
                     gradient[i] = factor;
                 }
-                Ok(Found { value: up_to(value, *period), rate: o, gradient })
+                Ok(Found { value: value::up_to(value, *period), rate: o, gradient })
             }
             Self::Curve { curve, periodic, period } => {
-                let [y, slope, _] = curve_at(curve, *periodic, read(1), name)?;
+                let [y, slope, _] = value::curve_at(curve, *periodic, read(1), name)?;
                 (gradient[0], gradient[1]) = (one, -slope);
-                Ok(Found { value: up_to(read(0) - y, *period), rate: o, gradient })
+                Ok(Found { value: value::up_to(read(0) - y, *period), rate: o, gradient })
             }
             Self::Motion { motion, period } => {
                 let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
                 gradient[0] = one;
-                Ok(Found { value: up_to(read(0) - p, *period), rate: -u, gradient })
+                Ok(Found { value: value::up_to(read(0) - p, *period), rate: -u, gradient })
             }
             Self::Rate(motion) => {
                 let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
@@ -151,7 +126,7 @@ impl<S: Scalar> Law<S> {
                 Ok(factors.iter().enumerate().fold(S::zero(), |sum, (i, &factor)| sum + factor * bias(i)))
             }
             Self::Curve { curve, periodic, .. } => {
-                let [_, slope, bend] = curve_at(curve, *periodic, readings[1].value(tree, s, at.q), name)?;
+                let [_, slope, bend] = value::curve_at(curve, *periodic, readings[1].value(tree, s, at.q), name)?;
                 let rate = readings[1].rate(tree, s, at.v);
                 Ok(bias(0) - slope * bias(1) - bend * rate * rate)
             }

@@ -1,13 +1,15 @@
 //! The forces of a description as elements.
 
 use super::loads;
-use super::{CutEffort, Effort, Element, Place, PointForce, Spring, Torsion, Unit};
+use super::{CutEffort, CutTorsion, Effort, EffortOver, Element, Place, PointForce, Reading, Spring, Torsion, Unit};
 use crate::compile;
 use crate::error::DescriptionError;
+use crate::gauge;
 use crate::joint::Motion;
 use crate::numbers::{DescribedForce, Numbers};
 use crate::place::{Placed, PlacedJoint};
 use crate::spec::{Axes, Force, Spec, Value};
+use crate::tree::Tree;
 use crate::validate;
 use crate::value::{Source, VectorSource};
 use partita_math::scalar::Scalar;
@@ -22,7 +24,12 @@ struct Maker<'a, S> {
 
 impl<G: Space> Element<G> {
     /// All forces of a description, springs between points first.
-    pub fn all(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) -> Result<Vec<Self>, DescriptionError> {
+    pub fn all(
+        spec: &Spec,
+        placed: &Placed,
+        numbers: &Numbers<G::S>,
+        tree: &Tree<G>,
+    ) -> Result<Vec<Self>, DescriptionError> {
         let nodes = validate::nodes(spec)?;
         let maker = Maker { placed, numbers, origins: compile::origins(placed, numbers) };
         let mut elements = Vec::with_capacity(spec.forces.len());
@@ -35,6 +42,19 @@ impl<G: Space> Element<G> {
         for (f, n) in spec.forces.iter().zip(&numbers.forces) {
             match f {
                 Force::Spring { .. } => {}
+                Force::TorsionSpring { name, joint, coordinate, damping, .. }
+                    if placed.joints[joint_index(placed, joint)].links.is_none() =>
+                {
+                    let along = Reading::new(placed, numbers, name, (joint, *coordinate), n.rest)?;
+                    elements.push(Self::CutTorsion(Box::new(CutTorsion {
+                        name: name.clone(),
+                        along,
+                        stiffness: n.stiffness,
+                        damping: n.damping,
+                        angle: n.rest,
+                        damped: *damping != 0.0,
+                    })));
+                }
                 Force::TorsionSpring { name, joint, coordinate, damping, .. } => {
                     let (q, v) = tree_coordinate(placed, "force", name, joint, *coordinate)?;
                     let q = q.ok_or_else(|| {
@@ -50,7 +70,13 @@ impl<G: Space> Element<G> {
                         damped,
                     }));
                 }
-                Force::Torque { name, joint, coordinate, value } => {
+                Force::Torque { name, joint, coordinate, value: Value::Table(curve), over: Some(over), periodic } => {
+                    let along = Reading::new(placed, numbers, name, (joint, *coordinate), G::S::zero())?;
+                    let over = gauge::Maker::<G>::new(spec, placed, numbers, tree)?.reading(over, "force", name)?;
+                    let (name, curve, periodic) = (name.clone(), curve.clone(), *periodic);
+                    elements.push(Self::EffortOver(Box::new(EffortOver { name, along, over, curve, periodic })));
+                }
+                Force::Torque { name, joint, coordinate, value, .. } => {
                     elements.push(maker.torque(name, joint, *coordinate, value, n)?);
                 }
                 Force::Force { name, body, value, axes, .. } => {

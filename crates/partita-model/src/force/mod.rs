@@ -9,7 +9,9 @@ mod build;
 mod bushing;
 mod contact;
 mod cut_effort;
+mod cut_torsion;
 mod effort;
+mod effort_over;
 mod friction;
 mod gravity;
 mod law;
@@ -28,7 +30,9 @@ pub use build::{joint_index, tree_coordinate};
 pub use bushing::Bushing;
 pub use contact::{Contact, Surface};
 pub use cut_effort::{CutEffort, Unit};
+pub use cut_torsion::CutTorsion;
 pub use effort::Effort;
+pub use effort_over::EffortOver;
 pub use friction::Friction;
 pub use gravity::Gravity;
 pub use law::{Law, Seen};
@@ -42,6 +46,7 @@ pub use torsion::Torsion;
 pub use tyre::Tyre;
 pub use weightless::Weightless;
 
+use crate::gauge::Quantity;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{Instant, Source};
 use partita_math::scalar::Scalar;
@@ -63,6 +68,10 @@ pub enum Element<G: Space> {
     Force(PointForce<G>),
     /// Stiffness and damping in all directions.
     Bushing(Box<Bushing<G>>),
+    /// Spring and damper in a coordinate of a cut joint.
+    CutTorsion(Box<CutTorsion<G>>),
+    /// Effort by a curve over a reading.
+    EffortOver(Box<EffortOver<G>>),
     /// Friction in a joint coordinate.
     Friction(Box<Friction<G>>),
     /// Ends of a joint coordinate.
@@ -189,6 +198,8 @@ impl<G: Space> Element<G> {
     fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Bushing(e) => Ok(e.wrench(at)),
+            Self::CutTorsion(e) => e.wrench(at),
+            Self::EffortOver(e) => e.wrench(at),
             Self::Friction(e) => e.wrench(at, &mut room.plain),
             Self::Stop(e) => Ok(e.wrench(at)),
             Self::Contact(e) => Ok(e.wrench(at)),
@@ -210,7 +221,8 @@ impl<G: Space> Element<G> {
             Self::Spring(e) => e.damped,
             Self::Torsion(e) => e.damped,
             Self::Effort(e) => !e.is_conservative(),
-            Self::CutEffort(_) | Self::Friction(_) | Self::Law(_) | Self::Gravity(_) => true,
+            Self::CutTorsion(e) => e.damped,
+            Self::CutEffort(_) | Self::EffortOver(_) | Self::Friction(_) | Self::Law(_) | Self::Gravity(_) => true,
             Self::Force(e) => !e.is_conservative(),
             Self::Bushing(e) => e.damped,
             Self::Stop(e) => e.buffer.damped,
@@ -226,13 +238,22 @@ impl<G: Space> Element<G> {
             Self::Torsion(e) => Some(e.q),
             Self::Effort(e) => e.q,
             Self::Stop(e) => e.along.coordinate(),
+            Self::EffortOver(e) => match e.over.quantity {
+                Quantity::Coordinate { q, .. } => Some(q),
+                _ => None,
+            },
             _ => None,
         }
     }
 
     /// Does a function of the user's see all coordinates, turns included, or does an angle add up from several?
     pub fn sees_coordinates(&self) -> bool {
-        let adds_up = matches!(self, Self::Stop(e) if e.along.coordinate().is_none() && !e.along.wraps());
+        let along = match self {
+            Self::Stop(e) => Some(&e.along),
+            Self::CutTorsion(e) => Some(&e.along),
+            _ => None,
+        };
+        let adds_up = along.is_some_and(|x| x.coordinate().is_none() && !x.wraps());
         adds_up || self.calls_function()
     }
 
@@ -276,6 +297,8 @@ impl<G: Space> Element<G> {
             Self::Bushing(e) => of(&e.ends),
             Self::Friction(e) => e.along.nodes(),
             Self::Stop(e) => e.along.nodes(),
+            Self::CutTorsion(e) => e.along.nodes(),
+            Self::EffortOver(e) => e.along.nodes(),
             Self::Contact(e) => of(&[e.centre, e.other]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
@@ -296,6 +319,8 @@ impl<G: Space> Element<G> {
             Self::Bushing(e) => of(&e.ends),
             Self::Friction(e) => e.along.touches(),
             Self::Stop(e) => e.along.touches(),
+            Self::CutTorsion(e) => e.along.touches(),
+            Self::EffortOver(e) => e.along.touches(),
             Self::Contact(e) => of(&[e.centre, e.other]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
@@ -308,6 +333,7 @@ impl<G: Space> Element<G> {
     pub(crate) fn looks_at(&self) -> Vec<usize> {
         match self {
             Self::Law(e) => e.sees.iter().flat_map(Seen::links).collect(),
+            Self::EffortOver(e) => e.over.links.to_vec(),
             _ => Vec::new(),
         }
     }
