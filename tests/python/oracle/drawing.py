@@ -27,8 +27,8 @@ class Body:
 @dataclass(frozen=True)
 class Joint:
     """`axes`: the columns that the kind needs (one axis, two axes, or a frame). `child_point`, `child_axis`: where they
-    sit on the child in a drawing whose loops are open. `pitch`: of a screw, for a turn; `bent`: what turns the axes of a
-    constant-velocity joint from the parent to the child."""
+    sit on the child in a drawing whose loops are open. `pitch`: of a screw, for a turn; `bent`: what turns the
+    axes of a constant-velocity joint from the parent to the child."""
 
     name: str
     kind: str
