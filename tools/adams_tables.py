@@ -4,7 +4,8 @@ FOLDER holds the tables as CSV files. All bodies weigh 1 kg, with a moment of in
 the joint to the centre of mass and 0.1 across it; gravity is 9.80665 along -z. ADAMS printed six digits at its default
 tolerance: 1e-4 of a column's largest value is all that can be asked for, twice that of accelerations and forces (those
 of the straight slide waver by as much, where the true ones are constant). A table whose own energy drifts by more is
-told. Where a table is of a massless link, the link is drawn so, between a universal joint or a hinge and a ball.
+told. A table of a distance is drawn as one; where a table is of a massless link between a hinge and a ball, so is the
+link.
 """
 
 from __future__ import annotations
@@ -92,9 +93,7 @@ def universal(m: pt.Mechanism, com: Array, start: Array) -> None:
 def distance(m: pt.Mechanism, com: Array, start: Array) -> None:
     """A massless rod from the ground to the centre of mass."""
     pendulum(m, com, start, HERE)
-    m.add_rod("rod", start=HERE, end=com, mass=0.0)
-    m.add_universal("near", m.ground, "rod", point=HERE, axis1=PLAIN[:, 0], axis2=PLAIN[:, 2])
-    m.add_spherical("joint", "rod", "body", point=com)
+    m.add_distance("rod", m.ground, HERE, "body", (0, 0, 0))
 
 
 def hinge_and_ball(m: pt.Mechanism, com: Array, start: Array) -> None:
@@ -162,9 +161,11 @@ def on_ground(run: Result, at: Array) -> dict[str, Array]:
 
 def of_distance(run: Result, at: Array) -> dict[str, Array]:
     """The rod's pull on the ground."""
-    joint = run.joint("joint")
-    return {**motion(run, joint.force, joint.moment, joint.point), "Rforce": -joint.force,
-            "Rtorque": np.zeros_like(joint.force)}  # fmt: skip
+    body = run.body("body")
+    way = at - body.position
+    pull = run.coupling("rod").tension[:, None] * way / np.linalg.norm(way, axis=1)[:, None]
+    zero = np.zeros_like(pull)
+    return {**motion(run, pull, zero, body.position), "Rforce": -pull, "Rtorque": zero}
 
 
 def of_link(run: Result, at: Array) -> dict[str, Array]:

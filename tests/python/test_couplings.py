@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import partita as pt
-from partita.errors import DescriptionError, EvaluationError
+from partita.errors import ArgumentError, DescriptionError, EvaluationError
 
 BOTH = pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 G = 9.81
@@ -227,6 +227,44 @@ def test_a_cam_by_its_law(coordinates: str, law: str) -> None:
     assert np.allclose(r.joint("V").position[:, 0], 0.02 * (1 - np.cos(10 * r.t)), atol=exact)
     assert np.allclose(r.joint("V").force[:, 1], 0.0, atol=1e-9)
     assert np.allclose(r.coupling("cam A - V").effort[:, 0], 0.1 * 2.0 * np.cos(10 * r.t), atol=2e-5)
+
+
+def test_a_periodic_cam_runs_on_as_smoothly_where_it_begins_anew() -> None:
+    """Slope and bend of a table that is steep at its seam, on both sides of it."""
+    m = wheels(1.0, 1.0)
+    x = np.linspace(0.0, 2 * np.pi, 25)
+    m.add_cam("A2", "A1", (x, 0.1 * np.sin(x)), periodic=True)
+    m.add_drive("A1", velocity=1.0)
+    seam = 2 * np.pi
+    r = m.simulate(7.0, t_eval=[seam - 1e-6, seam + 1e-6], rtol=1e-10, atol=1e-12)
+    rate, bend = r.joint("A2").velocity[:, 0], r.vdot[:, 1]
+    assert np.allclose(rate, 0.1, atol=1e-5) and abs(rate[1] - rate[0]) < 1e-9
+    assert abs(bend[1] - bend[0]) < 1e-6
+
+
+def test_rates_that_cannot_be_else_may_be_given() -> None:
+    """A bicycle's frame rolls about the line of its contacts: the speed across, zero by itself, takes nothing away."""
+    m = pt.catalogue.load("whipple-bicycle")
+    state = m.assemble(rates={"frame.wx": 0.05, "frame.y": 0.0, "steer": 0.0})
+    assert state.v[m.compile().velocity_names.index("frame.wx")] == pytest.approx(0.05, rel=1e-12)
+    with pytest.raises(ArgumentError, match="cannot hold together"):
+        m.assemble(rates={"frame.wx": 0.05, "frame.y": 0.01, "steer": 0.0, "rear axle": 0.0})
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
+def test_bodies_drawn_in_a_point_do_not_say_how_large_a_mechanism_is(scale: float) -> None:
+    """Three coinciding points have a mean that is off by round-off: no length to measure closings by."""
+    m = pt.Mechanism("rods", gravity=(0, 0, 0))
+    top = m.add_body("top", mass=1.0, inertia=(scale**2,) * 3, position=(0, 0, 0.6 * scale))
+    m.add_free("pose", m.ground, top, cut="never")
+    for i in range(6):
+        a = 1.0 + i
+        foot, head = scale * np.array([np.cos(a), np.sin(a), 0.1]), scale * np.array([0.3 * np.cos(a * i), 0.3, 0.0])
+        block = m.add_body(f"foot {i}", mass=1.0, inertia=(scale**2,) * 3, position=foot)
+        m.add_prismatic(f"rail {i}", m.ground, block, point=foot, axis=(1, 0, 0))
+        m.add_distance(f"rod {i}", block, (0, 0, 0), top, head)
+    found = m.assemble(rates={"pose": (0.1 * scale, 0, 0, 0, 0, 0)}).assembly
+    assert found is not None and found["iterations"] == 0
 
 
 @BOTH

@@ -56,7 +56,7 @@ impl<G: Space> Mechanics<G> {
         c: &mut [G::S],
         a: &mut [G::S],
     ) -> Result<(), SystemError> {
-        self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, (phi, c, a)))
+        self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, phi, c, a))
     }
 
     /// b of all conditions at the last twists.                                            (S5)

@@ -487,8 +487,11 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
     }
 }
 
+/// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
+const POINT: f64 = 1e-9;
+
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
-/// their mean.
+/// their mean. Bodies smaller than `POINT` parts of the whole have none.
 pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -510,7 +513,8 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
         let middle = sum.times(1.0 / points.len() as f64);
         2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
     };
-    let mut extents: Vec<f64> = points.iter().map(extent).filter(|x| *x > 0.0 && x.is_finite()).collect();
+    let least = POINT * typical_length(spec);
+    let mut extents: Vec<f64> = points.iter().map(extent).filter(|x| *x > least && x.is_finite()).collect();
     extents.sort_by(f64::total_cmp);
     extents.get(extents.len() / 2).copied()
 }

@@ -215,7 +215,8 @@ def add_cam(
         follower, cam: joints (their first coordinates), or measures as in `add_coupler`.
         law: a table (x, y), joined by a twice differentiable cubic spline and computed without Python; or a function of
             one number (arithmetic, NumPy functions, `np.polynomial.Polynomial`).
-        periodic: the table repeats itself after its last x; first and last y are then equal.
+        periodic: the table repeats itself after its last x, as smoothly as it runs elsewhere; first and last y are
+            equal.
 
     >>> import numpy as np
     >>> import partita as pt
@@ -237,8 +238,8 @@ def add_cam(
         )
     if not is_table(law):
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
-    curve = table(element, "law", (law[0], law[1]), "smooth")
     repeats = switch(element, "periodic", periodic)
+    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth")
     if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):

@@ -14,7 +14,7 @@ from ..numeric import floats, shown
 from ..state import Layout
 from .checks import Array, Element, number, shape_of
 
-Curve = Literal["smooth", "monotone"]
+Curve = Literal["smooth", "periodic", "monotone"]
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Constant:
 class Table:
     """Samples joined by piecewise cubics.
 
-    "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "monotone" is
-    PCHIP, which never overshoots the samples and so suits forces.
+    "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "periodic" is the spline
+    that is so where it begins anew, too; "monotone" is PCHIP, which never overshoots the samples and so suits forces.
     """
 
     times: Array
@@ -38,13 +38,13 @@ class Table:
 
     def spec(self) -> dict[str, Any]:
         """Breaks (n+1) and coefficients (n, 4), highest power of (t - break) first."""
-        make = CubicSpline if self.curve == "smooth" else PchipInterpolator
-        return {
-            "table": {
-                "breaks": self.times.tolist(),
-                "coefficients": make(self.times, self.values).c.T.tolist(),
-            }
-        }
+        if self.curve == "monotone":
+            joined = PchipInterpolator(self.times, self.values)
+        elif self.curve == "smooth":
+            joined = CubicSpline(self.times, self.values)
+        else:
+            joined = CubicSpline(self.times, np.append(self.values[:-1], self.values[0]), bc_type="periodic")
+        return {"table": {"breaks": self.times.tolist(), "coefficients": joined.c.T.tolist()}}
 
 
 @dataclass(frozen=True)

@@ -158,6 +158,7 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
         verdict.counts["redundant"] += found.redundant > 0
         accelerations(drawing, mechanism, run, coordinates, i, poses, found, verdict, words)
         reactions(drawing, joints, i, found, verdict, words)
+        efforts(drawing, run, i, found, verdict, words)
         for k, j in enumerate(drawing.joints):
             for axes, turn in (("world", np.eye(3)), ("joint", rotations[i, k]), ("own", own)):
                 unique(found, j.name, flags[axes][j.name][i], turn, verdict, f"{words}, joint {j.name}, {axes} axes")
@@ -235,6 +236,17 @@ def reactions(drawing: Drawing, joints: dict[str, Any], i: int, found: Motion, v
             np.abs(untouched(found.stress_moment[name]) @ (m - found.moment[name])).max(initial=0.0) / size,
         )
         verdict.seen("reaction", float(off) / max(top, 1e-300), REACTION, f"{words}, joint {name}")
+
+
+def efforts(drawing: Drawing, run: Any, i: int, found: Motion, verdict: Verdict, words: str) -> None:
+    """Multipliers of couplings that no self-stress touches; those of the two directions in a plane by their length."""
+    for c in drawing.couplings:
+        mine, theirs = run.coupling(c.name).effort[i], found.effort[c.name]
+        if c.kind == "roll":
+            mine, theirs = (np.array([x[0], np.linalg.norm(x[1:])]) for x in (mine, theirs))
+        if not found.shared[c.name]:
+            top = max(found.largest, np.abs(mine).max())
+            verdict.seen("effort", float(np.abs(mine - theirs).max()) / top, REACTION, f"{words}, coupling {c.name}")
 
 
 def untouched(stresses: Array) -> Array:

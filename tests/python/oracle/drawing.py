@@ -27,7 +27,8 @@ class Body:
 @dataclass(frozen=True)
 class Joint:
     """`axes`: the columns that the kind needs (one axis, two axes, or a frame). `child_point`, `child_axis`: where they
-    sit on the child in a drawing whose loops are open."""
+    sit on the child in a drawing whose loops are open. `pitch`: of a screw, for a turn; `bent`: what turns the
+    axes of a constant-velocity joint from the parent to the child."""
 
     name: str
     kind: str
@@ -39,6 +40,8 @@ class Joint:
     cut: str = "auto"
     child_point: Array | None = None
     child_axis: Array | None = None
+    pitch: float = 0.0
+    bent: Array | None = None
 
     @property
     def on_child(self) -> Array:
@@ -65,9 +68,9 @@ class Joint:
             return [], [unit(a[:, 0])], False
         if self.kind == "prismatic":
             return [unit(a[:, 0])], [], False
-        if self.kind == "cylindrical":
+        if self.kind in ("cylindrical", "screw"):
             return [unit(a[:, 0])], [unit(a[:, 0])], False
-        if self.kind == "spherical":
+        if self.kind in ("spherical", "constant_velocity"):
             return [], [], True
         if self.kind == "universal":
             return [], [unit(a[:, 0]), unit(a[:, 1])], False
@@ -159,6 +162,15 @@ class Drive:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """A condition between joints or bodies, in the words of a description: it is read, not built."""
+
+    name: str
+    kind: str
+    data: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class Drawing:
     """A whole mechanism; `size`, `mass` and `time` are what its numbers are compared with."""
 
@@ -172,6 +184,7 @@ class Drawing:
     time: float = 1.0
     words: str = ""
     seed: int = field(default=0, compare=False)
+    couplings: tuple[Coupling, ...] = ()
 
     def build(self) -> pt.Mechanism:
         """Through the public face."""

@@ -9,9 +9,11 @@ J comes apart by singular values into what the joints forbid, what they leave fr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from .couplings import Reading, conditions
 from .drawing import GROUND, Array, Drawing, Joint, Load, Spring, Torque, Torsion, unit
 
 # Singular values of J over the largest: below the first a row says nothing new, above the second it does.
@@ -53,7 +55,10 @@ class Rates:
 
 @dataclass(frozen=True)
 class Motion:
-    """What the program finds at one instant. Joint wrenches act on the child, at the joint's point there."""
+    """What the program finds at one instant. Joint wrenches act on the child, at the joint's point there.
+
+    `effort`: multipliers of a coupling; `shared`: a self-stress has a part in them.
+    """
 
     acceleration: dict[str, tuple[Array, Array]]
     force: dict[str, Array]
@@ -62,6 +67,8 @@ class Motion:
     stress_moment: dict[str, Array]
     coordinates: dict[str, Array]
     backwards: dict[str, Array | None]
+    effort: dict[str, Array]
+    shared: dict[str, bool]
     mobility: int
     redundant: int
     unclear: bool
@@ -104,7 +111,18 @@ class Maximal:
             rest.append(x.rest[i] - second)
             owners.append((drive.joint, x.force[i], x.moment[i]))
             slip = max(slip, abs(x.velocity[i] - rate) * (d.size if x.moment[i].any() else 1.0) * d.time / d.size)
-            gap = max(gap, abs(x.position[i] - float(drive.position(t))) / (1.0 if x.moment[i].any() else d.size))
+            off = x.position[i] - float(drive.position(t))
+            # of turns this program knows no whole ones
+            off = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi if x.moment[i].any() else off / d.size
+            gap = max(gap, abs(off))
+        joint_rows = len(rows)
+        for c in d.couplings:
+            for x in conditions(c, n, lambda item: self._reading(item, rates), sides):
+                rows.append(x.row)
+                rest.append(x.rest)
+                owners.append((c.name, np.zeros(3), np.zeros(3)))
+                gap = max(gap, abs(x.gap) / (d.size if x.length else 1.0))
+                slip = max(slip, abs(x.opens) * d.time / (d.size if x.length else 1.0))
         mass, h = self._newton(t, sides, rates)
         # in units of the drawing: angular accelerations over its size, moments times it
         scale = np.tile(np.repeat([1.0, 1.0 / d.size], 3), n // 6)
@@ -132,7 +150,12 @@ class Maximal:
         moment = {name: np.zeros(3) for name in self.joints}
         stress_force = {name: np.zeros((stresses.shape[1], 3)) for name in self.joints}
         stress_moment = {name: np.zeros((stresses.shape[1], 3)) for name in self.joints}
-        for x, stress, (name, f, m) in zip(lam, stresses, owners, strict=True):
+        coupled = [name for name, _, _ in owners[joint_rows:]]
+        effort = {name: lam[joint_rows:][[x == name for x in coupled]] for name in coupled}
+        loads = np.abs(stresses[joint_rows:]).max(axis=1, initial=0.0)
+        shared = {name: bool(loads[[x == name for x in coupled]].max() > NOTHING) for name in coupled}
+        in_joints = zip(lam[:joint_rows], stresses[:joint_rows], owners[:joint_rows], strict=True)
+        for x, stress, (name, f, m) in in_joints:
             force[name] += x * f
             moment[name] += x * m
             stress_force[name] += np.outer(stress, f)
@@ -147,6 +170,7 @@ class Maximal:
             force, moment, stress_force, stress_moment,
             {name: x.rows @ acc + x.rest for name, x in rates.items()},
             {j.name: self._backwards(j, sides, acc) for j in d.joints},
+            effort, shared,
             free.shape[1], stresses.shape[1], unclear, gap, slip,
             float(wanting) / max(pace, np.abs(b).max(initial=0.0), np.abs(acc / scale).max(initial=0.0), 1e-300),
             max(top_force, top_moment / d.size, fed),
@@ -176,6 +200,12 @@ class Maximal:
         lengths = np.linalg.norm(held, axis=1)
         s = np.linalg.svd(held[lengths > 0.0] / lengths[lengths > 0.0, None], compute_uv=False)
         return len(which) - int(np.sum(s > NOTHING * s[0]))
+
+    def _reading(self, item: dict[str, Any], rates: dict[str, Rates]) -> Reading:
+        """A coordinate of a joint."""
+        assert item["of"] == "joint", f"{item['of']} is not read"
+        x, i = rates[item["joint"]], item["coordinate"]
+        return Reading(x.rows[i], x.rest[i], x.velocity[i], x.position[i], not x.moment[i].any())
 
     def _side(self, name: str, poses: dict[str, Pose]) -> Side:
         if name == GROUND:
@@ -223,6 +253,23 @@ class Maximal:
             rest.append(-(axis @ self._gyration(turns, p, c, kinematics.spin)))
             wrenches.append((np.zeros(3), axis))
             slip = max(slip, abs(axis @ kinematics.spin) * time)
+        if j.kind == "screw":
+            x, along = self._rates(j, sides), j.pitch / (2.0 * np.pi)
+            rows.append(x.rows[0] - along * x.rows[1])
+            rest.append(x.rest[0] - along * x.rest[1])
+            wrenches.append((x.force[0], -along * x.moment[1]))
+            slip = max(slip, abs(x.velocity[0] - along * x.velocity[1]) * time / size)
+        if j.kind == "constant_velocity":
+            # in the plane that halves the angle between the shafts, neither turns against the other
+            own = j.axes[:, 0] / np.linalg.norm(j.axes[:, 0])
+            one, other = p.carried @ own, c.carried @ (own if j.bent is None else j.bent @ own)
+            row = np.zeros(self.n)
+            self._add_moment(row, p, c, one + other)
+            rows.append(row)
+            spin = kinematics.spin
+            rest.append(float((cross(p.pose.w, one) + cross(c.pose.w, other)) @ spin))
+            wrenches.append((np.zeros(3), one + other))
+            slip = max(slip, abs((one + other) @ spin) * time)
         if not ball:
             r = p.carried.T @ c.carried @ j.alignment.T
             _, drawn, _ = j.motions(self.frames[j.name])

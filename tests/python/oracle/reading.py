@@ -8,19 +8,26 @@ import numpy as np
 
 import partita as pt
 
-from .drawing import Array, Body, Drawing, Drive, Joint, Load, Spring, Torque, Torsion
+from .drawing import Array, Body, Coupling, Drawing, Drive, Joint, Load, Spring, Torque, Torsion
 
 
 def drawing_of(m: pt.Mechanism, drives: tuple[Drive, ...] = ()) -> Drawing:
-    """Closed drawings with numbers for values; of `drives` the functions are told, since a description has none."""
+    """Closed drawings with numbers for values; of `drives` the functions are told, since a description has none.
+
+    Constant speeds are read.
+    """
     spec = m.to_spec()
     bodies = tuple(body(item) for item in spec["bodies"])
     joints = tuple(joint(item, {b.name: b for b in bodies}) for item in spec["joints"])
+    couplings = tuple(Coupling(item["name"], item["kind"], item) for item in spec["couplings"])
     places = np.array([*(b.position for b in bodies), *(j.point for j in joints)])
-    size = float(np.linalg.norm(np.ptp(places, axis=0)))
+    radius = max((c.data["radius"] for c in couplings if c.kind == "roll"), default=0.0)
+    size = max(radius, float(np.linalg.norm(np.ptp(places, axis=0))))
+    drives = drives or tuple(map(constant_speed, spec["drives"]))
     return Drawing(
         np.array(spec["gravity"]), bodies, joints, tuple(map(force, spec["forces"])), drives,
         size=size or 1.0, mass=max((b.mass for b in bodies), default=1.0), words=spec["name"],
+        couplings=couplings,
     )  # fmt: skip
 
 
@@ -35,7 +42,18 @@ def joint(item: dict[str, Any], bodies: dict[str, Body]) -> Joint:
     child = bodies.get(item["child"])
     at = np.array(item["point"]) if item.get("point") is not None else child.position if child else np.zeros(3)
     free, cut = tuple(item.get("free", ())), item.get("cut", "auto")
-    return Joint(item["name"], item["kind"], item["parent"], item["child"], at, axes(item), free, cut)
+    bent = np.array(item["child_frame"]) if item["kind"] == "constant_velocity" and "child_frame" in item else None
+    return Joint(
+        item["name"], item["kind"], item["parent"], item["child"], at, axes(item), free, cut,
+        pitch=item.get("pitch", 0.0), bent=bent,
+    )  # fmt: skip
+
+
+def constant_speed(item: dict[str, Any]) -> Drive:
+    """Of one coordinate of a joint."""
+    assert item["level"] == "velocity" and item["measure"]["of"] == "joint", "only speeds of joints are read"
+    measure = item["measure"]
+    return Drive(item["name"], measure["joint"], measure["coordinate"], item["motion"]["constant"], 0.0, 0.0)
 
 
 def axes(item: dict[str, Any]) -> Array:

@@ -45,7 +45,9 @@ def judge(name: str, result: Result, told: Truth | None = None) -> Judged:
     look(drawing, mechanism, result, "relative", verdict, np.random.default_rng(0))
     found.wrong += verdict.wrong
     found.wrong += [f"{what}: {n}" for what, n in verdict.counts.items() if what.startswith(("unclear", "marked"))]
-    found.worst = {what: verdict.worst[what] for what in ("acceleration", "reaction") if what in verdict.worst}
+    found.worst = {
+        what: verdict.worst[what] for what in ("acceleration", "reaction", "effort") if what in verdict.worst
+    }
     found.wrong += [f"{what} off by {off:.1e}" for what, off in found.worst.items() if not off <= AGREED]
     return found
 

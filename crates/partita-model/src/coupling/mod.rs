@@ -80,7 +80,9 @@ impl<G: Space> Condition<G> {
         s: &TreeScratch<G>,
         at: &Instant<G::S>,
         room: &mut Vec<f64>,
-        (phi, c, a): (&mut [G::S], &mut [G::S], &mut [G::S]),
+        phi: &mut [G::S],
+        c: &mut [G::S],
+        a: &mut [G::S],
     ) -> Result<(), SystemError> {
         let width = self.columns.len();
         let rows = &mut c[self.entry..self.entry + self.rows() * width];

@@ -93,12 +93,17 @@ pub fn near_with_rates<S: ConstrainedSystem>(
             row.copy_from_slice(&r.dt[vi * k..(vi + 1) * k]);
             dense::cholesky_forward(&md, k, row); // row of T L⁻ᵀ
             want[i] = rate - gamma[vi] + dense::dot(row, &g);
-            // rates of turns and slides compare by what they are in the mass metric
             length[i] = dense::dot(row, row).sqrt();
-            if length[i] > 0.0 {
+        }
+        // what the loops do not let move is round-off against what they do: no row of its own, its rate is seen below
+        let freest = rates.iter().zip(&length).fold(0.0, |m: f64, (r, l)| m.max(l / reach(r.0)));
+        for (i, &(vi, _)) in rates.iter().enumerate() {
+            // rates of turns and slides compare by what they are in the mass metric
+            if length[i] > FOLLOWS * freest * reach(vi) {
                 want[i] /= length[i];
-                row.iter_mut().for_each(|x| *x /= length[i]);
+                rows.row_mut(i).iter_mut().for_each(|x| *x /= length[i]);
             } else {
+                rows.row_mut(i).fill(0.0);
                 length[i] = 1.0;
             }
         }

@@ -6,10 +6,12 @@ A theme is a file, a mechanism in it a function that draws it and the `Truth` ab
 from __future__ import annotations
 
 from . import (
+    couplings,
     engines,
     linkages,
     machines,
     platforms,
+    rolling,
     shafts_and_gyros,
     six_bars_and_legs,
     spherical_and_overconstrained,
@@ -29,6 +31,8 @@ THEMES: dict[str, Theme] = {
     "Platforms on several legs": platforms.MEMBERS,
     "Spherical and overconstrained loops": spherical_and_overconstrained.MEMBERS,
     "Shafts, spatial loops, gyros": shafts_and_gyros.MEMBERS,
+    "Gears, screws, belts, cams, rods": couplings.MEMBERS,
+    "Wheels and balls that roll": rolling.MEMBERS,
 }
 """Members by theme, in the order in which a theme draws them."""
 

@@ -1,0 +1,123 @@
+"""Couplings in six coordinates for each body: what they forbid, row by row.
+
+A reading (a coordinate of a joint, a distance) is a row over all accelerations, a constant, and its rate; a condition
+between readings is the same sum of their rows. Rolling is that the body's point of contact rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .drawing import Array, Coupling, unit
+
+
+@dataclass(frozen=True)
+class Reading:
+    """x'' = row . accelerations + rest, x', x, and whether it is a length."""
+
+    row: Array
+    rest: float
+    rate: float
+    value: float
+    length: bool
+
+
+@dataclass(frozen=True)
+class Condition:
+    """row . accelerations + rest = 0; how fast it opens, how far (0 where whole turns are not known)."""
+
+    row: Array
+    rest: float
+    opens: float
+    gap: float
+    length: bool
+
+
+def conditions(
+    c: Coupling, n: int, read: Callable[[dict[str, Any]], Reading], sides: dict[str, Any]
+) -> list[Condition]:
+    """What a coupling says. `read` knows the coordinates of joints, `sides` the bodies."""
+    data = c.data
+    if c.kind == "roll":
+        return rolling(data, n, sides)
+    terms = [distance(item, n, sides) if item["of"] == "distance" else read(item) for item in data["terms"]]
+    length = any(x.length for x in terms)
+    if c.kind == "linear":
+        weights, gap = data["factors"], 0.0
+        if len(terms) == 1 and length:
+            gap = weights[0] * terms[0].value - data["offset"]
+    else:
+        assert c.kind == "curve" and data["periodic"], f"{c.kind} is not read"
+        y, slope, bend = spline(data["curve"], terms[1].value)
+        weights, gap = [1.0, -slope], terms[0].value - y
+    row, rest, opens = (
+        sum(f * getattr(x, what) for f, x in zip(weights, terms, strict=True)) for what in ("row", "rest", "rate")
+    )
+    if c.kind == "curve":
+        rest -= bend * terms[1].rate ** 2
+    return [Condition(np.asarray(row), float(rest), float(opens), gap, length)]
+
+
+def distance(item: dict[str, Any], n: int, sides: dict[str, Any]) -> Reading:
+    """Of the second point from the first."""
+    ends = []
+    for i in (1, 2):
+        side = sides[item[f"body{i}"]]
+        arm = side.pose.rotation @ np.array(item[f"point{i}"])
+        w, x = side.pose.w, side.pose.x + arm
+        own = np.cross(w, np.cross(w, x - side.centre))
+        ends.append((side, x, side.pose.u + np.cross(w, arm), own))
+    (one, x1, u1, own1), (other, x2, u2, own2) = ends
+    along, far, rate = unit(x2 - x1), float(np.linalg.norm(x2 - x1)), u2 - u1
+    across = rate - along * (along @ rate)
+    row = moved(n, other, x2, along) - moved(n, one, x1, along)
+    return Reading(row, float(along @ (own2 - own1) + across @ across / far), float(along @ rate), far, True)
+
+
+def moved(n: int, side: Any, point: Array, axis: Array) -> Array:
+    """The row of a point of a body along an axis."""
+    row = np.zeros(n)
+    if side.at is not None:
+        row[side.at : side.at + 3] = axis
+        row[side.at + 3 : side.at + 6] = np.cross(point - side.centre, axis)
+    return row
+
+
+def rolling(data: dict[str, Any], n: int, sides: dict[str, Any]) -> list[Condition]:
+    """Along the normal, then along two directions in the plane, which the ground carries."""
+    assert data["on"] == "ground" and not data["slips"], "only rolling on the ground is read"
+    side, normal, radius = sides[data["body"]], unit(np.array(data["normal"])), data["radius"]
+    w, turn = side.pose.w, side.pose.rotation
+    arm = turn @ np.array(data["center"])
+    down, sinking = -radius * normal, np.zeros(3)
+    if data["axis"] is not None:
+        a = turn @ unit(np.array(data["axis"]))
+        turning = np.cross(w, a)
+        m, m1 = normal - a * (a @ normal), -turning * (a @ normal) - a * (turning @ normal)
+        e = unit(m)
+        down, sinking = -radius * e, -radius * (m1 - e * (e @ m1)) / np.linalg.norm(m)
+    centre = side.pose.x + arm
+    point = centre + down
+    # d/dt (velocity of the centre + w x down): the place of contact moves about the centre by `sinking`
+    rest = np.cross(w, np.cross(w, centre - side.centre)) + np.cross(w, sinking)
+    velocity = side.pose.u + np.cross(w, arm + down)
+    gap = float(normal @ (point - np.array(data["point"])))
+    axes = (normal, *np.linalg.svd(normal[None])[2][1:])
+    return [
+        Condition(moved(n, side, point, t), float(t @ rest), float(t @ velocity), gap if k == 0 else 0.0, True)
+        for k, t in enumerate(axes)
+    ]
+
+
+def spline(curve: dict[str, Any], x: float) -> tuple[float, float, float]:
+    """Value, slope and bend of a periodic curve of cubics, highest power first."""
+    breaks, coefficients = np.array(curve["breaks"]), np.array(curve["coefficients"])
+    x = breaks[0] + (x - breaks[0]) % (breaks[-1] - breaks[0])
+    i = int(np.clip(np.searchsorted(breaks, x, side="right") - 1, 0, len(coefficients) - 1))
+    p = np.poly1d(coefficients[i])
+    at = x - breaks[i]
+    return float(p(at)), float(p.deriv()(at)), float(p.deriv(2)(at))
