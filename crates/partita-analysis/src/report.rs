@@ -3,6 +3,7 @@
 use crate::cures::{cures, Cure};
 use crate::determined::determined;
 use crate::error::AnalysisError;
+use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
 use partita_math::dense::Matrix;
@@ -10,12 +11,13 @@ use partita_math::factor::symmetric_eigen;
 use partita_model::evaluator::DriveRow;
 use partita_model::spec::{Body, Force, JointKind, Measure, Value};
 use partita_model::Model;
+use partita_system::branching::{self, Branch};
 use partita_system::kinematics::assembly::move_to;
 use partita_system::reduction::Reduction;
-use partita_system::start::choose_partition;
+use partita_system::start::{choose_partition, rank_here};
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 /// Squared sine of the closing rows below which a position is called close to a singular one: closing errors are
 /// amplified a hundred times there.
@@ -120,6 +122,38 @@ pub struct Report {
     pub reactions: Vec<ReactionLine>,
     /// In words.
     pub notes: Vec<String>,
+    /// The position is singular: what can be done from it.
+    pub singular: Option<Singular>,
+}
+
+/// One way to go on from a singular position.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Way {
+    /// Rates of the coordinates that move, the fastest 1 (rad/s, or one length of the mechanism a second).
+    pub rates: BTreeMap<String, f64>,
+    /// Where these coordinates are a few degrees along it: a guess for an assembly.
+    pub guess: BTreeMap<String, f64>,
+    /// Degrees of freedom on it.
+    pub mobility: usize,
+}
+
+/// A singular position, drives released.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Singular {
+    /// Degrees of freedom here, those of an instant.
+    pub here: usize,
+    /// Degrees of freedom next to it; 0: none was found.
+    pub beside: usize,
+    /// Certainly a structure, mobile for an instant only.
+    pub structure: bool,
+    /// The branches are samples: there are more than can be listed.
+    pub many: bool,
+    /// Branches that meet here.
+    pub branches: Vec<Way>,
+    /// Is all else of the report that of the mechanism on the first branch? If not it is left out.
+    pub described: bool,
+    /// All this in words.
+    pub words: String,
 }
 
 /// Measures and the choice at a position; none where a body that moves has no inertia.
@@ -147,10 +181,110 @@ struct Measured {
 
 /// The report at an assembled position, at rest.
 ///
-/// Fails at a singular position. Of a mechanism with a body that moves without mass or inertia it says which that is,
-/// and leaves the measures out.
+/// At a singular position it describes the mechanism next to it, and what can be done from there. Of a mechanism with a
+/// body that moves without mass or inertia it says which that is, and leaves the measures out.
 pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError> {
-    let found = mobility(model, t, q)?;
+    let e = match mobility(model, t, q) {
+        Ok(found) => return regular(model, t, q, found),
+        Err(e) => e,
+    };
+    if !matches!(e, AnalysisError::System(SystemError::SingularStart { .. })) {
+        return Err(e);
+    }
+    let joints = Geometry::new(model, false);
+    let driven = Geometry::new(model, true);
+    let Some(found) = branching::look(&joints, t, q, false)? else {
+        // the joints alone are sound: then it is the drives that stand at a dead centre
+        let Some(words) = branching::words(&driven, t, q)? else { return Err(e) };
+        let free = model.placed.nv - rank_here(&joints, t, q)?.rank;
+        let (many, structure, described, branches) = (false, false, false, Vec::new());
+        let singular = Singular { here: free, beside: free, structure, many, branches, described, words };
+        return Ok(Report { freedoms: free, singular: Some(singular), ..unmoved(model)? });
+    };
+    let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
+    let way = |b: &Branch| Way {
+        rates: named(branching::rates(&joints, b)),
+        guess: named(branching::guess(&joints, q, b)),
+        mobility: b.mobility,
+    };
+    // drives that hold it here need not hold it there, and what only seems mobile does so everywhere along the rest
+    let on = found.branches.first().filter(|_| model.drives.is_empty() && found.seeming == 0);
+    let singular = Singular {
+        here: found.here,
+        beside: found.beside(),
+        structure: found.structure(),
+        many: found.many,
+        branches: found.branches.iter().map(way).collect(),
+        described: on.is_some(),
+        words: branching::of_joints(&joints, q, &found),
+    };
+    let mut told = match on {
+        None => unmoved(model)?,
+        Some(b) => {
+            // next to a singular position rows are weak by the distance to it, which is no misfit of the drawing
+            let there = Mobility { misfits: Vec::new(), misfit: 0.0, meant: None, ..mobility(model, t, &b.beside)? };
+            regular(model, t, &b.beside, there)?
+        }
+    };
+    told.freedoms = singular.beside;
+    told.mobility = match found.branches.first() {
+        Some(b) if !model.drives.is_empty() => model.placed.nv - rank_here(&driven, t, &b.beside)?.rank,
+        _ => singular.beside,
+    };
+    told.singular = Some(singular);
+    Ok(told)
+}
+
+/// What can be said of a mechanism without asking how it moves.
+fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
+    let placed = &model.in_space()?.placed;
+    let joint_rows = placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>();
+    let gruebler = 6 * placed.bodies.len() as i64 - joint_rows as i64;
+    Ok(Report {
+        mobility: 0,
+        freedoms: 0,
+        gruebler,
+        idle: idle(model),
+        cures: Vec::new(),
+        redundancy: String::new(),
+        locked: Vec::new(),
+        dead: Vec::new(),
+        suspicious: suspicious(model),
+        joint_rows,
+        joint_rank: joint_rows,
+        closing_rows: 0,
+        closing_rank: 0,
+        planar: model.is_planar(),
+        misfit: 0.0,
+        misfits: Vec::new(),
+        redundant: Vec::new(),
+        tree: tree(model),
+        cuts: model.placed.topology.cuts.iter().map(|&j| joint_line(model, j)).collect(),
+        coordinates: Vec::new(),
+        independent: Vec::new(),
+        sigma: None,
+        sqrt_mu: None,
+        reactions: Vec::new(),
+        notes: floating(model),
+        singular: None,
+    })
+}
+
+/// Joints of the spanning tree, from the ground outwards.
+fn tree(model: &Model) -> Vec<JointLine> {
+    let line = |e: &partita_model::topology::TreeEdge| match e.joint {
+        Some(j) => joint_line(model, j),
+        None => {
+            let body = &model.spec.bodies[e.to - 1].name;
+            let parent = partita_model::validate::GROUND.into();
+            JointLine { joint: body.clone(), kind: "floating".into(), parent, child: body.clone() }
+        }
+    };
+    model.placed.topology.tree.iter().map(line).collect()
+}
+
+/// The same at a position that is not singular, its mobility found.
+fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, AnalysisError> {
     let known = determined(model, t, q, true)?;
     let measured = measured(model, t, q, found.mobility)?;
     let placed = &model.placed;
@@ -163,14 +297,6 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         };
         (0..m.rho.len()).map(line).collect()
     };
-    let tree = placed.topology.tree.iter().map(|e| match e.joint {
-        Some(j) => joint_line(model, j),
-        None => {
-            let body = &model.spec.bodies[e.to - 1].name;
-            let parent = partita_model::validate::GROUND.into();
-            JointLine { joint: body.clone(), kind: "floating".into(), parent, child: body.clone() }
-        }
-    });
     let reactions = model.spec.joints.iter().zip(known);
     let idle = idle(model);
     let mut notes = notes(model, &found);
@@ -181,7 +307,8 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     let cures = cures(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
-        tree: tree.collect(),
+        tree: tree(model),
+        singular: None,
         cuts: placed.topology.cuts.iter().map(|&j| joint_line(model, j)).collect(),
         coordinates: measured.as_ref().map(lines).unwrap_or_default(),
         independent: measured

@@ -1,6 +1,7 @@
 //! The constrained system S1-S5 and everything asked of it that needs no body and no joint: the partition and its
 //! projective criterion, closing and projecting, the reduced equations, multipliers.
 
+pub mod branching;
 pub mod closing;
 pub mod clusters;
 pub mod drawing;

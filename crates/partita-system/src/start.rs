@@ -1,5 +1,6 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
+use crate::branching;
 use crate::drawing;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
@@ -175,9 +176,10 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     let there = rank_at_last(&r);
     if there.rank > start.rank || open > OPENS {
         let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
+        let advice = branching::words(system, t, q)?
+            .unwrap_or_else(|| "the motion from here is not unique; start a little away from it".into());
         let message = format!(
-            "{} closing rows ({}) are dependent here but not next to it (rank {} here, {} next to it), so the motion from \
-             here is not unique; start a little away from it",
+            "{} closing rows ({}) are dependent here but not next to it (rank {} here, {} next to it): {advice}",
             start.dropped.len(),
             names.join(", "),
             start.rank,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import options as run_options
+from ..errors import SingularityError
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import _fitting, assemble
@@ -73,7 +74,8 @@ def _reported(found: dict[str, Any], sections: tuple[_Section, ...]) -> Report:
 
 def report(self: Modelled, state: State | None = None, *, coordinates: str = "relative") -> Report:
     """Describe the mechanism in words: what moves and how freely, redundancy and its cures, coordinates and their
-    measure, reactions, data that look like a slip.
+    measure, reactions, data that look like a slip. At a singular position: which branches meet there, and how to be
+    drawn on each.
 
     Args:
         state: where to look; None: the drawing, assembled.
@@ -84,7 +86,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
 
     Raises:
         AssemblyError: the loops of the drawing do not close. ArgumentError: the state belongs to another
-            model. SingularityError: the position is singular; the message says what to do.
+            model. SingularityError: the position is singular and the rank of the joints there is not clear.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -93,15 +95,26 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
     >>> "1 degree of freedom" in m.report()
     True
     """
-    model, _ = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
-    where = state if state is not None else assemble(self, coordinates=coordinates)
+    model, layout = layout_of(self, run_options.one_of("coordinates", coordinates, run_options.COORDINATES))
+    try:
+        where = state if state is not None else assemble(self, coordinates=coordinates)
+    except SingularityError:
+        # of drives at a dead centre no velocities are known; the drawing itself may be looked at, if it closes
+        where = State(0.0, *model.core.initial(), layout=layout)
     _fitting("state", where, model)
     found: dict[str, Any] = json.loads(model.core.report(where.t, where.q))
-    found["notes"] = [*found["notes"], *(note for note in model.notes if note not in found["notes"])]
+    # what compiling found in the way is said at length where the position is singular
+    new = [
+        note for note in model.notes if note not in found["notes"] and not (found["singular"] and "singular" in note)
+    ]
+    found["notes"] = [*found["notes"], *new]
     found = {"name": self.name, "t": where.t, "drives": list(self.drives), **found}
     sections = [
         _title(found, model.summary),
-        _mobility(found, len(model.summary["bodies"])),
+        _singular(found),
+        _mobility(found, len(model.summary["bodies"]))
+        if not found["singular"] or found["singular"]["described"]
+        else None,
         _Section("Redundancy", [found["redundancy"]]) if found["redundancy"] else None,
         _structure(found),
         _coordinates(found),
@@ -117,6 +130,17 @@ def _title(found: dict[str, Any], summary: dict[str, Any]) -> _Section:
     kind = "planar (all motion parallel to one plane)" if found["planar"] else "spatial"
     text = f"{_count(bodies, 'body', 'bodies')}, {_count(joints, 'joint')}; {kind}. Position at t = {found['t']:g} s."
     return _Section(f'Mechanism "{found["name"]}"', [text])
+
+
+def _singular(found: dict[str, Any]) -> _Section | None:
+    """What can be done from a singular position."""
+    singular = found["singular"]
+    if not singular:
+        return None
+    lines = [f"The mechanism stands in a singular position: {singular['words']}."]
+    if singular["described"]:
+        lines.append("What follows describes the mechanism next to this position, on the first branch.")
+    return _Section("Singular position", lines)
 
 
 def _mobility(found: dict[str, Any], bodies: int) -> _Section:

@@ -1,0 +1,461 @@
+//! What a mechanism can do from a singular position: its motions to second order, each tried by a finite move.
+//!
+//! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, asks of them to second order
+//! that `Q_n(u) = n^T b(D^T u)` vanish: forms that are nothing belong to rows that are redundant, a definite one leaves no motion
+//! at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few degrees and closed there
+//! with all its rows: what does not close is no motion, and the rank there is that of the branch.
+
+use crate::reduction::REDUNDANT;
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense::Matrix;
+use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
+
+/// Velocities beyond which nothing is looked at: dense decompositions would take minutes.
+const LARGEST: usize = 200;
+/// Singular values of rows and velocities in natural sizes below this are none: the sine whose square is [`REDUNDANT`].
+const NONE: f64 = 3.2e-5;
+/// The least ratio between singular values kept and dropped: the square root of that of the squared sines.
+const GAP: f64 = 30.0;
+/// Second rates (in parts of sizes, at rates of one reach a second) below this are round-off of positions known to the root of
+/// round-off, 1e-8, as those closed in a singular position are.
+const FLAT: f64 = 1e-6;
+/// The fastest velocity moves by so much of its reach, some three degrees: the rows lost here are open by the square of it
+/// elsewhere, and one lost rank has come back to a part of it, far above [`NONE`].
+const MOVE: f64 = 0.05;
+/// Closed there to this part of sizes; round-off over the move.
+const CLOSED: f64 = 1e-12;
+/// A branch leaves its tangent by the square of the move; what is farther off than this part of it went elsewhere.
+const AWAY: f64 = 0.3;
+/// Starts of the search for directions, and the most lines they may find: more are taken for a continuum.
+const STARTS: usize = 48;
+const LINES: usize = 8;
+/// Unit directions whose cosine is nearer to one are the same.
+const SAME: f64 = 1e-6;
+
+/// One way to go on, in both senses where it has two.
+#[derive(Clone, Debug)]
+pub struct Branch {
+    /// Velocities along it, the fastest of them 1 in its reach.
+    pub rates: Vec<f64>,
+    /// A closed position a few degrees along it.
+    pub beside: Vec<f64>,
+    /// Degrees of freedom there.
+    pub mobility: usize,
+}
+
+/// A singular position.
+#[derive(Clone, Debug)]
+pub struct Branching {
+    /// Degrees of freedom here, those of an instant.
+    pub here: usize,
+    /// Branches on which a few degrees were moved. Empty: none was found.
+    pub branches: Vec<Branch>,
+    /// More directions than can be listed: these branches are samples.
+    pub many: bool,
+    /// Rates of one instant that a form of one sign forbids to second order: they only seem mobile. Certain.
+    pub seeming: usize,
+}
+
+impl Branching {
+    /// Degrees of freedom next to the position; 0 where nothing moves.
+    pub fn beside(&self) -> usize {
+        self.branches.iter().map(|b| b.mobility).max().unwrap_or(0)
+    }
+}
+
+impl Branching {
+    /// A structure, mobile for an instant only: certain.
+    pub fn structure(&self) -> bool {
+        self.seeming == self.here
+    }
+}
+
+/// Rows over their sizes, velocities over their reaches.
+struct Scaled<'s, S: ConstrainedSystem> {
+    system: &'s S,
+    /// Those looked at.
+    rows: Vec<usize>,
+    scratch: S::Scratch,
+    phi: Vec<f64>,
+    c: Vec<f64>,
+    a: Vec<f64>,
+    sizes: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+/// Rank by singular values; none where they leave no gap.
+fn rank_of(s: &[f64]) -> Option<usize> {
+    let rank = s.iter().filter(|&&x| x > NONE).count();
+    let kept = if rank > 0 { s[rank - 1] } else { 1.0 };
+    s.get(rank).is_none_or(|x| x * GAP < kept).then_some(rank)
+}
+
+impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
+    fn new(system: &'s S, t: f64, q: &[f64], drives: bool) -> Result<Self, SystemError> {
+        let (size, nnz) = (system.size(), system.pattern().nnz());
+        let mut x = Self {
+            system,
+            rows: (0..size.rows).filter(|&i| drives || !system.row_is_drive(i)).collect(),
+            scratch: system.scratch(),
+            phi: vec![0.0; size.holonomic],
+            c: vec![0.0; nnz],
+            a: vec![0.0; size.rows],
+            sizes: vec![1.0; size.rows],
+            reach: (0..size.nv).map(|i| system.reach(i)).collect(),
+        };
+        x.position(t, q)?;
+        let pattern = system.pattern();
+        for i in 0..size.rows {
+            let norm = pattern.row(i).map(|e| (x.c[e] * x.reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            let known = system.row_reach(i).filter(|r| *r > 0.0);
+            x.sizes[i] = known.unwrap_or(if norm > 0.0 { norm } else { 1.0 });
+        }
+        Ok(x)
+    }
+
+    fn position(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
+    }
+
+    /// C at the position last evaluated.
+    fn jacobian(&self) -> Matrix {
+        let pattern = self.system.pattern();
+        let mut m = Matrix::new(self.rows.len(), pattern.cols);
+        for (n, &i) in self.rows.iter().enumerate() {
+            for e in pattern.row(i) {
+                let j = pattern.col_idx[e];
+                m[(n, j)] = self.c[e] * self.reach[j] / self.sizes[i];
+            }
+        }
+        m
+    }
+
+    /// What is open there.
+    fn open(&self) -> Vec<f64> {
+        self.rows.iter().map(|&i| self.phi[i] / self.sizes[i]).collect()
+    }
+
+    /// The part of b that is quadratic in the velocities `w` (in reaches).
+    fn bend(&mut self, t: f64, q: &[f64], w: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let mut sum = vec![0.0; self.sizes.len()];
+        let mut b = sum.clone();
+        for (sign, weight) in [(1.0, 0.5), (-1.0, 0.5), (0.0, -1.0)] {
+            let v: Vec<f64> = w.iter().zip(&self.reach).map(|(w, r)| sign * w * r).collect();
+            self.system.velocity(t, q, &v, &mut self.scratch, &mut b)?;
+            sum.iter_mut().zip(&b).for_each(|(s, b)| *s += weight * b);
+        }
+        Ok(self.rows.iter().map(|&i| sum[i] / self.sizes[i]).collect())
+    }
+
+    /// The position so far along `w`, closed by all rows; none where it does not close next to there.
+    fn moved(&mut self, t: f64, q: &[f64], w: &[f64], far: f64) -> Result<Option<Vec<f64>>, SystemError> {
+        let mut there = q.to_vec();
+        let step = |w: &[f64], reach: &[f64], far: f64| -> Vec<f64> {
+            w.iter().zip(reach).map(|(w, r)| far * w * r).collect()
+        };
+        self.system.step(&mut there, &step(w, &self.reach, far));
+        let mut off = vec![0.0; w.len()];
+        for _ in 0..30 {
+            self.system.normalise(&mut there);
+            self.position(t, &there)?;
+            let open = self.open();
+            if open.iter().all(|x| x.abs() < CLOSED) {
+                return Ok(Some(there));
+            }
+            let Ok((back, _)) = least_squares_min_norm(&self.jacobian(), &open, NONE) else { return Ok(None) };
+            off.iter_mut().zip(&back).for_each(|(x, y)| *x += y);
+            if off.iter().any(|x| x.abs() > AWAY * far.abs()) {
+                return Ok(None);
+            }
+            self.system.step(&mut there, &step(&back, &self.reach, -1.0));
+        }
+        Ok(None)
+    }
+}
+
+/// Quadratic forms on k rates, each k x k and symmetric.
+struct Forms(Vec<Matrix>);
+
+impl Forms {
+    /// Independent ones among those of all self-stresses: combinations that are not flat.
+    fn independent(all: &[Matrix], k: usize) -> Option<Self> {
+        let mut rows = Matrix::new(all.len(), k * k);
+        for (i, f) in all.iter().enumerate() {
+            rows.row_mut(i).copy_from_slice(f.data());
+        }
+        let f = svd(&rows).ok()?;
+        let rank = f.s.iter().filter(|&&s| s > FLAT).count();
+        let form = |r: usize| {
+            let column: Vec<f64> = (0..k * k).map(|e| f.v[(e, r)]).collect();
+            let m = Matrix::from_vec(k, k, column);
+            let mut even = Matrix::new(k, k);
+            (0..k).for_each(|i| (0..k).for_each(|j| even[(i, j)] = 0.5 * (m[(i, j)] + m[(j, i)])));
+            even
+        };
+        Some(Self((0..rank).map(form).collect()))
+    }
+
+    /// A direction of the cone near `u` by Gauss-Newton steps on the unit sphere.
+    fn zero_near(&self, mut u: Vec<f64>) -> Option<Vec<f64>> {
+        let k = u.len();
+        for _ in 0..60 {
+            let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length.is_nan() || length < 1e-9 {
+                return None;
+            }
+            u.iter_mut().for_each(|x| *x /= length);
+            let (mut slopes, mut values) = (Matrix::new(self.0.len(), k), Vec::new());
+            for (i, f) in self.0.iter().enumerate() {
+                let fu = f.matvec(&u);
+                values.push(fu.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>());
+                slopes.row_mut(i).iter_mut().zip(&fu).for_each(|(s, x)| *s = 2.0 * x);
+            }
+            if values.iter().all(|x| x.abs() < 1e-14) {
+                return Some(u);
+            }
+            let (back, _) = least_squares_min_norm(&slopes, &values, 1e-9).ok()?;
+            // far off a step may be no longer than the direction itself
+            let long = back.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let part = (0.5 / long).min(1.0);
+            u.iter_mut().zip(&back).for_each(|(x, y)| *x -= part * y);
+        }
+        // double lines are approached by halves
+        let flat = |f: &Matrix| f.matvec(&u).iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < 1e-10;
+        self.0.iter().all(flat).then_some(u)
+    }
+
+    /// Lines of the cone that irregular starts lead to, up to one more than can be listed.
+    fn lines(&self, k: usize) -> Vec<Vec<f64>> {
+        let mut found: Vec<Vec<f64>> = Vec::new();
+        for n in 0..STARTS {
+            let start =
+                (0..k).map(|j| (1.0 + 1.7 * n as f64 + 2.3 * j as f64 * (1.0 + n as f64).sqrt()).sin()).collect();
+            let Some(u) = self.zero_near(start) else { continue };
+            let same = |x: &Vec<f64>| 1.0 - x.iter().zip(&u).map(|(a, b)| a * b).sum::<f64>().abs() < SAME;
+            if !found.iter().any(same) {
+                found.push(u);
+            }
+            if found.len() > LINES {
+                break;
+            }
+        }
+        found
+    }
+}
+
+/// Motions from a closed position that may be singular; none where it is not, where rows have no positions to close, where the
+/// rank is not clear or the mechanism too large to look at.
+///
+/// `drives`: those hold still, too; else they are released. Cost: dense decompositions of C, some twenty for each branch.
+///
+/// # Errors
+/// Where the system cannot be evaluated here.
+pub fn look<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    q: &[f64],
+    drives: bool,
+) -> Result<Option<Branching>, SystemError> {
+    debug_assert!((NONE * NONE / REDUNDANT - 1.0).abs() < 0.1);
+    let size = system.size();
+    if size.nv > LARGEST || size.rows > 5 * LARGEST || size.rows != size.holonomic || size.rows == 0 {
+        return Ok(None);
+    }
+    let mut x = Scaled::new(system, t, q, drives)?;
+    let rows = x.rows.len();
+    if x.open().iter().any(|x| x.abs() > FLAT) {
+        return Ok(None);
+    }
+    let Ok(f) = svd_full(&x.jacobian()) else { return Ok(None) };
+    let Some(rank) = rank_of(&f.s) else { return Ok(None) };
+    let (n, k) = (size.nv, size.nv - rank);
+    if k == 0 || rank == rows {
+        return Ok(None);
+    }
+    let column = |m: &Matrix, j: usize| -> Vec<f64> { (0..m.rows()).map(|i| m[(i, j)]).collect() };
+    let kernel: Vec<Vec<f64>> = (rank..n).map(|j| column(&f.v, j)).collect();
+    let stresses: Vec<Vec<f64>> = (rank..rows).map(|j| column(&f.u, j)).collect();
+    let mut forms = vec![Matrix::new(k, k); stresses.len()];
+    let mut squares: Vec<Vec<f64>> = Vec::with_capacity(k);
+    for i in 0..k {
+        for j in 0..=i {
+            let w: Vec<f64> = match i == j {
+                true => kernel[i].clone(),
+                false => kernel[i].iter().zip(&kernel[j]).map(|(a, b)| a + b).collect(),
+            };
+            squares.push(x.bend(t, q, &w)?);
+        }
+    }
+    let place = |i: usize, j: usize| i * (i + 1) / 2 + j;
+    for (form, stress) in forms.iter_mut().zip(&stresses) {
+        let of = |b: &[f64]| stress.iter().zip(b).map(|(n, b)| n * b).sum::<f64>();
+        for i in 0..k {
+            for j in 0..=i {
+                let both = of(&squares[place(i, j)]);
+                let value = match i == j {
+                    true => both,
+                    false => 0.5 * (both - of(&squares[place(i, i)]) - of(&squares[place(j, j)])),
+                };
+                (form[(i, j)], form[(j, i)]) = (value, value);
+            }
+        }
+    }
+    let Some(forms) = Forms::independent(&forms, k) else { return Ok(None) };
+    if forms.0.is_empty() {
+        return Ok(None);
+    }
+    let mut found = Branching { here: k, branches: Vec::new(), many: false, seeming: 0 };
+    let mut one_sign = None;
+    if let [form] = forms.0.as_slice() {
+        let Ok((values, vectors)) = symmetric_eigen(form) else { return Ok(None) };
+        let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let acts = |x: f64| x.abs() > FLAT * largest;
+        let mut signs = values.iter().filter(|x| acts(**x)).map(|x| x.signum());
+        let first = signs.next();
+        if signs.all(|sign| Some(sign) == first) {
+            let free: Vec<Vec<f64>> = (0..k).filter(|&j| !acts(values[j])).map(|j| column(&vectors, j)).collect();
+            found.seeming = k - free.len();
+            one_sign = Some(free);
+        }
+    }
+    let all_free = one_sign.as_ref().map(Vec::len);
+    let lines = one_sign.unwrap_or_else(|| forms.lines(k));
+    found.many = all_free.is_none() && lines.len() > LINES;
+    for u in lines.iter().take(LINES) {
+        let mut w = vec![0.0; n];
+        for (u, d) in u.iter().zip(&kernel) {
+            w.iter_mut().zip(d).for_each(|(w, d)| *w += u * d);
+        }
+        let (fastest, ahead) = w.iter().fold((0.0, 1.0), |m: (f64, f64), x| {
+            // of several that are as fast the first one goes ahead
+            if x.abs() > m.0 * (1.0 + 1e-9) {
+                (x.abs(), x.signum())
+            } else {
+                m
+            }
+        });
+        w.iter_mut().for_each(|x| *x *= ahead / fastest);
+        let there = match x.moved(t, q, &w, MOVE) {
+            Ok(Some(there)) => Some(there),
+            _ => {
+                w.iter_mut().for_each(|x| *x = -*x);
+                x.moved(t, q, &w, MOVE).unwrap_or(None)
+            }
+        };
+        let Some(beside) = there else { continue };
+        let Ok(f) = svd(&x.jacobian()) else { continue };
+        let Some(rank) = rank_of(&f.s) else { continue };
+        let rates = w.iter().zip(&x.reach).map(|(w, r)| if w.abs() < 1e-9 { 0.0 } else { w * r }).collect();
+        found.branches.push(Branch { rates, beside, mobility: all_free.unwrap_or(n - rank) });
+    }
+    if all_free.is_some_and(|free| found.branches.len() < free.min(LINES)) {
+        found.branches.clear(); // what higher orders forbid is not known by its number
+    }
+    Ok(Some(found))
+}
+
+/// Where the coordinates that move stand a few degrees along a branch: a guess that an assembly closes on it.
+pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Vec<(String, f64)> {
+    let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
+    let moved = |(v, c): (usize, usize)| {
+        let (from, to) = (q[c], branch.beside[c]);
+        ((to - from).abs() > FLAT * system.reach(v)).then(|| (system.velocity_name(v), to))
+    };
+    (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
+}
+
+/// The rates along one branch, of all coordinates that go.
+pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch) -> Vec<(String, f64)> {
+    let moving = branch.rates.iter().enumerate().filter(|x| *x.1 != 0.0);
+    moving.map(|(i, &rate)| (system.velocity_name(i), rate)).collect()
+}
+
+/// Coordinates written out; of more it is said where they are.
+const WRITTEN: usize = 6;
+
+/// What can be done from here, in words that end a sentence; none where nothing is known.
+///
+/// # Errors
+/// Where the system cannot be evaluated here.
+pub fn words<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Option<String>, SystemError> {
+    if let Some(found) = look(system, t, q, false)? {
+        return Ok(Some(of_joints(system, q, &found)));
+    }
+    let rows = system.size().rows;
+    let drives: Vec<usize> = (0..rows).filter(|&i| system.row_is_drive(i)).collect();
+    if drives.is_empty() {
+        return Ok(None);
+    }
+    Ok(look(system, t, q, true)?.filter(Branching::structure).map(|_| {
+        let names: Vec<String> = drives.iter().take(WRITTEN).map(|&i| system.row_owner(i)).collect();
+        format!(
+            "a dead centre: {} cannot say from here which way the joints are to go on, the joints alone would move freely; start a \
+             little away from it, with a joint bent a few degrees and the drive beginning there, or drive a joint that is not in \
+             its dead centre",
+            names.join(" and ")
+        )
+    }))
+}
+
+fn freedoms(k: usize) -> String {
+    format!("{k} degree{} of freedom", if k == 1 { "" } else { "s" })
+}
+
+/// What the joints alone, drives released, can do from here.
+pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching) -> String {
+    let here = freedoms(found.here);
+    if found.structure() {
+        return format!(
+            "it seems to have {here} here, but only for an instant: to second order its joints let nothing move, it is a \
+             structure in which play grows large; change a length or a joint"
+        );
+    }
+    if found.branches.is_empty() {
+        return format!(
+            "it seems to have {here} here, but no way was found on which it moves by a few degrees: it may be a structure that \
+             is mobile for an instant only; change a length or a joint, or start a little away from it"
+        );
+    }
+    if found.seeming > 0 {
+        return format!(
+            "it seems to have {here} here, {} of them only for an instant: to second order its joints let nothing move there, \
+             that part of it is a structure in which play grows large; change a length or a joint",
+            found.seeming
+        );
+    }
+    let way = |(n, b): (usize, &Branch)| {
+        let list = |x: &[(String, f64)]| -> String {
+            x.iter().map(|(name, x)| format!("\"{name}\": {}", digits(*x))).collect::<Vec<_>>().join(", ")
+        };
+        let (rates, guess) = (rates(system, b), guess(system, q, b));
+        match rates.len().max(guess.len()) <= WRITTEN {
+            true => format!("rates as {{{}}}, to be had by assemble(guess={{{}}})", list(&rates), list(&guess)),
+            false => format!("rates and guess as report().to_dict()[\"singular\"][\"branches\"][{n}] has them"),
+        }
+    };
+    let ways: Vec<String> = found.branches.iter().enumerate().take(WAYS).map(way).collect();
+    let meet = match (found.many, found.branches.len()) {
+        (true, _) => "ways part in more directions than can be listed, such as".into(),
+        (false, 1) => "one way leads on".into(),
+        (false, n) if n > WAYS => format!("{n} branches meet, such as"),
+        (false, n) => format!("{n} branches meet"),
+    };
+    format!(
+        "it has {here} here and {} next to it, where {meet}: {}; start a little away from it, with joints bent a few degrees \
+         either way, on the branch you mean",
+        found.beside(),
+        ways.join("; or ")
+    )
+}
+
+/// Branches written out.
+const WAYS: usize = 4;
+
+/// A number as people write it.
+fn digits(x: f64) -> String {
+    let text = format!("{x:.5}");
+    match text.parse::<f64>() {
+        Ok(y) if (y - x).abs() <= 1e-3 * x.abs() => format!("{y}"),
+        _ => format!("{x:.3e}"),
+    }
+}
