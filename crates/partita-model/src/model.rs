@@ -183,10 +183,13 @@ impl Model {
         if elements.iter().any(Element::sees_coordinates) {
             turns.fill(false);
         }
-        let coupled = own.full.conditions.iter().flat_map(Condition::readings).filter_map(|r| match r.quantity {
-            Quantity::Coordinate { q, .. } => Some(q),
-            _ => None,
-        });
+        // in the plane an angle between two bodies adds up from those of the tree, whole turns included
+        let counted = |r: &gauge::Reading<_>| match r.quantity {
+            Quantity::Coordinate { q, .. } => vec![q],
+            Quantity::Turn(_) if placed.planar => r.movers.iter().map(|m| own.full.links[m.link].q).collect(),
+            _ => Vec::new(),
+        };
+        let coupled = own.full.conditions.iter().flat_map(Condition::readings).flat_map(counted);
         for q in elements.iter().filter_map(Element::counted).chain(coupled) {
             turns[q] = false;
         }

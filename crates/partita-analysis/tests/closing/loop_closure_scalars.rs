@@ -29,6 +29,9 @@ fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Mome
     for (i, wishes) in KINDS.into_iter().enumerate() {
         let (mut explicit, mut implicit) = (0, 0);
         on_random_mechanisms(seed + i as u64, COUNT, wishes, |rng, model, m| {
+            if model.drives.iter().any(|d| d.tree.is_none()) {
+                return; // a drive of a cut joint has no place in closed forms, which say so
+            }
             let mut closing = model.loop_closing(m.t, &m.q, None).unwrap();
             let mut q = m.q.clone();
             if closing.close(m.t, &mut q).is_err() || closing.state().iter().any(|s| s.pivot < HEALTHY) {
