@@ -198,3 +198,18 @@ def test_a_drive_does_not_hide_the_branches() -> None:
     assert (found["freedoms"], found["mobility"]) == (1, 0)
     with pytest.raises(SingularityError, match="2 branches meet"):
         m.simulate(0.1)
+
+
+@pytest.mark.parametrize("angle", [0.003, 0.01, 0.02, 0.05, 0.08, 0.1, 0.15, 0.3])
+def test_near_a_change_point_no_misfit_is_told(angle: float) -> None:
+    """What is weak because a singular position is near is no fault of the drawing."""
+    m, b = pt.Mechanism("parallelogram"), (np.cos(angle), np.sin(angle), 0.0)
+    c = (3.0 + b[0], b[1], 0.0)
+    for name, start, end in (("crank", (0, 0, 0), b), ("coupler", b, c), ("rocker", (3, 0, 0), c)):
+        m.add_rod(name, start=start, end=end, mass=1.0)
+    m.add_revolute("A", m.ground, "crank", point=(0, 0, 0))
+    m.add_revolute("B", "crank", "coupler", point=b)
+    m.add_revolute("C", "coupler", "rocker", point=c)
+    m.add_revolute("D", m.ground, "rocker", point=(3, 0, 0))
+    said = " ".join(m.report().split())
+    assert "drawing does not fit" not in said and "1 degree of freedom" in said

@@ -20,6 +20,10 @@ const STEPS: usize = 5;
 /// A misfit opens a row by no more than this part of what it adds, on so short a motion; next to a singular position, where
 /// it adds as much as the distance, the motion opens it by half its own square.
 const GROWS: f64 = 0.4;
+/// A misfit belongs to the drawing and stays about as weak wherever the mechanism goes (within a quarter in all that were
+/// tried); what lies near a singular position changes with the distance from it, here by a tenth of a reach (to twice, or to
+/// nothing).
+const STAYS: f64 = 1.5;
 /// Directions in which a mechanism of several freedoms is moved, at the most.
 const DIRECTIONS: usize = 4;
 
@@ -64,7 +68,7 @@ pub fn bridged<S: ConstrainedSystem>(
         return Ok(None);
     }
     let Some(found) = candidates(system, t, q, tolerance)? else { return Ok(None) };
-    tried(system, t, q, bridged_gap(tolerance), found)
+    tried(system, t, q, bridged_gap(tolerance), found, None)
 }
 
 /// What would be bridged if the drawing might be off by more than it may: closings that hardly say anything, and open by no
@@ -83,7 +87,7 @@ pub fn beyond<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Opt
         return Ok(None);
     }
     let weak = (found.bridged.smallest / found.bridged.gap).sqrt();
-    tried(system, t, q, GROWS * weak, found)
+    tried(system, t, q, GROWS * weak, found, Some(weak))
 }
 
 /// What rank alone tells.
@@ -138,13 +142,15 @@ fn candidates<S: ConstrainedSystem>(
     Ok(Some(Candidates { closings, bridged }))
 }
 
-/// Move the mechanism with the drives released, closed with the rows kept: do the others stay within the tolerance?
+/// Move the mechanism with the drives released, closed with the rows kept: do the others stay within the tolerance? And, where
+/// it is said how `weak` they are here, do they stay that weak?
 fn tried<S: ConstrainedSystem>(
     system: &S,
     t: f64,
     q: &[f64],
     limit: f64,
     found: Candidates,
+    weak: Option<f64>,
 ) -> Result<Option<Bridged>, SystemError> {
     let mut bridged = found.bridged;
     let mut r = Reduction::geometric(system, found.closings);
@@ -205,6 +211,13 @@ fn tried<S: ConstrainedSystem>(
                 }
                 if r.tangent(t).is_err() {
                     break;
+                }
+            }
+            if let Some(weak) = weak {
+                let found = candidates(system, t, &there, LARGEST_TOLERANCE)?;
+                let strength = found.map(|x| (x.bridged.smallest / x.bridged.gap).sqrt() / weak);
+                if !strength.is_some_and(|x| x < STAYS && x > 1.0 / STAYS) {
+                    return Ok(None); // otherwise next to it: the position is near a singular one
                 }
             }
         }
