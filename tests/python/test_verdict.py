@@ -205,3 +205,11 @@ def test_a_start_that_misses_its_conditions_is_told() -> None:
     run = m.simulate(0.1, initial=still)
     assert any("drive of A opens by 3.142e0 a second" in note for note in run.notes), run.notes
     assert not any("does not satisfy the constraints" in note for note in m.simulate(0.1, initial=rest).notes)
+
+
+@pytest.mark.parametrize("name", ["three-rpr", "engine-boxer"])
+def test_what_rests_holds(name: str) -> None:
+    """Rounding moves a mechanism at rest by nothing that anybody asked about: its energy balance breaks no run."""
+    run = pt.catalogue.entry(name).mechanism().simulate(1.0)
+    assert run.success and run.certificate.verdict == "holds"
+    assert np.abs(run.q - run.q[0]).max() < 1e-12

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
-from .verdict import Finding, allowed, of_arrays, of_energy, of_reactions, word_of
+from .verdict import Finding, allowed, of_arrays, of_energy, of_reactions, unnoticed, word_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -120,6 +120,7 @@ def certify(result: Readable) -> Certificate:
             result.energy,
             allowed(result.record.options, result.record.misfit),
             int(result.counters.get("steps", 0)),
+            unnoticed(result.spec, result.record.options),
         )
     grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
     if newton_euler is not None:

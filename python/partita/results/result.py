@@ -25,7 +25,7 @@ from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
 from .source import BODIES, Arrays, ModelSource, Source
-from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, word_of
+from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoticed, word_of
 
 if TYPE_CHECKING:
     import pandas
@@ -126,7 +126,8 @@ class Result:
             own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options, self._record.misfit)
             if self.has_energy:
                 explained = allowed(self._record.options, self._record.misfit)
-                own += of_energy(self.t, self.energy, explained, int(self.counters.get("steps", 0)))
+                least = unnoticed(self.spec, self._record.options)
+                own += of_energy(self.t, self.energy, explained, int(self.counters.get("steps", 0)), least)
             self._warn(own)
             known += own
         return known

@@ -78,9 +78,30 @@ def of_reactions(
     return [Finding(worst > broken, float(t[i]), f"{words}; up to {doubtful:.0e} holds")]
 
 
-def of_energy(t: NDArray[np.float64], energy: EnergyResult, rtol: float, steps: int) -> list[Finding]:
-    """What the energy balance says, held against the energy exchanged and the tolerance of the run."""
-    scale = max(energy.scale, ROUND_OFF / ENERGY_FLOOR * float(np.max(np.abs(energy.potential), initial=0.0)))
+def unnoticed(spec: Mapping[str, Any] | None, options: Mapping[str, Any]) -> float:
+    """Energy [J] against which a balance is held at the least.
+
+    That of all bodies at speeds of the absolute tolerance is below what anybody asked about; and weights that balance
+    each other are added up with the round-off of each.
+    """
+    atol = options.get("atol")
+    if spec is None or not isinstance(atol, float):
+        return 0.0
+    weights = (float(b["mass"]) + float(np.trace(np.array(b["inertia"], dtype=float))) for b in spec.get("bodies", ()))
+    points = [b["position"] for b in spec.get("bodies", ())] + [j["point"] for j in spec.get("joints", ())]
+    extent = float(np.linalg.norm(np.ptp(np.array(points, dtype=float), axis=0))) if points else 0.0
+    gravity = spec.get("gravity", (0.0, 0.0, 0.0))
+    pull = float(np.linalg.norm(gravity)) if np.ndim(gravity) == 1 else 0.0
+    heavy = pull * extent * sum(float(b["mass"]) for b in spec.get("bodies", ()))
+    return (0.5 * sum(weights) * atol**2 + ROUND_OFF * heavy) / ENERGY_FLOOR
+
+
+def of_energy(
+    t: NDArray[np.float64], energy: EnergyResult, rtol: float, steps: int, least: float = 0.0
+) -> list[Finding]:
+    """What the energy balance says, held against the energy exchanged (`least` at the least) and the tolerance of the
+    run."""
+    scale = max(energy.scale, least, ROUND_OFF / ENERGY_FLOOR * float(np.max(np.abs(energy.potential), initial=0.0)))
     if not len(energy.balance) or scale <= 0.0:
         return []
     off = np.abs(energy.balance) / scale
