@@ -602,3 +602,13 @@ def test_all_forces_but_laws_are_written_to_a_file_and_read_again(tmp_path: Path
                 np.testing.assert_allclose(y[key], x[key], atol=1e-15)
             else:
                 assert y[key] == x[key], key
+
+
+def test_a_bushing_turned_too_far_says_so() -> None:
+    m = pt.Mechanism("twisted", gravity=(0, 0, 0))
+    wheel = m.add_body("wheel", mass=1.0, inertia=(1, 1, 1))
+    m.add_revolute("A", m.ground, wheel, point=(0, 0, 0))
+    m.add_bushing("mount", m.ground, wheel, (0, 0, 0), stiffness=(1, 1, 1, 1, 1, 1))
+    m.add_drive("A", velocity=2.0)
+    run = m.simulate(4.0)
+    assert not run.success and "mount" in run.message and "half a turn" in run.message

@@ -77,7 +77,9 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::NotFinite { what, t } | SystemError::OutsideTable { what, t, .. } => {
             raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", what.into())])
         }
-        SystemError::OutsideCurve { what, .. } | SystemError::Wound { what, .. } => {
+        SystemError::OutsideCurve { what, .. }
+        | SystemError::Wound { what, .. }
+        | SystemError::Twisted { what, .. } => {
             raise(py, "EvaluationError", &message, &[("t", f64::NAN.into()), ("where", what.into())])
         }
         SystemError::Assembly { iterations, residual, loops, .. }

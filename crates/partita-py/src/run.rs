@@ -239,7 +239,8 @@ fn blamed(error: &SystemError) -> String {
         SystemError::Function { what, .. } | SystemError::NotFinite { what, .. } => what.clone(),
         SystemError::OutsideTable { what, .. }
         | SystemError::OutsideCurve { what, .. }
-        | SystemError::Wound { what, .. } => what.clone(),
+        | SystemError::Wound { what, .. }
+        | SystemError::Twisted { what, .. } => what.clone(),
         _ => String::new(),
     }
 }

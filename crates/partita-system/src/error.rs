@@ -63,6 +63,17 @@ pub enum SystemError {
         /// By how much.
         by: f64,
     },
+    /// A bushing was turned farther than it can hold.
+    #[error(
+        "{what}: its frames are turned by {by:.3} rad against each other; a bushing holds less than half a turn: let a joint \
+         turn that much"
+    )]
+    Twisted {
+        /// Which element.
+        what: String,
+        /// By how much.
+        by: f64,
+    },
     /// A curve over a coordinate was left.
     #[error("{what}: its curve is asked for at {x}, outside [{from}, {to}]; extend the curve, or make it periodic")]
     OutsideCurve {

@@ -5,7 +5,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
 use partita_model::place::Coordinates;
-use partita_model::spec::{Drive, JointKind, Level, Measure, Spec, Value};
+use partita_model::spec::{Drive, Force, JointKind, Level, Measure, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
@@ -52,6 +52,16 @@ fn balance(model: &Model, samples: &[Sample]) -> (f64, f64) {
     })
 }
 
+/// The same with stops, contacts and tyres that do not push: at the corner of a first touch a step is off by more than its
+/// error estimate, whatever the tolerance.
+fn without_corners(model: &Model) -> Model {
+    let corner = |f: &&Force| matches!(f, Force::Stop(_) | Force::Contact(_) | Force::Tyre(_));
+    let names: Vec<String> =
+        model.spec.forces.iter().filter(corner).map(|f| format!("{}.stiffness", f.name())).collect();
+    let changes: Vec<(&str, &[f64])> = names.iter().map(|name| (name.as_str(), &[0.0][..])).collect();
+    model.with_parameters(&changes).unwrap()
+}
+
 #[test]
 fn energy_less_work_is_kept() {
     for planar in [false, true] {
@@ -59,6 +69,7 @@ fn energy_less_work_is_kept() {
         let wishes = Wishes { planar, bound: true, drives: true };
         on_random_mechanisms(51, 30, wishes, |_, model, m| {
             let at: Vec<f64> = (0..=5).map(|i| m.t + 0.06 * f64::from(i)).collect();
+            let model = &without_corners(model);
             let Some(samples) = march(model, m, &at) else { return };
             let (off, work) = balance(model, &samples);
             // 1e-12 a step, some tens of steps, energies of some tens of joules; springs can whip up short motions

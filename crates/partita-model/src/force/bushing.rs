@@ -4,11 +4,19 @@ use super::spot::Spot;
 use super::{At, Effect};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Quaternion, Space, Vec3};
+use partita_system::SystemError;
+
+/// A little less than half a turn (rad), beyond which the rotation vector points the other way: no step passes it unseen.
+const HALF_TURN: f64 = 3.0;
 
 /// With `x = (d, θ)`, the displacement of frame 2 and the rotation vector of its turn, both in the axes of frame 1, body 2
 /// feels `−K x − C x'` along x, body 1 the opposite at the same point of space.
 #[derive(Clone, Debug)]
 pub struct Bushing<G: Space> {
+    /// Name, for messages.
+    pub name: String,
+    /// Does it resist turning? Then it holds frames that turn by less than half a turn.
+    pub turns: bool,
     /// Origins of the frames.
     pub ends: [Spot<G>; 2],
     /// Their axes, link axes.
@@ -23,13 +31,16 @@ pub struct Bushing<G: Space> {
 
 impl<G: Space> Bushing<G> {
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+    pub(crate) fn wrench(&self, at: &At<G>) -> Result<Effect<G>, SystemError> {
         let [one, two] = [&self.ends[0].place, &self.ends[1].place];
         let frame = at.axes(one.link).mul(&self.frames[0]);
         let turned = frame.transpose().mul(&at.axes(two.link).mul(&self.frames[1]));
         let point = at.spot(&self.ends[1]);
         let displaced = frame.apply_transposed(point - at.spot(&self.ends[0]));
         let (turn, curl) = rotation_vector(&turned);
+        if let (true, Some(by)) = (self.turns, turn.norm().outside(-HALF_TURN, HALF_TURN)) {
+            return Err(SystemError::Twisted { what: self.name.clone(), by });
+        }
         // what frame 1 sees of the motion
         let drift = frame.apply_transposed(at.moving(two.link, point) - at.moving(one.link, point));
         let spin = frame.apply_transposed(at.spinning(two.link) - at.spinning(one.link));
@@ -48,7 +59,7 @@ impl<G: Space> Bushing<G> {
         let force = frame.apply(Vec3([along[0], along[1], along[2]]));
         let moment = frame.apply(moment_of(turn, curl, Vec3([along[3], along[4], along[5]])));
         let acts = at.pair(two, one, point, moment, force);
-        Effect { acts, potential: dot(&x, &elastic).scale(0.5), power }
+        Ok(Effect { acts, potential: dot(&x, &elastic).scale(0.5), power })
     }
 }
 

@@ -50,7 +50,10 @@ pub(super) fn element<G: Space>(
                 let all = n.field(field);
                 std::array::from_fn(|i| std::array::from_fn(|j| all.get(6 * i + j).copied().unwrap_or_default()))
             };
+            let twists = |m: &[[f64; 6]; 6]| (0..6).any(|i| (0..6).any(|j| (i > 2 || j > 2) && m[i][j] != 0.0));
             Element::Bushing(Box::new(Bushing {
+                name: x.name.clone(),
+                turns: twists(&x.stiffness) || twists(&x.damping),
                 ends: [maker.spot(&x.body1, n.vector("point1")), maker.spot(&x.body2, n.vector("point2"))],
                 frames: [frame(&x.body1, &x.frame1), frame(&x.body2, &x.frame2)],
                 stiffness: matrix("stiffness"),

@@ -197,7 +197,7 @@ impl<G: Space> Element<G> {
     #[inline(never)]
     fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         match self {
-            Self::Bushing(e) => Ok(e.wrench(at)),
+            Self::Bushing(e) => e.wrench(at),
             Self::CutTorsion(e) => e.wrench(at),
             Self::EffortOver(e) => e.wrench(at),
             Self::Friction(e) => e.wrench(at, &mut room.plain),
