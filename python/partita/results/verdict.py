@@ -93,7 +93,7 @@ def unnoticed(spec: Mapping[str, Any] | None, options: Mapping[str, Any]) -> flo
     gravity = spec.get("gravity", (0.0, 0.0, 0.0))
     pull = float(np.linalg.norm(gravity)) if np.ndim(gravity) == 1 else 0.0
     heavy = pull * extent * sum(float(b["mass"]) for b in spec.get("bodies", ()))
-    return (0.5 * sum(weights) * atol**2 + ROUND_OFF * heavy) / ENERGY_FLOOR
+    return (0.5 * sum(weights) * atol * atol + ROUND_OFF * heavy) / ENERGY_FLOOR
 
 
 def of_energy(
