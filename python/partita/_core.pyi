@@ -76,6 +76,9 @@ class Model:
         coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
         axis in it, and the point in body axes."""
 
+    def driven_beyond(self, t: float, q: Array, until: float) -> str | None:
+        """Why a run that stopped at t, with q closed shortly before, cannot go on to `until` as driven."""
+
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 

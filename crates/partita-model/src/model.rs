@@ -121,6 +121,12 @@ impl Model {
         Self::build((*self.spec).clone(), self.callers.functions.clone(), coordinates, true)
     }
 
+    /// The same mechanism with nothing prescribed.
+    pub fn without_drives(&self) -> Result<Self, DescriptionError> {
+        let spec = Spec { drives: Vec::new(), ..(*self.spec).clone() };
+        Self::build(spec, self.callers.functions.clone(), self.coordinates, true)
+    }
+
     fn build(
         spec: Spec,
         functions: Arc<dyn Functions>,

@@ -305,5 +305,6 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("status", run.outcome.status.word())?;
     d.set_item("success", run.outcome.status == Status::Finished)?;
     d.set_item("message", &run.outcome.message)?;
+    d.set_item("ended", run.outcome.t)?;
     Ok(d)
 }

@@ -20,6 +20,9 @@ from .branches import on_branch
 from .goals import Goal, asked, goals_of, inputs_of
 from .models import Modelled, compile, layout_of
 
+_OF_A_POSITION = ("singular", "step-too-small")
+"""How a run ends that is driven to where the joints do not go."""
+
 
 def assemble(
     self: Modelled,
@@ -376,6 +379,11 @@ def simulate(
         if who is None:
             raise
         raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
+    if raw["status"] in _OF_A_POSITION:
+        last = raw["q"][-1] if len(raw["q"]) else start.q
+        why = model.core.driven_beyond(raw["ended"], last, chosen["t_end"])
+        if why is not None:
+            raw["message"] = f"stopped at t = {raw['ended']:.6f} s, driven further than the joints allow: {why}"
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)

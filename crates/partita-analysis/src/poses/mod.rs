@@ -1,5 +1,6 @@
 //! Positions for goals: coordinates of any joint, places of points, met from a given state on its branch.
 
+mod driven;
 mod explain;
 mod field;
 mod goal;
@@ -10,6 +11,7 @@ mod rates;
 mod way;
 mod words;
 
+pub use driven::driven_beyond;
 pub use goal::{Goal, Target};
 pub use many::{many, Outcome, Poses};
 pub use one::{one, Ask, Met, One};

@@ -163,6 +163,7 @@ impl<G: Space> Condition<G> {
         let row = |name: String| Row { owner: self.owner, name };
         let name = self.owner.name(spec);
         match (self.owner, &self.says) {
+            (Owner::Drive(_), _) if name.starts_with("drive ") => vec![row(name.to_string())],
             (Owner::Drive(_), _) => vec![row(format!("drive {name}"))],
             (_, Says::Rolling(_, Contact::Touches)) => vec![row(format!("{name}.touch"))],
             (_, Says::Rolling(_, Contact::Rolls)) => [1, 2].map(|i| row(format!("{name}.roll{i}"))).into(),
