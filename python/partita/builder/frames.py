@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from .checks import Array, Element, matrix, shape_of, vector
 
@@ -24,7 +24,9 @@ def rotation(element: Element, what: str, value: Any) -> Array:
     `Rotation`."""
     if value is None:
         return np.eye(3)
-    if isinstance(value, Rotation):
+    # not imported for the question: whoever has such a rotation has the module
+    transform = sys.modules.get("scipy.spatial.transform")
+    if transform is not None and isinstance(value, transform.Rotation):
         if not value.single:
             element.fail(f"{what} holds {len(value)} rotations; give one, for instance {what}[0]")
         return _orthonormal(element, what, np.asarray(value.as_matrix(), dtype=float))
@@ -42,6 +44,8 @@ def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
     """Scalar first; any length but zero, since only the direction of a quaternion matters."""
     if not np.any(quaternion):
         element.fail(f"{what} is the zero quaternion, which is no rotation; no rotation is (1, 0, 0, 0)")
+    from scipy.spatial.transform import Rotation  # takes longer to import than all of Partita
+
     return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix(), dtype=float)
 
 

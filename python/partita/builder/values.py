@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ..numeric import floats, shown
 from ..state import Layout
@@ -38,12 +37,15 @@ class Table:
 
     def spec(self) -> dict[str, Any]:
         """Breaks (n+1) and coefficients (n, 4), highest power of (t - break) first."""
+        from scipy import interpolate  # takes longer to import than all of Partita
+
         if self.curve == "monotone":
-            joined = PchipInterpolator(self.times, self.values)
+            joined = interpolate.PchipInterpolator(self.times, self.values)
         elif self.curve == "smooth":
-            joined = CubicSpline(self.times, self.values)
+            joined = interpolate.CubicSpline(self.times, self.values)
         else:
-            joined = CubicSpline(self.times, np.append(self.values[:-1], self.values[0]), bc_type="periodic")
+            closed = np.append(self.values[:-1], self.values[0])
+            joined = interpolate.CubicSpline(self.times, closed, bc_type="periodic")
         return {"table": {"breaks": self.times.tolist(), "coefficients": joined.c.T.tolist()}}
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import netcdf_file
 
 from ..errors import FileFormatError
 from ..files import get, intact, place
@@ -109,6 +108,8 @@ def _array(item: Mapping[str, Any]) -> NDArray[Any]:
 
 
 def _read_netcdf(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    from scipy import io  # slow to import, and few read files
+
     if not content.startswith(b"CDF"):
         raise _bad(path, "it is not NetCDF in the classic format")
     if b"partita_result" not in content:
@@ -117,7 +118,7 @@ def _read_netcdf(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, 
     if intact(content) is not None:
         _check_seal(path, content)
     try:
-        with netcdf_file(BytesIO(content), "r", mmap=False) as file:
+        with io.netcdf_file(BytesIO(content), "r", mmap=False) as file:
             _check_version(path, int(getattr(file, "partita_result", 0)))
             _check_seal(path, content)
             account = json.loads(bytes(file.partita_account).decode("utf-8"))

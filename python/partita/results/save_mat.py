@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import savemat
 
 from ..readable import Readable
 from .variables import axes, variables
@@ -19,6 +18,8 @@ def as_mat(result: Readable) -> bytes:
     `units` and `about` tell the unit and the meaning of each array. `independent` counts from 1, as
     MATLAB does.
     """
+    from scipy import io  # slow to import, and few write files
+
     found = variables(result)
     content: dict[str, Any] = {v.name: v.values + 1 if v.name == "independent" else v.values for v in found}
     used = {name for v in found for name in v.axes}
@@ -34,7 +35,7 @@ def as_mat(result: Readable) -> bytes:
         "counters": {key: float(value) for key, value in result.counters.items()},
     }
     file = BytesIO()
-    savemat(file, content, long_field_names=True, oned_as="column", do_compression=True)
+    io.savemat(file, content, long_field_names=True, oned_as="column", do_compression=True)
     return file.getvalue()
 
 

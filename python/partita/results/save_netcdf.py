@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.io import netcdf_file
 
 from ..files import BLANK, sealed
 from ..readable import Readable
 from .save_json import VERSION
 from .variables import Axis, Variable, axes, variables
+
+if TYPE_CHECKING:
+    from scipy import io
 
 
 def as_netcdf(result: Readable) -> bytes:
@@ -21,8 +23,10 @@ def as_netcdf(result: Readable) -> bytes:
     The format knows no empty dimension, so arrays without columns are left out (the reader puts them
     back), and no booleans or 64-bit integers, which become bytes and 32-bit integers.
     """
+    from scipy import io  # slow to import, and few write files
+
     stream = BytesIO()
-    with netcdf_file(stream, "w", version=2) as file:
+    with io.netcdf_file(stream, "w", version=2) as file:
         _describe(file, checksum=BLANK, Conventions="CF-1.8", title=result.title, source="partita")
         _describe(file, partita_result=VERSION, partita_account=json.dumps(result.record.account()))
         stored = [v for v in variables(result) if v.values.size]
@@ -39,7 +43,7 @@ def as_netcdf(result: Readable) -> bytes:
     return sealed(content)
 
 
-def _write_variable(file: netcdf_file, variable: Variable) -> None:
+def _write_variable(file: io.netcdf_file, variable: Variable) -> None:
     values = variable.values
     if values.dtype == bool:
         values = values.astype(np.int8)
@@ -52,13 +56,13 @@ def _write_variable(file: netcdf_file, variable: Variable) -> None:
         _describe(stored, units=variable.unit)
 
 
-def _write_axis(file: netcdf_file, axis: Axis) -> None:
+def _write_axis(file: io.netcdf_file, axis: Axis) -> None:
     _write_words(file, f"{axis.name}_name", axis.name, axis.labels, f"names along the axis {axis.name}")
     if any(axis.units):
         _write_words(file, f"{axis.name}_unit", axis.name, axis.units, f"units along the axis {axis.name}")
 
 
-def _write_words(file: netcdf_file, name: str, axis: str, words: tuple[str, ...], text: str) -> None:
+def _write_words(file: io.netcdf_file, name: str, axis: str, words: tuple[str, ...], text: str) -> None:
     """Words as rows of characters (UTF-8), padded with blanks: the format has no strings."""
     coded = [word.encode("utf-8") for word in words]
     width = max(1, *map(len, coded))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ..readable import Readable
 from .geometry import outline, plane_normal, view
@@ -105,6 +104,8 @@ def _quaternions(rotation: FloatArray) -> FloatArray:
     if nb == 0:
         return np.empty((nt, 0, 4))
     whole = np.isfinite(rotation).all(axis=(2, 3), keepdims=True)
+    from scipy.spatial.transform import Rotation  # takes longer to import than all of Partita
+
     turns: FloatArray = Rotation.from_matrix(np.where(whole, rotation, np.eye(3)).reshape(-1, 3, 3)).as_quat()
     return turns.reshape(nt, nb, 4)
 
