@@ -10,21 +10,42 @@ from typing import Any
 from ..builder import Builder
 from ..errors import FileFormatError
 from ..files import place, target
-from . import toml
+from . import robot, toml, urdf
+from .reading import Reading, Remark
 from .toml import Maker
 
-__all__ = ["read", "save"]
+__all__ = ["Reading", "Remark", "read", "save"]
+
+
+def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], Any]:
+    """A reader of robots' files as one of mechanisms."""
+
+    def read(path: Path, make: Maker, base: str) -> Any:
+        found = of(path)
+        mechanism = make(found.name, found.gravity)
+        robot.build(found, mechanism, base)
+        mechanism.reading = found.reading
+        return mechanism
+
+    return read
+
+
+def _toml(path: Path, make: Maker, base: str) -> Any:
+    mechanism = toml.read(path, make)
+    mechanism.reading = Reading(path, "TOML", used=[Remark(None, "everything")])
+    return mechanism
+
 
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
-_READERS: dict[str, Callable[[Path, Maker], Any]] = {".toml": toml.read}
+_READERS: dict[str, Callable[[Path, Maker, str], Any]] = {".toml": _toml, ".urdf": _robot(urdf.read)}
 _WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}
 
 
-def read(path: str | PathLike[str], make: Maker) -> Any:
+def read(path: str | PathLike[str], make: Maker, base: str = "fixed") -> Any:
     """What `make(name, gravity)` made, filled from a model file; see `partita.load`."""
     where = place(path)
-    reader: Callable[[Path, Maker], Any] = _by_suffix(_READERS, where, "read")
-    return reader(where, make)
+    reader: Callable[[Path, Maker, str], Any] = _by_suffix(_READERS, where, "read")
+    return reader(where, make, base)
 
 
 def save(mechanism: Builder, path: str | PathLike[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
-from ..io import save
+from ..io import Reading, save
 from . import models, solve
 from .assemblies import assemblies
 from .models import Modelled
@@ -50,6 +50,9 @@ class Mechanism(Modelled):
     >>> m.compile().mobility
     1
     """
+
+    reading: Reading | None = None
+    """What became of the file that it was read from (`load`): used, changed, dropped; None where it was drawn."""
 
     def __init__(
         self, name: str, gravity: Any = (0.0, -9.81, 0.0), *, drawing_tolerance: float = DRAWING_TOLERANCE

@@ -1,0 +1,331 @@
+"""A robot between its file and a mechanism: links, joints that make a tree, and what closes loops between them.
+
+The readers of URDF, SDFormat and MJCF fill it; `build` draws it. Frames are 4 x 4, in their parents' or in the world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..builder import Builder
+from ..errors import DescriptionError
+from .reading import Reading, Remark
+from .xmltree import Element
+
+Array = NDArray[np.float64]
+
+MASSLESS = 1e-9
+"""A link of no more than this [kg] at a fixed joint is a mark on the link that carries it: the lightest screw of a watch
+is a hundred times as heavy."""
+HEAVY = 1e5
+"""A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
+THROUGH = 1e-12
+"""Axes are through one point when the frames of their joints are no further apart than this [m]."""
+
+
+@dataclass
+class Link:
+    """A body: its inertia about its centre of mass, in its own axes."""
+
+    name: str
+    mass: float
+    com: Array
+    inertia: Array
+    at: Element
+
+
+@dataclass
+class Joint:
+    """A joint of the tree; `place` is the frame of its child in that of its parent, `axis` in that of its child."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    place: Array
+    axis: Array
+    at: Element
+    damping: float = 0.0
+    second: Array | None = None
+
+
+@dataclass
+class Loop:
+    """A joint between two frames that are to be one: (link, frame in it) of each; `axis` in the first frame."""
+
+    name: str
+    kind: str
+    first: tuple[str, Array]
+    second: tuple[str, Array]
+    at: Element | None
+    axis: Array | None = None
+
+
+@dataclass
+class Tie:
+    """Coordinates of joints that follow each other: sum of factor x coordinate = offset."""
+
+    name: str
+    joints: list[str]
+    factors: list[float]
+    offset: float
+    at: Element
+
+
+@dataclass
+class Robot:
+    """All of it, and what was said on the way."""
+
+    name: str
+    reading: Reading
+    links: dict[str, Link] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict)
+    loops: list[Loop] = field(default_factory=list)
+    ties: list[Tie] = field(default_factory=list)
+    frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+
+    def root(self) -> str:
+        """The link that no joint carries; refuses trees with none, with several, and circles."""
+        carried: dict[str, Joint] = {}
+        for joint in self.joints.values():
+            for end in (joint.parent, joint.child):
+                if end not in self.links:
+                    joint.at.fail(f'names the link "{end}", which does not exist')
+            if joint.child in carried:
+                other = carried[joint.child].name
+                joint.at.fail(
+                    f'carries the link "{joint.child}", which joint "{other}" carries already; a link has one joint in '
+                    "this format: close the loop by a pair of frames"
+                )
+            carried[joint.child] = joint
+        roots = [name for name in self.links if name not in carried]
+        if len(roots) == 1:
+            seen = self.outwards(roots[0])
+            if len(seen) == len(self.links):
+                return roots[0]
+            lost = carried[next(name for name in self.links if name not in set(seen))]
+            lost.at.fail(f'joints lead in a circle by way of the link "{lost.child}": no link of it stands on the root')
+        if not roots:
+            next(iter(carried.values())).at.fail("joints lead in a circle: every link is carried by another one")
+        self.links[roots[1]].at.fail(
+            f'is carried by no joint, and neither is "{roots[0]}": a robot has one root; join them, by a fixed or a '
+            "floating joint"
+        )
+
+    def outwards(self, name: str) -> list[str]:
+        """A link and all that it carries, each after what carries it."""
+        carried: dict[str, list[str]] = {}
+        for joint in self.joints.values():
+            carried.setdefault(joint.parent, []).append(joint.child)
+        found = [name]
+        for link in found:
+            found += carried.get(link, [])
+        return found
+
+    def frame(self, name: str) -> tuple[str, Array] | None:
+        """Link and place of a frame: a link's own, a joint's, or a mark."""
+        if name in self.frames:
+            return self.frames[name]
+        if name in self.links:
+            return name, np.eye(4)
+        if name in self.joints:
+            return self.joints[name].child, np.eye(4)
+        return None
+
+
+def placed(xyz: Any, rotation: Any) -> Array:
+    """The frame at a place."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation, xyz
+    return found
+
+
+def turned(rpy: Any) -> Array:
+    """The rotation of roll, pitch and yaw about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def fold_marks(robot: Robot) -> None:
+    """Links of no mass at the end of fixed joints are frames of what carries them."""
+    while True:
+        parents = {joint.parent for joint in robot.joints.values()}
+        marks = [
+            joint
+            for joint in robot.joints.values()
+            if joint.kind == "fixed" and joint.child not in parents and robot.links[joint.child].mass <= MASSLESS
+        ]
+        if not marks:
+            return
+        for joint in marks:
+            for name, (link, place) in list(robot.frames.items()):
+                if link == joint.child:
+                    robot.frames[name] = (joint.parent, joint.place @ place)
+            robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.place)
+            for loop in robot.loops:
+                loop.first, loop.second = (
+                    (joint.parent, joint.place @ place) if link == joint.child else (link, place)
+                    for link, place in (loop.first, loop.second)
+                )
+            mass = robot.links[joint.child].mass
+            with_mass = f" and its {mass:.2g} kg are left out" if mass > 0.0 else ""
+            said = f'link "{joint.child}" is taken as a frame of "{joint.parent}"{with_mass}'
+            robot.reading.changed.append(Remark(robot.links[joint.child].at.line, said))
+            del robot.joints[joint.name], robot.links[joint.child]
+
+
+def fold_hinges(robot: Robot) -> None:
+    """Two or three hinges through one point with nothing of mass between them are a universal or a ball joint."""
+    tied = {name for tie in robot.ties for name in tie.joints}
+    held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
+    held |= {link for link, _ in robot.frames.values()}
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    carried: dict[str, list[Joint]] = {}
+    for joint in robot.joints.values():
+        carried.setdefault(joint.parent, []).append(joint)
+
+    def between(name: str) -> bool:
+        """Is this link no more than what holds two hinges through one point together?"""
+        link, after = robot.links[name], carried.get(name, [])
+        if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
+            return False
+        hinges = carrying[name].kind == after[0].kind == "revolute"
+        return hinges and float(np.linalg.norm(after[0].place[:3, 3])) <= THROUGH
+
+    for last in list(robot.joints.values()):
+        chain = [last]
+        while between(chain[0].parent):
+            chain.insert(0, carrying[chain[0].parent])
+        if between(last.child) or len(chain) > 3:
+            continue
+        names = [joint.name for joint in chain]
+        if len(chain) == 1 or tied.intersection(names):
+            continue
+        axes, place = [], np.eye(4)
+        for joint in chain:
+            place = place @ joint.place
+            axes.append(place[:3, :3] @ joint.axis)
+        flat = abs(np.linalg.det(axes)) if len(chain) == 3 else float(np.linalg.norm(np.cross(*axes)))
+        square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
+        if flat < 1e-3 or not square:
+            continue
+        kind = "spherical" if len(chain) == 3 else "universal"
+        first, second = (place[:3, :3].T @ axis for axis in axes[:2])
+        folded = Joint(last.name, kind, chain[0].parent, last.child, place, first, last.at, 0.0, second)
+        for joint in chain[:-1]:
+            del robot.links[joint.child], robot.joints[joint.name]
+        robot.joints[last.name] = folded
+        said = f"hinges {', '.join(names)} with no mass between them are one {kind} joint, {last.name}"
+        robot.reading.changed.append(Remark(last.at.line, said))
+
+
+def build(robot: Robot, mechanism: Builder, base: str) -> None:
+    """Draw the robot with all its coordinates zero; the root stands, or floats."""
+    root = robot.root()
+    fold_marks(robot)
+    fold_hinges(robot)
+    order = robot.outwards(root)
+    into = {joint.child: joint for joint in robot.joints.values()}
+    pose = {root: np.eye(4)}
+    for name in order[1:]:
+        pose[name] = pose[into[name].parent] @ into[name].place
+    stands = robot.links[root].mass <= MASSLESS and base == "fixed"
+    body: dict[str, Any] = {root: mechanism.ground} if stands else {}
+    for name in order[int(stands) :]:
+        body[name] = _body(robot, mechanism, robot.links[name], pose[name])
+    if stands:
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground'))
+    elif base == "fixed":
+        mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
+        robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
+    for joint in (into[name] for name in order[1:]):
+        where = pose[joint.child]
+        ends = (body[joint.parent], body[joint.child])
+        axes = (joint.axis, joint.second)
+        _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
+        if joint.damping > 0.0:
+            name = f"damper of {joint.name}"
+            mechanism.add_torsion_spring(joint.name, stiffness=0.0, damping=joint.damping, name=name)
+    for loop in robot.loops:
+        (link1, frame1), (link2, frame2) = loop.first, loop.second
+        if body[link1] == body[link2]:
+            message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
+            robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message))
+            continue
+        frames = (pose[link1] @ frame1, pose[link2] @ frame2)
+        axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
+        _joint(mechanism, loop.name, loop.kind, (body[link1], body[link2]), frames, (axis, None), loop.at)
+    for tie in robot.ties:
+        mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+
+
+def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
+    if link.mass > HEAVY:
+        said = f'link "{link.name}" of {link.mass:.3g} kg looks like a dummy; it is taken as it is'
+        robot.reading.changed.append(Remark(link.at.line, said))
+    try:
+        return mechanism.add_body(
+            link.name,
+            mass=link.mass,
+            inertia=link.inertia,
+            com=link.com,
+            position=pose[:3, 3],
+            orientation=nearest(pose[:3, :3]),
+        )
+    except DescriptionError as error:
+        link.at.fail(f"cannot be a body: {error.message}")
+
+
+def nearest(rotation: Array) -> Array:
+    """The nearest rotation: products of many carry some round-off."""
+    left, _, right = np.linalg.svd(rotation)
+    return np.asarray(left @ right)
+
+
+def _joint(
+    mechanism: Builder,
+    name: str,
+    kind: str,
+    ends: tuple[Any, Any],
+    frames: tuple[Array, Array],
+    axes: tuple[Array, Array | None],
+    at: Element | None,
+) -> None:
+    """A joint between two frames of the world, which need not quite agree."""
+    here, there = frames
+    point = here[:3, 3]
+    apart: dict[str, Any] = {}
+    if not np.array_equal(here, there):
+        apart = {"child_point": there[:3, 3]}
+    axis = here[:3, :3] @ axes[0]
+    if apart and kind in ("revolute", "prismatic", "cylindrical"):
+        apart["child_axis"] = there[:3, :3] @ axes[0]
+    elif apart and kind == "fixed":
+        apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
+    add: Any = mechanism
+    try:
+        if kind in ("revolute", "prismatic", "cylindrical"):
+            getattr(add, f"add_{kind}")(name, *ends, point=point, axis=axis, **apart)
+        elif kind == "planar":
+            add.add_planar(name, *ends, point=point, normal=axis, **apart)
+        elif kind == "universal":
+            add.add_universal(name, *ends, point=point, axis1=axis, axis2=here[:3, :3] @ axes[1], **apart)
+        elif kind == "free":
+            add.add_free(name, *ends, point=point)
+        else:
+            getattr(add, f"add_{kind}")(name, *ends, point=point, **apart)
+    except DescriptionError as error:
+        if at is None:
+            raise
+        at.fail(f"cannot be a joint: {error.message}")

@@ -1,0 +1,255 @@
+"""URDF: a tree of links and joints, with the dialects in which people close its loops.
+
+Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named `closing_NAME_1`
+and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames (`sidecar`). Where the
+format says nothing about mechanics (shapes, colours, simulators' hints) it is left out, and said so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from . import sidecar
+from .reading import Reading, Remark
+from .robot import Array, Joint, Link, Loop, Robot, Tie, placed, turned
+from .xmltree import Element, parse
+
+_KINDS = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+    "floating": "free",
+    "planar": "planar",
+    "spherical": "spherical",
+}
+_LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
+_SHOWN = ("visual", "collision", "material", "gazebo", "sensor", "contact")
+_PAIR = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
+
+
+def read(path: Path) -> Robot:
+    """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
+    root = parse(path)
+    if root.tag != "robot":
+        root.fail("is no <robot>: this is not URDF")
+    robot = Robot(root.get("name") or path.stem, Reading(path, "URDF"))
+    left: Counter[str] = Counter()
+    lines: dict[str, int] = {}
+    for item in root.children:
+        match item.tag:
+            case "link":
+                _link(robot, item, left, lines)
+            case "joint":
+                _joint(robot, item)
+            case "loop" | "loop_joint":
+                pass
+            case "coupling":
+                pass
+            case "fixed_frame" | "frame":
+                pass
+            case tag:
+                left[tag] += 1
+                lines.setdefault(tag, item.line)
+    if not robot.links:
+        root.fail("holds no <link>")
+    for item in root.all("fixed_frame", "frame"):
+        _frame(robot, item)
+    for item in root.all("loop", "loop_joint"):
+        robot.loops.append(_loop(robot, item))
+    for item in root.all("joint"):
+        _mimic(robot, item)
+    for item in root.all("coupling"):
+        robot.ties.append(_coupling(robot, item))
+    robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
+    _closings(robot)
+    for tag, count in left.items():
+        robot.reading.dropped.append(Remark(lines[tag], f"<{tag}>, {count} in all: {_why(tag)}"))
+    return robot
+
+
+def _why(tag: str) -> str:
+    if tag == "transmission":
+        return "how a motor drives a joint is no mechanics; prescribe motions with add_drive, efforts with add_torque"
+    return "it says nothing about mechanics" if tag in _SHOWN else "this tag is not known"
+
+
+def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]) -> None:
+    name = item.must("name")
+    if name in robot.links:
+        item.fail(f"is there twice; the first one stands in line {robot.links[name].at.line}")
+    for child in item.children:
+        if child.tag != "inertial":
+            left[child.tag] += 1
+            lines.setdefault(child.tag, child.line)
+    mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    inertial = item.first("inertial")
+    if inertial is not None:
+        mass = inertial.the("mass").number("value")
+        place = origin(inertial.first("origin"))
+        moments = inertial.the("inertia")
+        of = {key: moments.number(key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+        inertia = np.array(
+            [[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]], [of["ixz"], of["iyz"], of["izz"]]]
+        )
+        com, axes = place[:3, 3], place[:3, :3]
+        inertia = axes @ inertia @ axes.T
+    robot.links[name] = Link(name, mass, com, 0.5 * (inertia + inertia.T), item)
+
+
+def origin(item: Element | None) -> Array:
+    """The frame of an `<origin xyz="..." rpy="..."/>`, or of an element with these attributes."""
+    if item is None:
+        return np.eye(4)
+    zero = (0.0, 0.0, 0.0)
+    return placed(item.numbers("xyz", 3, zero), turned(item.numbers("rpy", 3, zero)))
+
+
+def _axis(item: Element, otherwise: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
+    found = item.first("axis")
+    axis = np.array(otherwise if found is None else found.numbers("xyz", 3))
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        item.fail("has an axis of length 0")
+    return axis / length
+
+
+def _joint(robot: Robot, item: Element) -> None:
+    name, kind = item.must("name"), item.must("type")
+    if name in robot.joints:
+        item.fail(f"is there twice; the first one stands in line {robot.joints[name].at.line}")
+    if kind not in _KINDS:
+        item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
+    place = origin(item.first("origin"))
+    ends = [item.the(tag).must("link") for tag in ("parent", "child")]
+    axis = _axis(item) if kind not in ("fixed", "floating", "spherical") else np.array([1.0, 0.0, 0.0])
+    joint = Joint(name, _KINDS[kind], ends[0], ends[1], place, axis, item)
+    dynamics, limit = item.first("dynamics"), item.first("limit")
+    if dynamics is not None:
+        damping, friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+        if damping < 0.0:
+            dynamics.fail(f"has the damping {damping:g}; it is 0 or more")
+        if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
+            joint.damping = damping
+        if friction != 0.0:
+            said = f"friction {friction:g} of joint {name}: add_friction takes it, with the velocity at which it sticks"
+            robot.reading.dropped.append(Remark(dynamics.line, said))
+    if limit is not None and kind in ("revolute", "prismatic"):
+        low, high = limit.number("lower", 0.0), limit.number("upper", 0.0)
+        said = f"limits {low:g} to {high:g} of joint {name} do not stop it: add_stop makes a stop of them"
+        robot.reading.dropped.append(Remark(limit.line, said))
+    for child in item.children:
+        if child.tag not in ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"):
+            robot.reading.dropped.append(Remark(child.line, f"<{child.tag}> of joint {name}: it is not used"))
+    robot.joints[name] = joint
+
+
+def _mimic(robot: Robot, item: Element) -> None:
+    mimic = item.first("mimic")
+    if mimic is None:
+        return
+    name, other = item.must("name"), mimic.must("joint")
+    for joint in (name, other):
+        if joint not in robot.joints:
+            mimic.fail(f'follows the joint "{joint}", which does not exist')
+        if robot.joints[joint].kind not in ("revolute", "prismatic"):
+            mimic.fail(f'follows or leads joint "{joint}", which has not one coordinate')
+    factor, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+    if factor == 0.0:
+        mimic.fail("has the multiplier 0; fix the joint instead")
+    robot.ties.append(Tie(f"{name} follows {other}", [name, other], [1.0, -factor], offset, mimic))
+    robot.reading.used.append(Remark(mimic.line, f"joint {name} = {factor:g} x {other} + {offset:g}, a coupler"))
+
+
+def _frame(robot: Robot, item: Element) -> None:
+    """`<fixed_frame>` or `<frame>`: a mark on a link."""
+    name = item.must("name")
+    parent = item.first("parent")
+    link = parent.must("link") if parent is not None else item.get("attached_to") or item.must("link")
+    if link not in robot.links:
+        item.fail(f'stands on the link "{link}", which does not exist')
+    robot.frames[name] = (link, origin(item.first("origin") or item))
+
+
+def _side(robot: Robot, item: Element) -> tuple[str, Array]:
+    link = item.must("link")
+    if link not in robot.links:
+        item.fail(f'names the link "{link}", which does not exist')
+    place = item.first("origin")
+    return link, origin(place if place is not None else item)
+
+
+def _loop(robot: Robot, item: Element) -> Loop:
+    """`<loop>` with predecessor and successor, or `<loop_joint>` with two links; an origin of the loop itself is that in
+    the predecessor, the successor's frame being its link's."""
+    name, kind = item.must("name"), item.get("type") or "revolute"
+    if kind not in _LOOPS or _LOOPS[kind] == "free":
+        known = ", ".join(word for word in _LOOPS if word != "floating")
+        item.fail(f'has the type "{kind}"; a loop is closed by: {known}')
+    sides = [child for tag in ("predecessor", "successor") for child in item.all(tag)]
+    sides = sides or list(item.all("link1", "link2"))
+    plain = not sides
+    sides = sides or [item.the("parent"), item.the("child")]
+    if len(sides) != 2:
+        item.fail(f"names {len(sides)} links by <predecessor>, <successor> or <link1>, <link2>; a loop joins two")
+    first, second = (_side(robot, side) for side in sides)
+    for tag, place in (("origin", 0), ("parent_origin", 0), ("child_origin", 1)):
+        if (own := item.first(tag)) is not None:
+            link, frame = (first, second)[place]
+            moved = (link, frame @ origin(own))
+            first, second = (moved, second) if place == 0 else (first, moved)
+    if plain and item.first("child_origin") is None:
+        robot.reading.changed.append(
+            Remark(item.line, f"loop {name}: its frame in {second[0]} is that link's own, as no other is given")
+        )
+    axis = _axis(item) if _LOOPS[kind] in ("revolute", "prismatic", "planar") else None
+    robot.reading.used.append(Remark(item.line, f"loop {name} closed by a {_LOOPS[kind]} joint"))
+    return Loop(name, _LOOPS[kind], first, second, item, axis)
+
+
+def _coupling(robot: Robot, item: Element) -> Tie:
+    """`<coupling>`: what leads to the successor turns `ratio` times as fast as what leads to the predecessor, both seen
+    from the link where their ways part."""
+    name, ratio = item.must("name"), item.the("ratio").number("value")
+    into = {joint.child: joint for joint in robot.joints.values()}
+
+    def way(tag: str) -> list[str]:
+        link, found = item.the(tag).must("link"), list[str]()
+        if link not in robot.links:
+            item.fail(f'names the link "{link}", which does not exist')
+        while link in into and len(found) <= len(into):
+            found.append(into[link].name)
+            link = into[link].parent
+        return found
+
+    before, after = way("predecessor"), way("successor")
+    shared = set(before) & set(after)
+    terms = [(joint, 1.0) for joint in after if joint not in shared]
+    terms += [(joint, -ratio) for joint in before if joint not in shared]
+    moving = [(joint, factor) for joint, factor in terms if robot.joints[joint].kind != "fixed"]
+    if len(moving) < 2 or ratio == 0.0 or any(robot.joints[j].kind not in ("revolute", "prismatic") for j, _ in moving):
+        item.fail("couples joints of one coordinate, one at least on each side, by a ratio that is not 0")
+    robot.reading.used.append(Remark(item.line, f"coupling {name} of {', '.join(joint for joint, _ in moving)}"))
+    return Tie(name, [joint for joint, _ in moving], [factor for _, factor in moving], 0.0, item)
+
+
+def _closings(robot: Robot) -> None:
+    """Pairs of frames: those that the sidecar lists, or else those that are named as such."""
+    beside = sidecar.read(robot)
+    if beside:
+        return
+    sides: dict[str, list[str]] = {}
+    for name in [*robot.links, *robot.frames]:
+        found = _PAIR.fullmatch(name)
+        if found is not None:
+            sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
+    for stem, names in sides.items():
+        if len(names) != 2:
+            robot.links.get(names[0], next(iter(robot.links.values()))).at.fail(
+                f"is one of {len(names)} frames named after the closing {stem}; a closing has two, _1 and _2 or _A and _B"
+            )
+        sidecar.close(robot, stem, (names[0], names[1]), "6d", None)

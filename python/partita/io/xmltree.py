@@ -1,0 +1,136 @@
+"""XML from strangers: a small tree with line numbers, read by expat alone, which opens no other file.
+
+Document types are refused as a whole, and with them entities; size, depth and count of elements are bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from ..errors import FileFormatError
+from ..files import get
+
+SIZE = 64 * 2**20
+"""Bytes of a model file: the largest robots come to a few; what is larger is a mesh or a mistake."""
+COUNT = 500_000
+"""Elements of a model file."""
+DEPTH = 512
+"""Elements within each other: bodies of MJCF nest, one level for each link of a chain."""
+
+
+@dataclass
+class Element:
+    """An element: its tag, its attributes, what stands in it, and the line where it begins."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    path: Path
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    def all(self, *tags: str) -> Iterator[Element]:
+        """Children of these tags, in the order of the file."""
+        return (child for child in self.children if child.tag in tags)
+
+    def first(self, tag: str) -> Element | None:
+        """The first child of this tag."""
+        return next(self.all(tag), None)
+
+    def the(self, tag: str) -> Element:
+        """The one child of this tag that must be there."""
+        found = self.first(tag)
+        return found if found is not None else self.fail(f"holds no <{tag}>")
+
+    def get(self, key: str, otherwise: str = "") -> str:
+        """An attribute."""
+        return self.attributes.get(key, otherwise).strip()
+
+    def must(self, key: str) -> str:
+        """An attribute that must be there and say something."""
+        found = self.get(key)
+        return found if found else self.fail(f'has no attribute "{key}"')
+
+    def numbers(self, key: str, count: int, otherwise: tuple[float, ...] | None = None) -> tuple[float, ...]:
+        """So many finite numbers of an attribute."""
+        if otherwise is not None and not self.get(key):
+            return otherwise
+        return numbers(self, f'"{key}"', self.must(key), count)
+
+    def number(self, key: str, otherwise: float | None = None) -> float:
+        """A finite number of an attribute."""
+        return self.numbers(key, 1, None if otherwise is None else (otherwise,))[0]
+
+    def fail(self, message: str) -> NoReturn:
+        """Refuse the file because of this element."""
+        name = f' "{self.get("name")}"' if self.get("name") else ""
+        refuse(self.path, self.line, f"<{self.tag}>{name} {message}")
+
+
+def refuse(path: Path, line: int | None, message: str) -> NoReturn:
+    """The file cannot be read."""
+    where = f'"{path}", line {line}' if line is not None else f'"{path}"'
+    raise FileFormatError(f"{where}: {message}", path=str(path), line=line)
+
+
+def numbers(element: Element, what: str, words: str, count: int) -> tuple[float, ...]:
+    """So many finite numbers of a text."""
+    try:
+        found = tuple(float(word) for word in words.split())
+    except ValueError:
+        element.fail(f"has {what} {_short(words)}, which is not made of numbers")
+    if len(found) != count or not all(abs(x) < float("inf") for x in found):
+        element.fail(f"has {what} {_short(words)}; it takes {count} finite number{'s' if count != 1 else ''}")
+    return found
+
+
+def _short(words: str) -> str:
+    return f'"{words}"' if len(words) <= 40 else f'"{words[:37]}..."'
+
+
+def parse(path: Path) -> Element:
+    """The root of an XML file. Raises `FileFormatError` with the line of what is wrong."""
+    content = get(path)
+    if len(content) > SIZE:
+        refuse(path, None, f"{len(content) / 2**20:.0f} MiB of XML; more than {SIZE // 2**20} are not read")
+    parser = expat.ParserCreate(namespace_separator=None)
+    parser.buffer_text = True
+    parser.ordered_attributes = False
+    stack: list[Element] = []
+    roots: list[Element] = []
+    count = 0
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > COUNT:
+            refuse(path, parser.CurrentLineNumber, f"more than {COUNT} elements; no mechanism has so many")
+        if len(stack) >= DEPTH:
+            refuse(path, parser.CurrentLineNumber, f"elements nest more than {DEPTH} deep")
+        element = Element(tag, attributes, parser.CurrentLineNumber, path)
+        (stack[-1].children if stack else roots).append(element)
+        stack.append(element)
+
+    def text(data: str) -> None:
+        if stack:
+            stack[-1].text += data
+
+    def doctype(*_: object) -> None:
+        refuse(path, parser.CurrentLineNumber, "a document type (<!DOCTYPE ...>) is not read: it may define entities")
+
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = lambda _: stack.pop()
+    parser.CharacterDataHandler = text
+    parser.StartDoctypeDeclHandler = doctype
+    parser.EntityDeclHandler = doctype
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        refuse(path, error.lineno, f"it is not well-formed XML: {expat.ErrorString(error.code)}")
+    except (ValueError, LookupError) as error:  # an encoding that is unknown, or that the content does not keep to
+        refuse(path, parser.CurrentLineNumber, f"it cannot be decoded: {error}")
+    return roots[0]
