@@ -10,9 +10,10 @@ from typing import Any
 from ..builder import Builder
 from ..errors import FileFormatError
 from ..files import place, target
-from . import robot, toml, urdf
+from . import mjcf, robot, toml, urdf
 from .reading import Reading, Remark
 from .toml import Maker
+from .xmltree import parse
 
 __all__ = ["Reading", "Remark", "read", "save"]
 
@@ -22,7 +23,7 @@ def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], An
 
     def read(path: Path, make: Maker, base: str) -> Any:
         found = of(path)
-        mechanism = make(found.name, found.gravity)
+        mechanism: Any = make(found.name, found.gravity)
         robot.build(found, mechanism, base)
         mechanism.reading = found.reading
         return mechanism
@@ -30,14 +31,26 @@ def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], An
     return read
 
 
+def _xml(path: Path) -> robot.Robot:
+    """A robot in XML whose suffix does not say in which format."""
+    root = parse(path)
+    of = {"robot": urdf.read, "mujoco": mjcf.read}.get(root.tag)
+    return of(path) if of is not None else root.fail("is neither <robot> (URDF) nor <mujoco> (MJCF)")
+
+
 def _toml(path: Path, make: Maker, base: str) -> Any:
-    mechanism = toml.read(path, make)
+    mechanism: Any = toml.read(path, make)
     mechanism.reading = Reading(path, "TOML", used=[Remark(None, "everything")])
     return mechanism
 
 
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
-_READERS: dict[str, Callable[[Path, Maker, str], Any]] = {".toml": _toml, ".urdf": _robot(urdf.read)}
+_READERS: dict[str, Callable[[Path, Maker, str], Any]] = {
+    ".toml": _toml,
+    ".urdf": _robot(urdf.read),
+    ".mjcf": _robot(mjcf.read),
+    ".xml": _robot(_xml),
+}
 _WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}
 
 

@@ -19,8 +19,8 @@ from .xmltree import Element
 Array = NDArray[np.float64]
 
 MASSLESS = 1e-9
-"""A link of no more than this [kg] at a fixed joint is a mark on the link that carries it: the lightest screw of a watch
-is a hundred times as heavy."""
+"""A link of no more than this [kg] at a fixed joint is a mark on the link that carries it: the lightest screw of a
+watch is a hundred times as heavy."""
 HEAVY = 1e5
 """A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
 THROUGH = 1e-12
@@ -40,7 +40,8 @@ class Link:
 
 @dataclass
 class Joint:
-    """A joint of the tree; `place` is the frame of its child in that of its parent, `axis` in that of its child."""
+    """A joint of the tree; `place` is the frame of its child in that of its parent; where it sits (`point`) and its
+    `axis` are in that of its child."""
 
     name: str
     kind: str
@@ -50,7 +51,10 @@ class Joint:
     axis: Array
     at: Element
     damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
     second: Array | None = None
+    point: Array = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass
@@ -88,6 +92,7 @@ class Robot:
     ties: list[Tie] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    gimbals: bool = False
 
     def root(self) -> str:
         """The link that no joint carries; refuses trees with none, with several, and circles."""
@@ -201,7 +206,8 @@ def fold_hinges(robot: Robot) -> None:
         if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
             return False
         hinges = carrying[name].kind == after[0].kind == "revolute"
-        return hinges and float(np.linalg.norm(after[0].place[:3, 3])) <= THROUGH
+        before, behind = carrying[name].point, after[0].place[:3, 3] + after[0].place[:3, :3] @ after[0].point
+        return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
 
     for last in list(robot.joints.values()):
         chain = [last]
@@ -216,13 +222,15 @@ def fold_hinges(robot: Robot) -> None:
         for joint in chain:
             place = place @ joint.place
             axes.append(place[:3, :3] @ joint.axis)
-        flat = abs(np.linalg.det(axes)) if len(chain) == 3 else float(np.linalg.norm(np.cross(*axes)))
+        apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
         square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
-        if flat < 1e-3 or not square:
+        if apart < 1e-3 or not square:
             continue
         kind = "spherical" if len(chain) == 3 else "universal"
         first, second = (place[:3, :3].T @ axis for axis in axes[:2])
-        folded = Joint(last.name, kind, chain[0].parent, last.child, place, first, last.at, 0.0, second)
+        folded = Joint(
+            last.name, kind, chain[0].parent, last.child, place, first, last.at, second=second, point=last.point
+        )
         for joint in chain[:-1]:
             del robot.links[joint.child], robot.joints[joint.name]
         robot.joints[last.name] = folded
@@ -234,7 +242,8 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
     """Draw the robot with all its coordinates zero; the root stands, or floats."""
     root = robot.root()
     fold_marks(robot)
-    fold_hinges(robot)
+    if not robot.gimbals:
+        fold_hinges(robot)
     order = robot.outwards(root)
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
@@ -250,13 +259,18 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground'))
     for joint in (into[name] for name in order[1:]):
-        where = pose[joint.child]
+        where = pose[joint.child] @ placed(joint.point, np.eye(3))
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        if joint.damping > 0.0:
-            name = f"damper of {joint.name}"
-            mechanism.add_torsion_spring(joint.name, stiffness=0.0, damping=joint.damping, name=name)
+        if joint.damping > 0.0 or joint.stiffness > 0.0:
+            mechanism.add_torsion_spring(
+                joint.name,
+                stiffness=joint.stiffness,
+                damping=joint.damping,
+                angle=joint.rest,
+                name=f"spring of {joint.name}",
+            )
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -320,7 +334,8 @@ def _joint(
         elif kind == "planar":
             add.add_planar(name, *ends, point=point, normal=axis, **apart)
         elif kind == "universal":
-            add.add_universal(name, *ends, point=point, axis1=axis, axis2=here[:3, :3] @ axes[1], **apart)
+            second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
+            add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
         elif kind == "free":
             add.add_free(name, *ends, point=point)
         else:

@@ -1,8 +1,8 @@
 """A YAML file beside a URDF that lists which frames close its loops.
 
-    closed_loop: [[frame_A, frame_B], ...]     names of links, frames or joints
-    type: ["6d", "3d", ...]                    the two links are welded there, or held point on point
-    name_mot: [knee, ...]                      joints that are driven; told, not used
+closed_loop: [[frame_A, frame_B], ...]     names of links, frames or joints
+type: ["6d", "3d", ...]                    the two links are welded there, or held point on point
+name_mot: [knee, ...]                      joints that are driven; told, not used
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ def close(robot: Robot, name: str, pair: tuple[str, str], kind: str, path: Path 
     for frame in pair:
         found = robot.frame(frame)
         if found is None:
-            refuse(path or robot.reading.path, None, f'"{frame}" closes a loop but is no link, frame or joint of the URDF')
+            refuse(
+                path or robot.reading.path, None, f'"{frame}" closes a loop but is no link, frame or joint of the URDF'
+            )
         frames.append(found)
     robot.loops.append(Loop(f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
     words = "welded" if kind == "6d" else "held point on point"

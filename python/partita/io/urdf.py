@@ -1,8 +1,9 @@
 """URDF: a tree of links and joints, with the dialects in which people close its loops.
 
-Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named `closing_NAME_1`
-and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames (`sidecar`). Where the
-format says nothing about mechanics (shapes, colours, simulators' hints) it is left out, and said so.
+Loops come from `<loop>` and `<coupling>` (URDF+), from `<loop_joint>` with two links, from frames named
+`closing_NAME_1` and `closing_NAME_2`, and from a YAML file of the same name beside it that lists pairs of frames
+(`sidecar`). Where the format says nothing about mechanics (shapes, colours, simulators' hints) it is left out, and said
+so.
 """
 
 from __future__ import annotations
@@ -184,8 +185,8 @@ def _side(robot: Robot, item: Element) -> tuple[str, Array]:
 
 
 def _loop(robot: Robot, item: Element) -> Loop:
-    """`<loop>` with predecessor and successor, or `<loop_joint>` with two links; an origin of the loop itself is that in
-    the predecessor, the successor's frame being its link's."""
+    """`<loop>` with predecessor and successor, or `<loop_joint>` with two links; an origin of the loop itself is that
+    in the predecessor, the successor's frame being its link's."""
     name, kind = item.must("name"), item.get("type") or "revolute"
     if kind not in _LOOPS or _LOOPS[kind] == "free":
         known = ", ".join(word for word in _LOOPS if word != "floating")
@@ -249,7 +250,6 @@ def _closings(robot: Robot) -> None:
             sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
     for stem, names in sides.items():
         if len(names) != 2:
-            robot.links.get(names[0], next(iter(robot.links.values()))).at.fail(
-                f"is one of {len(names)} frames named after the closing {stem}; a closing has two, _1 and _2 or _A and _B"
-            )
+            one = robot.links.get(names[0], next(iter(robot.links.values())))
+            one.at.fail(f"is one of {len(names)} frames of the closing {stem}; it has two, _1 and _2 or _A and _B")
         sidecar.close(robot, stem, (names[0], names[1]), "6d", None)

@@ -1,0 +1,270 @@
+"""MJCF, through MuJoCo's own parser and compiler; loops are its equalities `connect`, `weld` and `joint`.
+
+Two `connect` between the same bodies hold two points, which is a hinge on the line through them; three are a weld.
+Files that the model names must lie in its own folder or below: they are looked at before MuJoCo opens anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+
+from ..errors import MissingDependencyError
+from .reading import Reading, Remark
+from .robot import Array, Joint, Link, Loop, Robot, Tie, placed
+from .xmltree import Element, parse, refuse
+
+_FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
+_INCLUDES = 64
+"""Files included in each other, at most."""
+SAME = 1e-6
+"""Points nearer to a line or a point than this part of their distance lie on it: files carry some six digits."""
+
+
+def read(path: Path) -> Robot:
+    """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
+    found = _looked_at(path, path.parent, [])
+    if found.tag != "mujoco":
+        found.fail("is no <mujoco>: this is not MJCF")
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingDependencyError(
+            f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
+        ) from error
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, RuntimeError) as error:
+        said = " ".join(str(error).split())
+        refuse(path, _line(said), f"MuJoCo cannot read it: {said}")
+    return _Reader(mujoco, model, found, path).robot()
+
+
+def _looked_at(path: Path, folder: Path, seen: list[Path]) -> Element:
+    """The root of a file, once neither it nor what it includes leads out of the folder."""
+    seen.append(path)
+    if len(seen) > _INCLUDES:
+        refuse(path, None, f"more than {_INCLUDES} files are included")
+    root = parse(path)
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
+        waiting += element.children
+        for key in _FILES[:4]:
+            name = element.get(key)
+            parts = (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
+            absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != ""
+            if absolute or ".." in parts:
+                element.fail(f'names the file "{name}", which leads out of the folder of the model')
+        if element.tag == "include":
+            _looked_at(folder / element.must("file"), folder, seen)
+    return root
+
+
+def _line(said: str) -> int | None:
+    words = said.replace(",", " ").split()
+    at = next((i for i, word in enumerate(words[:-1]) if word.lower() == "line"), None)
+    return int(words[at + 1]) if at is not None and words[at + 1].isdigit() else None
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A point of two bodies held together by a connect."""
+
+    name: str
+    points: tuple[Array, Array]
+    at: Element
+
+
+class _Reader:
+    def __init__(self, mujoco: Any, model: Any, root: Element, path: Path) -> None:
+        self.mujoco, self.model, self.root = mujoco, model, root
+        self.named: dict[tuple[str, str], Element] = {}
+        waiting = [root]
+        while waiting:
+            element = waiting.pop()
+            waiting += element.children
+            self.named.setdefault((element.tag, element.get("name")), element)
+        name = root.get("model") or path.stem
+        self.made = Robot(name, Reading(path, "MJCF"), gravity=tuple(model.opt.gravity.tolist()), gimbals=True)
+        self.joint_names: dict[int, str] = {}
+
+    def name(self, kind: str, i: int) -> str:
+        """Its name, or its kind and number where it has none."""
+        kinds = self.mujoco.mjtObj
+        of = {"body": kinds.mjOBJ_BODY, "joint": kinds.mjOBJ_JOINT, "equality": kinds.mjOBJ_EQUALITY}[kind]
+        return self.mujoco.mj_id2name(self.model, of, i) or f"{kind} {i}"
+
+    def at(self, *tags: str, name: str) -> Element:
+        """Where something of that name stands in the file; else the root."""
+        return next((self.named[tag, name] for tag in tags if (tag, name) in self.named), self.root)
+
+    def said(self, remarks: list[Remark], at: Element, text: str) -> None:
+        remarks.append(Remark(None if at is self.root else at.line, text))
+
+    def robot(self) -> Robot:
+        m, robot = self.model, self.made
+        robot.links["world"] = Link("world", 0.0, np.zeros(3), np.zeros((3, 3)), self.root)
+        for i in range(1, m.nbody):
+            self.body(i)
+        self.equalities()
+        robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
+        left = {
+            "geoms (inertias were taken of them where a body has none; they touch nothing)": m.ngeom,
+            "actuators: prescribe motions with add_drive, efforts with add_torque": m.nu,
+            "tendons": m.ntendon,
+            "sensors": m.nsensor,
+            "keyframes": m.nkey,
+        }
+        robot.reading.dropped += [Remark(None, f"{count} {what}") for what, count in left.items() if count]
+        return robot
+
+    def body(self, i: int) -> None:
+        m, robot = self.model, self.made
+        name = self.name("body", i)
+        axes = self.turned(m.body_iquat[i])
+        inertia = axes @ np.diag(m.body_inertia[i]) @ axes.T
+        at = self.at("body", name=name)
+        link = Link(name, float(m.body_mass[i]), m.body_ipos[i].copy(), 0.5 * (inertia + inertia.T), at)
+        parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
+        place = placed(m.body_pos[i], self.turned(m.body_quat[i]))
+        first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
+        if count == 0:
+            robot.joints[f"{name} on {parent}"] = Joint(
+                f"{name} on {parent}", "fixed", parent, name, place, np.array([1.0, 0.0, 0.0]), at
+            )
+        for j in range(first, first + count):
+            last = j == first + count - 1
+            child = name if last else f"{name} before {self.name('joint', j + 1)}"
+            if not last:
+                robot.links[child] = Link(child, 0.0, np.zeros(3), np.zeros((3, 3)), at)
+            self.joint(j, parent, child, place)
+            parent, place = child, np.eye(4)
+        robot.links[name] = link
+
+    def joint(self, j: int, parent: str, child: str, place: Array) -> None:
+        m, kinds, robot = self.model, self.mujoco.mjtJoint, self.made
+        name, kind = self.name("joint", j), int(m.jnt_type[j])
+        self.joint_names[j] = name
+        at = self.at("joint", "freejoint", name=name)
+        words = {kinds.mjJNT_FREE: "free", kinds.mjJNT_BALL: "spherical", kinds.mjJNT_SLIDE: "prismatic"}
+        found = Joint(name, words.get(kind, "revolute"), parent, child, place, m.jnt_axis[j].copy(), at)
+        if found.kind != "free":
+            found.point = m.jnt_pos[j].copy()
+        d, q, dropped = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), robot.reading.dropped
+        if found.kind in ("revolute", "prismatic"):
+            found.damping, found.stiffness = float(m.dof_damping[d].flat[0]), float(m.jnt_stiffness[j].flat[0])
+            found.rest = float(m.qpos_spring[q] - m.qpos0[q])
+        elif np.any(m.dof_damping[d]) or np.any(m.jnt_stiffness[j]):
+            self.said(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
+        if m.dof_armature[d] != 0.0:
+            self.said(
+                dropped, at, f"armature {m.dof_armature[d]:g} of joint {name}: add a body for the rotor, with add_gear"
+            )
+        if m.dof_frictionloss[d] != 0.0:
+            said = f"frictionloss {m.dof_frictionloss[d]:g} of joint {name}: add_friction takes it"
+            self.said(dropped, at, said)
+        if m.jnt_limited[j]:
+            low, high = m.jnt_range[j]
+            self.said(
+                dropped, at, f"limits {low:g} to {high:g} of joint {name} do not stop it: add_stop makes a stop of them"
+            )
+        robot.joints[name] = found
+
+    def equalities(self) -> None:
+        m, kinds, robot = self.model, self.mujoco.mjtEq, self.made
+        connects: dict[tuple[str, str], list[_Held]] = {}
+        for i in range(m.neq):
+            name, kind = self.name("equality", i), int(m.eq_type[i])
+            tags = {kinds.mjEQ_CONNECT: "connect", kinds.mjEQ_WELD: "weld", kinds.mjEQ_JOINT: "joint"}
+            at = self.at(tags.get(kind, "equality"), name=name)
+            if not m.eq_active0[i]:
+                self.said(robot.reading.dropped, at, f"equality {name} is not active")
+            elif kind == kinds.mjEQ_JOINT:
+                self.tie(i, name, at)
+            elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+                first, second = self.frames(i, kind == kinds.mjEQ_WELD)
+                if kind == kinds.mjEQ_WELD:
+                    robot.loops.append(Loop(name, "fixed", first, second, at))
+                else:
+                    pair = connects.setdefault((first[0], second[0]), [])
+                    pair.append(_Held(name, (first[1][:3, 3], second[1][:3, 3]), at))
+            else:
+                self.said(robot.reading.dropped, at, f"equality {name} between tendons or flexible bodies")
+        for bodies, held in connects.items():
+            self.connect(bodies, held)
+
+    def frames(self, i: int, weld: bool) -> tuple[tuple[str, Array], tuple[str, Array]]:
+        """The two frames of a connect or a weld, each with its body."""
+        m, data = self.model, self.model.eq_data[i]
+        one, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+        if m.eq_objtype[i] == self.mujoco.mjtObj.mjOBJ_SITE:
+            sites = [
+                (int(m.site_bodyid[s]), placed(m.site_pos[s], self.turned(m.site_quat[s]) if weld else np.eye(3)))
+                for s in (one, other)
+            ]
+            return (self.link(sites[0][0]), sites[0][1]), (self.link(sites[1][0]), sites[1][1])
+        if weld:
+            here, there = placed(data[3:6], self.turned(data[6:10])), placed(data[0:3], np.eye(3))
+        else:
+            here, there = placed(data[0:3], np.eye(3)), placed(data[3:6], np.eye(3))
+        return (self.link(one), here), (self.link(other), there)
+
+    def link(self, i: int) -> str:
+        return "world" if i == 0 else self.name("body", i)
+
+    def connect(self, bodies: tuple[str, str], held: list[_Held]) -> None:
+        """Points of two bodies held together: one is a ball joint, two are a hinge, three are a weld."""
+        robot, first = self.made, held[0]
+        apart = np.array([x.points[0] - first.points[0] for x in held])
+        size = float(np.max(np.linalg.norm(apart, axis=1)))
+        count = int(np.sum(np.linalg.svd(apart, compute_uv=False) > SAME * size)) if size > 0.0 else 0
+        far = held[int(np.argmax(np.linalg.norm(apart, axis=1)))]
+        frames = []
+        for side in (0, 1):
+            axis, beside = far.points[side] - first.points[side], None
+            if count > 1:
+                others = [x.points[side] - first.points[side] for x in held]
+                beside = others[int(np.argmax([np.linalg.norm(np.cross(axis, other)) for other in others]))]
+            frames.append(placed(first.points[side], _along(axis, beside) if count else np.eye(3)))
+        kind = ("spherical", "revolute", "fixed")[min(count, 2)]
+        ends = ((bodies[0], frames[0]), (bodies[1], frames[1]))
+        robot.loops.append(Loop(first.name, kind, ends[0], ends[1], first.at, np.array([1.0, 0.0, 0.0])))
+        if count:
+            names, what = " and ".join(x.name for x in held), ("", "a line: a hinge", "a plane: a weld")[min(count, 2)]
+            self.said(robot.reading.changed, first.at, f"{names} hold points of {what}, {first.name}")
+
+    def tie(self, i: int, name: str, at: Element) -> None:
+        """A joint that follows another one: y = a0 + a1 x + ..., both from where they are drawn."""
+        m, robot = self.model, self.made
+        one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
+        follower = self.name("joint", one)
+        if np.any(data[2:5]):
+            self.said(robot.reading.dropped, at, f"equality {name} is a polynomial of higher order: add_cam takes it")
+        elif other < 0 or data[1] == 0.0:
+            self.said(robot.reading.dropped, at, f"equality {name} holds joint {follower} at a place: add_drive does")
+        else:
+            leader = self.name("joint", other)
+            robot.ties.append(Tie(name, [follower, leader], [1.0, -float(data[1])], float(data[0]), at))
+
+    def turned(self, quaternion: Any) -> Array:
+        w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+
+def _along(axis: Array, beside: Array | None = None) -> Array:
+    """A rotation whose x is along an axis, and whose y is towards another direction."""
+    x = axis / np.linalg.norm(axis)
+    other = np.eye(3)[int(np.argmin(np.abs(x)))] if beside is None else beside
+    z = np.cross(x, other)
+    z /= np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z])
