@@ -10,7 +10,7 @@ from typing import Any
 from ..builder import Builder
 from ..errors import FileFormatError
 from ..files import place, target
-from . import mjcf, robot, toml, urdf
+from . import mjcf, robot, sdf, toml, urdf
 from .reading import Reading, Remark
 from .toml import Maker
 from .xmltree import parse
@@ -34,8 +34,8 @@ def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], An
 def _xml(path: Path) -> robot.Robot:
     """A robot in XML whose suffix does not say in which format."""
     root = parse(path)
-    of = {"robot": urdf.read, "mujoco": mjcf.read}.get(root.tag)
-    return of(path) if of is not None else root.fail("is neither <robot> (URDF) nor <mujoco> (MJCF)")
+    of = {"robot": urdf.read, "mujoco": mjcf.read, "sdf": sdf.read}.get(root.tag)
+    return of(path) if of is not None else root.fail("is neither <robot> (URDF), nor <mujoco> (MJCF), nor <sdf>")
 
 
 def _toml(path: Path, make: Maker, base: str) -> Any:
@@ -49,6 +49,7 @@ _READERS: dict[str, Callable[[Path, Maker, str], Any]] = {
     ".toml": _toml,
     ".urdf": _robot(urdf.read),
     ".mjcf": _robot(mjcf.read),
+    ".sdf": _robot(sdf.read),
     ".xml": _robot(_xml),
 }
 _WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}

@@ -53,6 +53,7 @@ class Joint:
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))
 
@@ -93,6 +94,7 @@ class Robot:
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     gimbals: bool = False
+    poses: dict[str, Array] | None = None
 
     def root(self) -> str:
         """The link that no joint carries; refuses trees with none, with several, and circles."""
@@ -239,7 +241,10 @@ def fold_hinges(robot: Robot) -> None:
 
 
 def build(robot: Robot, mechanism: Builder, base: str) -> None:
-    """Draw the robot with all its coordinates zero; the root stands, or floats."""
+    """Draw the robot with all its coordinates zero; the root stands, or floats, unless the file says where all are."""
+    if robot.poses is not None:
+        _placed(robot, mechanism, robot.poses)
+        return
     root = robot.root()
     fold_marks(robot)
     if not robot.gimbals:
@@ -263,14 +268,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        if joint.damping > 0.0 or joint.stiffness > 0.0:
-            mechanism.add_torsion_spring(
-                joint.name,
-                stiffness=joint.stiffness,
-                damping=joint.damping,
-                angle=joint.rest,
-                name=f"spring of {joint.name}",
-            )
+        _spring(mechanism, joint)
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -282,6 +280,25 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         _joint(mechanism, loop.name, loop.kind, (body[link1], body[link2]), frames, (axis, None), loop.at)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+
+
+def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
+    """A model that says where its links are; its joints may close loops."""
+    body: dict[str, Any] = {"world": mechanism.ground}
+    for name, link in robot.links.items():
+        body[name] = _body(robot, mechanism, link, poses[name])
+    for joint in robot.joints.values():
+        ends, frames = (body[joint.parent], body[joint.child]), (joint.place, joint.place)
+        _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
+        _spring(mechanism, joint)
+
+
+def _spring(mechanism: Builder, joint: Joint) -> None:
+    """Spring and damper of a joint."""
+    if joint.damping > 0.0 or joint.stiffness > 0.0:
+        data = (joint.stiffness, joint.damping, joint.rest)
+        name = f"spring of {joint.name}"
+        mechanism.add_torsion_spring(joint.name, stiffness=data[0], damping=data[1], angle=data[2], name=name)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
@@ -315,6 +332,7 @@ def _joint(
     frames: tuple[Array, Array],
     axes: tuple[Array, Array | None],
     at: Element | None,
+    pitch: float = 0.0,
 ) -> None:
     """A joint between two frames of the world, which need not quite agree."""
     here, there = frames
@@ -331,6 +349,8 @@ def _joint(
     try:
         if kind in ("revolute", "prismatic", "cylindrical"):
             getattr(add, f"add_{kind}")(name, *ends, point=point, axis=axis, **apart)
+        elif kind == "screw":
+            add.add_screw(name, *ends, point=point, axis=axis, pitch=pitch)
         elif kind == "planar":
             add.add_planar(name, *ends, point=point, normal=axis, **apart)
         elif kind == "universal":

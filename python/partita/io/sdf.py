@@ -1,0 +1,199 @@
+"""SDFormat: links, frames and joints placed in their model or relative to each other; loops are joints like any other.
+
+Frames follow `relative_to`, `attached_to` and `expressed_in`. What is not mechanics is left out, and said so; models
+inside models and `<include>` are refused, since they would lead to other files.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from .reading import Reading, Remark
+from .robot import Array, Joint, Link, Robot, placed, turned
+from .xmltree import Element, numbers, parse
+
+_KINDS = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "ball": "spherical",
+    "universal": "universal",
+    "fixed": "fixed",
+    "screw": "screw",
+}
+_USED = ("link", "joint", "frame", "static", "pose", "gearbox")
+
+
+def read(path: Path) -> Robot:
+    """The model in a file. Raises `FileFormatError` with the line of what is wrong."""
+    root = parse(path)
+    if root.tag != "sdf":
+        root.fail("is no <sdf>: this is not SDFormat")
+    world = root.first("world")
+    models = list((world or root).all("model"))
+    if len(models) != 1:
+        (world or root).fail(f"holds {len(models)} models; one is read")
+    model = models[0]
+    robot = Robot(model.get("name") or path.stem, Reading(path, "SDFormat"))
+    gravity = None if world is None else world.first("gravity")
+    if gravity is not None:
+        robot.gravity = numbers(gravity, "the text", gravity.text, 3)
+    elif world is None:
+        robot.gravity = (0.0, 0.0, -9.8)
+        robot.reading.changed.append(Remark(model.line, "gravity is the format's own, 9.8 m/s^2 downwards"))
+    for tag in ("model", "include"):
+        if (inner := model.first(tag)) is not None:
+            inner.fail("stands inside a model; models inside models are not read: put all links and joints into one")
+    return _Reader(robot, model).robot()
+
+
+class _Reader:
+    def __init__(self, robot: Robot, model: Element) -> None:
+        self.made, self.model = robot, model
+        self.poses: dict[str, Array] = {}
+        robot.poses = self.poses
+        self.named: dict[str, Element] = {}
+        self.known: dict[str, Array] = {"__model__": np.eye(4), "world": np.eye(4)}
+        for item in model.all("link", "joint", "frame"):
+            name = item.must("name")
+            if name in self.named or name in self.known:
+                item.fail("has a name that is taken")
+            self.named[name] = item
+
+    def robot(self) -> Robot:
+        robot, model = self.made, self.model
+        for item in model.all("link"):
+            self.link(item)
+        if not robot.links:
+            model.fail("holds no <link>")
+        for item in model.all("joint"):
+            self.joint(item)
+        if (static := model.first("static")) is not None and static.text.strip() in ("true", "1"):
+            static.fail("says that nothing of this model moves")
+        left = Counter(child.tag for child in model.children if child.tag not in _USED)
+        left += Counter(f"link/{x.tag}" for link in model.all("link") for x in link.children
+                        if x.tag not in ("pose", "inertial"))  # fmt: skip
+        for tag, count in left.items():
+            robot.reading.dropped.append(Remark(None, f"<{tag}>, {count} in all: it is not used"))
+        robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
+        return robot
+
+    def pose(self, item: Element | None) -> Array:
+        """The transform that a `<pose>` says, whatever it is relative to."""
+        if item is None or not item.text.strip():
+            return np.eye(4)
+        if item.get("rotation_format", "euler_rpy") == "quat_xyzw":
+            x, y, z, *quaternion = numbers(item, "the text", item.text, 7)
+            a, b, c, w = np.array(quaternion) / np.linalg.norm(quaternion)
+            cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
+            return placed((x, y, z), np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+        place = numbers(item, "the text", item.text, 6)
+        rpy = np.array(place[3:])
+        return placed(place[:3], turned(np.radians(rpy) if item.get("degrees") in ("true", "1") else rpy))
+
+    def frame(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> Array:
+        """A frame in the model."""
+        if name in self.known:
+            return self.known[name]
+        if name in asked:
+            by.fail(f"is placed in a circle: {' -> '.join((*asked, name))}")
+        if name not in self.named:
+            by.fail(f'names the frame "{name}", which does not exist')
+        item = self.named[name]
+        own = item.first("pose")
+        otherwise = {"joint": self.child(item), "frame": item.get("attached_to")}.get(item.tag, "") or "__model__"
+        base = (own.get("relative_to") if own is not None else "") or otherwise
+        self.known[name] = self.frame(base, item, (*asked, name)) @ self.pose(own)
+        return self.known[name]
+
+    def carrier(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> str:
+        """The link that a frame moves with."""
+        if name in ("world", "__model__") or name in self.made.links:
+            return "world" if name == "world" else name
+        if name not in self.named or name in asked:
+            by.fail(f'names the frame "{name}", which moves with no link')
+        item = self.named[name]
+        of = self.child(item) if item.tag == "joint" else item.get("attached_to") or "__model__"
+        return self.carrier(of, by, (*asked, name))
+
+    def child(self, item: Element) -> str:
+        return self.word(item, "child") if item.tag == "joint" else ""
+
+    def word(self, item: Element, tag: str) -> str:
+        found = item.the(tag)
+        return found.text.strip() or found.fail("says nothing")
+
+    def link(self, item: Element) -> None:
+        name, inertial = item.must("name"), item.first("inertial")
+        mass, place, inertia = 1.0, np.eye(4), np.eye(3)
+        if inertial is not None:
+            place = self.pose(inertial.first("pose"))
+            weight, moments = inertial.first("mass"), inertial.first("inertia")
+            mass = 1.0 if weight is None else numbers(weight, "the text", weight.text, 1)[0]
+            of = dict.fromkeys(("ixx", "iyy", "izz"), 1.0) | dict.fromkeys(("ixy", "ixz", "iyz"), 0.0)
+            for part in moments.children if moments is not None else ():
+                if part.tag in of:
+                    of[part.tag] = numbers(part, "the text", part.text, 1)[0]
+            inertia = np.array([[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]],
+                                [of["ixz"], of["iyz"], of["izz"]]])  # fmt: skip
+            inertia = place[:3, :3] @ inertia @ place[:3, :3].T
+        if inertial is None or inertial.first("mass") is None or inertial.first("inertia") is None:
+            said = f'link "{name}" names no mass or no inertia; the format then says 1 kg and 1 kg m^2'
+            self.made.reading.changed.append(Remark(item.line, said))
+        self.made.links[name] = Link(name, mass, place[:3, 3], 0.5 * (inertia + inertia.T), item)
+        self.poses[name] = self.frame(name, item)
+
+    def joint(self, item: Element) -> None:
+        name, kind = item.must("name"), item.must("type")
+        if kind not in _KINDS:
+            item.fail(f'has the type "{kind}"; known: {", ".join(_KINDS)}')
+        ends = []
+        for tag in ("parent", "child"):
+            link = self.carrier(self.word(item, tag), item)
+            if link not in self.made.links and link != "world":
+                item.fail(f"has a {tag} that moves with no link")
+            ends.append(link)
+        where, dropped = self.frame(name, item), self.made.reading.dropped
+        axes = [self.axis(item, tag, where) for tag in ("axis", "axis2") if item.first(tag) is not None]
+        if not axes and _KINDS[kind] not in ("fixed", "spherical"):
+            item.fail("holds no <axis>")
+        if kind == "universal" and len(axes) != 2:
+            item.fail("is universal and needs <axis> and <axis2>")
+        axis = axes[0] if axes else np.array([1.0, 0.0, 0.0])
+        made = Joint(name, _KINDS[kind], ends[0], ends[1], where, axis, item, second=axes[1] if len(axes) > 1 else None)
+        if kind == "screw":
+            advance, old = item.first("screw_thread_pitch"), item.first("thread_pitch")
+            if advance is not None:
+                made.pitch = numbers(advance, "the text", advance.text, 1)[0]
+            elif old is not None:  # radians per metre, the other way round
+                made.pitch = -2 * np.pi / (numbers(old, "the text", old.text, 1)[0] or old.fail("is 0"))
+            else:
+                item.fail("is a screw and needs <screw_thread_pitch>")
+        for number, tag in enumerate(("axis", "axis2")):
+            found = item.first(tag)
+            if found is None:
+                continue
+            dynamics, limit = found.first("dynamics"), found.first("limit")
+            of = {x.tag: numbers(x, "the text", x.text, 1)[0] for x in (dynamics.children if dynamics else ())}
+            if number == 0 and made.kind in ("revolute", "prismatic"):
+                made.damping, made.stiffness = of.pop("damping", 0.0), of.pop("spring_stiffness", 0.0)
+                made.rest = of.pop("spring_reference", 0.0)
+            dropped += [
+                Remark(found.line, f"{key} {value:g} of joint {name}") for key, value in of.items() if value != 0.0
+            ]
+            if limit is not None:
+                bounds = ", ".join(f"{x.tag} {x.text.strip()}" for x in limit.children)
+                dropped.append(Remark(limit.line, f"limits of joint {name} ({bounds}) do not stop it: add_stop does"))
+        self.made.joints[name] = made
+
+    def axis(self, item: Element, tag: str, where: Array) -> Array:
+        """An axis in the joint's own frame."""
+        found = item.the(tag).first("xyz")
+        axis = np.array([0.0, 0.0, 1.0] if found is None else numbers(found, "the text", found.text, 3))
+        if found is not None and (other := found.get("expressed_in")):
+            axis = where[:3, :3].T @ self.frame(other, found)[:3, :3] @ axis
+        length = float(np.linalg.norm(axis))
+        return axis / length if length > 0.0 else item.fail("has an axis of length 0")

@@ -1,0 +1,104 @@
+"""SDFormat with native loops and frames relative to each other, against the same mechanism drawn by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_urdf import BASE, LENGTHS, MASS, angles, drawn
+
+import partita as pt
+
+
+def link(name: str, pose: str) -> str:
+    i = MASS[name] * LENGTHS[name] ** 2 / 12
+    return f"""
+  <link name="{name}">{pose}<inertial><pose>{LENGTHS[name] / 2} 0 0 0 0 1.5707963267948966</pose>
+    <mass>{MASS[name]}</mass><inertia><ixx>{i!r}</ixx><iyy>1e-4</iyy><izz>{i!r}</izz></inertia></inertial></link>"""
+
+
+def hinge(name: str, parent: str, child: str, pose: str = "", axis: str = "<xyz>0 -1 0</xyz>") -> str:
+    return f"""
+  <joint name="{name}" type="revolute"><parent>{parent}</parent><child>{child}</child>{pose}
+    <axis>{axis}</axis></joint>"""
+
+
+def model(more: str = "", closing: str | None = None) -> str:
+    crank, coupler, rocker = (float(x) for x in angles())
+    closing = closing or hinge("C", "coupler", "rocker", '<pose relative_to="tip"/>')
+    return f"""<sdf version="1.9"><world name="w"><gravity>0 0 -9.81</gravity><model name="four-bar">
+  <frame name="tip" attached_to="coupler"><pose>{LENGTHS["coupler"]} 0 0 0 0 0</pose></frame>
+  {link("crank", f"<pose>0 0 0 0 {-crank!r} 0</pose>")}
+  {link("coupler", f'<pose relative_to="crank">{LENGTHS["crank"]} 0 0 0 {crank - coupler!r} 0</pose>')}
+  {link("rocker", f"<pose degrees='true'>{BASE} 0 0 0 {-np.degrees(rocker):.17g} 0</pose>")}
+  {hinge("A", "world", "crank")}{hinge("B", "crank", "coupler")}
+  {hinge("D", "world", "rocker", axis='<xyz expressed_in="__model__">0 -1 0</xyz>')}
+  {closing}{more}</model></world></sdf>"""
+
+
+def loaded(folder: Path, text: str) -> pt.Mechanism:
+    path = folder / "model.sdf"
+    path.write_text(text, "utf-8")
+    return pt.load(path)
+
+
+def test_a_four_bar_is_the_one_drawn_by_hand(tmp_path: Path) -> None:
+    read, hand = loaded(tmp_path, model()), drawn("revolute")
+    assert read.compile().mobility == 1
+    a, b = (m.simulate(1.0, initial=m.assemble(rates={"A": 2.0}), rtol=1e-11, atol=1e-13) for m in (read, hand))
+    assert a.success and b.success
+    for joint in ("A", "B", "D"):
+        assert np.abs(a.joint(joint).position - b.joint(joint).position).max() < 1e-10
+    assert np.abs(a.joint("A").force - b.joint("A").force).max() < 1e-8
+
+
+def test_joints_of_other_kinds(tmp_path: Path) -> None:
+    body = '<link name="{0}"><pose>0 {1} 0 0 0 0</pose></link>'
+    more = "".join(
+        body.format(name, y) for name, y in (("nut", 1), ("ball", 2), ("fork", 3), ("slide", 4), ("weld", 5))
+    )
+    more += """
+  <joint name="screw" type="screw"><parent>world</parent><child>nut</child><axis/>
+    <screw_thread_pitch>0.01</screw_thread_pitch></joint>
+  <joint name="b" type="ball"><parent>world</parent><child>ball</child></joint>
+  <joint name="u" type="universal"><parent>world</parent><child>fork</child><axis><xyz>1 0 0</xyz></axis>
+    <axis2><xyz>0 1 0</xyz></axis2></joint>
+  <joint name="p" type="prismatic"><parent>world</parent><child>slide</child><axis><xyz>1 0 0</xyz>
+    <dynamics><damping>2</damping><friction>1</friction><spring_stiffness>5</spring_stiffness></dynamics>
+    <limit><lower>-1</lower></limit></axis></joint>
+  <joint name="f" type="fixed"><parent>world</parent><child>weld</child></joint><plugin/>"""
+    m = loaded(tmp_path, model(more))
+    kinds = {j["name"]: j["kind"] for j in m.compile().summary["joints"]}
+    assert [kinds[n] for n in ("screw", "b", "u", "p", "f")] == [
+        "screw",
+        "spherical",
+        "universal",
+        "prismatic",
+        "fixed",
+    ]
+    state = m.assemble(targets={"screw.turn": 2 * np.pi})
+    assert abs(state.position("screw")[0] - 0.01) < 1e-12
+    told = str(m.reading)
+    for words in ("friction 1 of joint p", "limits of joint p (lower -1)", "<plugin>, 1 in all", "1 kg and 1 kg m^2"):
+        assert words in told, told
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<a/>", "not SDFormat"),
+        ("<sdf/>", "holds 0 models"),
+        ('<sdf><model name="m"/></sdf>', "no <link>"),
+        (model('<include/>'), "stands inside a model"),
+        (model('<link name="crank"/>'), "taken"),
+        (model('<frame name="x"><pose relative_to="y"/></frame><frame name="y"><pose relative_to="x"/></frame>'
+               + hinge("E", "x", "crank")), "circle"),
+        (model(hinge("E", "nobody", "crank")), '"nobody"'),
+        (model(hinge("E", "crank", "rocker", axis="<xyz>0 0 0</xyz>")), "length 0"),
+        (model(hinge("E", "crank", "rocker", axis="<xyz>0 a 0</xyz>")), "not made of numbers"),
+        (model('<joint name="E" type="odd"><parent>crank</parent><child>rocker</child></joint>'), '"odd"'),
+    ],
+)  # fmt: skip
+def test_a_bad_file(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(pt.errors.FileFormatError) as told:
+        loaded(tmp_path, text)
+    assert words in str(told.value) and told.value.line is not None
