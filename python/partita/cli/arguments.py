@@ -16,7 +16,7 @@ WINDOW = "time [s] over which the rule persistence looks back"
 def parser() -> argparse.ArgumentParser:
     """The parser; every command stores the function that carries it out in `run`."""
     from .. import __version__
-    from . import commands
+    from . import check, commands
     from .compare import compare
     from .simulate import simulate
 
@@ -30,6 +30,11 @@ def parser() -> argparse.ArgumentParser:
 
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
+    about = "what a model file is: what was read and dropped, whether it closes, what moves, what looks like a slip"
+    lint = _command(words, "check", check.check, about)
+    lint.add_argument("model", metavar="FILE|NAME", help=MODEL)
+    lint.add_argument("--json", action="store_true", help="print all that was found as JSON")
+    lint.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
 
     _command(words, "list", commands.list_names, "list the mechanisms of the catalogue")
 

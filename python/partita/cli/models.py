@@ -27,17 +27,17 @@ class Opened:
         return start if coordinates == "relative" else self.mechanism.convert(start, coordinates)
 
 
-def open_model(word: str) -> Opened:
+def open_model(word: str, base: str = "fixed") -> Opened:
     """The mechanism in the file `word`, or of that name in the catalogue.
 
     A file is meant when it exists or when the word has an ending or a folder in it. Errors: those of `partita.load` and
-    of `partita.catalogue.entry`.
+    of `partita.catalogue.entry`. `base` is that of `partita.load`.
     """
     path = Path(word)
     if path.is_file() or path.suffix or len(path.parts) > 1:
         from ..mechanism import load
 
-        return Opened(load(word))
+        return Opened(load(word, base=base))
     from .. import catalogue
 
     entry = catalogue.entry(word)

@@ -1,0 +1,48 @@
+"""`partita check`: a lint for model files: what was read, whether it closes, what moves, what looks like a slip."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from ..errors import AssemblyError, SingularityError
+from .models import open_model
+
+HELD, BROKEN = 0, 1
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Print what a model file is; 1 if its loops do not close."""
+    mechanism = open_model(arguments.model, base=arguments.base).mechanism
+    found: dict[str, Any] = {"reading": None if mechanism.reading is None else mechanism.reading.to_dict()}
+    try:
+        found["report"] = mechanism.report().to_dict()
+        found["closes"], found["why"] = True, None
+    except (AssemblyError, SingularityError) as error:
+        found["report"], found["closes"], found["why"] = None, False, error.message
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+    else:
+        if mechanism.reading is not None:
+            print(mechanism.reading)
+        print(*_words(found), sep="\n")
+    return HELD if found["closes"] else BROKEN
+
+
+def _words(found: dict[str, Any]) -> list[str]:
+    report = found["report"]
+    if report is None:
+        return [f"does not close: {found['why']}"]
+    words = [f"degrees of freedom: {report['mobility']}"]
+    if report["idle"]:
+        words.append(f"  of which idle: {len(report['idle'])}")
+    redundant = report["joint_rows"] - report["joint_rank"]
+    words.append(f"redundant conditions: {redundant} of {report['joint_rows']}")
+    if report["misfits"]:
+        words.append(f"misfit: {report['misfit']:.2e} (radians, and parts of the size)")
+    if report["cures"]:
+        cures = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["cures"])
+        words.append(f"  nothing is redundant, and nothing else moves, with {cures} replaced")
+    words += [f"look at: {said}" for said in (*report["suspicious"], *report["notes"])]
+    return words

@@ -1,0 +1,32 @@
+"""`partita check`: what a file is, in words and as JSON, and the exit code of a lint."""
+
+import json
+from pathlib import Path
+
+import pytest
+from test_urdf import LENGTHS, LOOP, tree, written
+
+from partita.cli import main
+
+
+def test_a_good_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(written(tmp_path, tree(LOOP)))
+    assert main(["check", path]) == 0
+    said = capsys.readouterr().out
+    assert "degrees of freedom: 1" in said and "redundant conditions: 3 of 20" in said and "<visual>, 3 in all" in said
+    assert main(["check", path, "--json", "--base", "free"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["closes"] and found["report"]["mobility"] == 7 and found["reading"]["kind"] == "URDF"
+
+
+def test_a_file_whose_loop_does_not_close(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = LOOP.replace(f'"{LENGTHS["rocker"]} 0 0"', '"9 0 0"')
+    assert main(["check", str(written(tmp_path, tree(far)))]) == 1
+    assert "does not close" in capsys.readouterr().out
+
+
+def test_a_catalogue_entry_and_a_bad_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "four-bar"]) == 0
+    assert "degrees of freedom: 1" in capsys.readouterr().out
+    assert main(["check", str(written(tmp_path, "<robot>"))]) == 2
+    assert "line 1" in capsys.readouterr().err
