@@ -20,6 +20,7 @@ from .builder import Along, Coordinate, Cosine, Distance
 from .comparison import compare
 from .mechanism import Mechanism, load
 from .state import State
+from .sweep import sweep
 from .system import System, simulate
 from .tangent import TangentVelocities
 
@@ -41,6 +42,7 @@ __all__ = [
     "load",
     "partition",
     "simulate",
+    "sweep",
     "units",
 ]
 

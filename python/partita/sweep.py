@@ -1,0 +1,289 @@
+"""Many runs of one model over a grid of parameters, in one labelled dataset: `partita.sweep`."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import ArgumentError, MissingDependencyError
+from .numeric import shown
+
+if TYPE_CHECKING:
+    import xarray
+
+Point = tuple[int, ...]
+TRIES = 3
+"""How often a point is given to a new worker when its worker dies: once for others' deaths in its pool, once more for
+bad luck; a third time it is the point."""
+PULSE = 0.2
+"""Seconds between looks at the clock and at Ctrl-C."""
+
+
+def sweep(
+    model: Callable[..., Any],
+    parameters: Mapping[str, Sequence[Any]],
+    *,
+    executor: Executor | str | None = None,
+    workers: int | None = None,
+    progress: Any = False,
+) -> xarray.Dataset:
+    """Call `model(**point)` for every point of a grid and collect what it returns into one labelled dataset.
+
+    Args:
+        model: takes the parameters by their names; returns names -> numbers or arrays of one shape throughout, or one
+            number. For processes it must be importable (defined in a module).
+        parameters: name -> values; the grid is their product, and each is a dimension of the dataset.
+        executor: None: one after the other; "threads" (a run leaves Python most of the time), "processes"; or anything
+            with `submit`, as those of `concurrent.futures`, Dask's `client.get_executor()`, `mpi4py`'s
+            `MPIPoolExecutor`.
+        workers: how many, for "threads" and "processes"; None: as many as there are cores.
+        progress: True: a line on stderr; or a function of the part done, 0 to 1.
+
+    Returns:
+        An `xarray.Dataset`: a variable for each name, with the parameters as its first dimensions and the axes of
+        arrays (`NAME_axis0`, ...) behind; `failed` tells, for each point, the error in which it ended (empty: none).
+        Its numbers are NaN there. What was computed before Ctrl-C stands in `KeyboardInterrupt.partial`.
+
+    A worker that dies takes nothing along: points that were not done go to new ones, up to three times each.
+
+    Raises:
+        MissingDependencyError: without xarray. ArgumentError: parameters or executor make no sense, or every point
+            failed.
+
+    >>> import partita as pt
+    >>> def period(length):
+    ...     m = pt.Mechanism("pendulum")
+    ...     rod = m.add_rod("rod", start=(0, 0, 0), end=(length, 0, 0), mass=1.0)
+    ...     m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    ...     return {"angle": m.simulate(0.5).joint("A").position[-1, 0]}
+    >>> found = pt.sweep(period, {"length": [0.5, 1.0, 2.0]})
+    >>> found.angle.sel(length=1.0).item() < found.angle.sel(length=2.0).item()
+    True
+    """
+    try:
+        import xarray  # noqa: F401
+    except ImportError as error:
+        raise MissingDependencyError(
+            "a sweep is collected into an xarray.Dataset: pip install partita[xarray]", package="xarray"
+        ) from error
+    if not callable(model):
+        raise ArgumentError(f"model must be a function of the parameters, not {shown(model)}", argument="model")
+    grid = _grid(parameters)
+    work = _Work(model, grid, _told(progress))
+    try:
+        with _pool(executor, workers) as make:
+            if make is None:
+                work.in_turn()
+            else:
+                work.spread(make)
+    except KeyboardInterrupt as stopped:
+        stopped.partial = work.dataset()  # type: ignore[attr-defined]
+        raise
+    if len(work.failed) == len(work.points):
+        point, said = next(iter(work.failed.items()))
+        raise ArgumentError(f"every point failed; the first, {work.named(point)}: {said}", argument="model")
+    return work.dataset()
+
+
+def _grid(parameters: Any) -> dict[str, list[Any]]:
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise ArgumentError(
+            f"parameters must be a dict such as {{'length': [0.5, 1.0]}}, not {shown(parameters)}",
+            argument="parameters",
+        )
+    grid: dict[str, list[Any]] = {}
+    for name, values in parameters.items():
+        if not isinstance(name, str) or not name.isidentifier() or name == "failed":
+            raise ArgumentError(f"the parameter {name!r} is no name that a function can take", argument="parameters")
+        if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__") or not len(list(values)):
+            raise ArgumentError(
+                f"parameters[{name!r}] must be a list of values, not {shown(values)}", argument="parameters"
+            )
+        grid[name] = [value.item() if isinstance(value, np.generic) else value for value in values]
+    return grid
+
+
+def _told(progress: Any) -> Callable[[float], None]:
+    if callable(progress):
+        return progress  # type: ignore[no-any-return]
+    if not progress:
+        return lambda part: None
+    begun = time.monotonic()
+
+    def line(part: float) -> None:
+        left = (time.monotonic() - begun) * (1.0 - part) / part if part > 0.0 else math.inf
+        rest = f", {left:.0f} s left" if math.isfinite(left) else ""
+        print(f"\rsweep {100 * part:3.0f} %{rest}   ", end="\n" if part >= 1.0 else "", file=sys.stderr, flush=True)
+
+    return line
+
+
+Make = Callable[[], Executor]
+
+
+@contextmanager
+def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
+    """How to come by an executor: one of our own is made anew after a worker died, a given one is asked again."""
+    if executor is None:
+        yield None
+    elif isinstance(executor, str):
+        kinds: dict[str, Any] = {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}
+        if executor not in kinds:
+            raise ArgumentError(
+                f'executor is "{executor}"; known: threads, processes, or an object with submit', argument="executor"
+            )
+        made: list[Executor] = []
+
+        def make() -> Executor:
+            made.append(kinds[executor](max_workers=workers))
+            return made[-1]
+
+        try:
+            yield make
+        finally:
+            for one in made:
+                one.shutdown(wait=False, cancel_futures=True)
+    elif callable(getattr(executor, "submit", None)):
+        yield lambda: executor
+    else:
+        raise ArgumentError(f"executor must have a method submit, not {shown(executor)}", argument="executor")
+
+
+@dataclass
+class _Work:
+    """Points, what is known of them, and who is told."""
+
+    model: Callable[..., Any]
+    grid: dict[str, list[Any]]
+    tell: Callable[[float], None]
+    found: dict[Point, dict[str, Any]] = field(default_factory=dict)
+    failed: dict[Point, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.points: list[Point] = list(itertools.product(*(range(len(values)) for values in self.grid.values())))
+
+    def named(self, point: Point) -> dict[str, Any]:
+        """The parameters of a point."""
+        return {name: values[i] for (name, values), i in zip(self.grid.items(), point, strict=True)}
+
+    def keep(self, point: Point, answer: Any) -> None:
+        """What came back."""
+        try:
+            answer = answer if isinstance(answer, Mapping) else {"value": answer}
+            self.found[point] = {str(name): np.asarray(value) for name, value in answer.items()}
+        except Exception as error:
+            self.failed[point] = _words(error)
+        self.tell((len(self.found) + len(self.failed)) / len(self.points))
+
+    def in_turn(self) -> None:
+        """One after the other."""
+        for point in self.points:
+            try:
+                answer = self.model(**self.named(point))
+            except Exception as error:
+                self.failed[point] = _words(error)
+            else:
+                self.keep(point, answer)
+
+    def spread(self, make: Make) -> None:
+        """Over the workers of an executor; what a dead one leaves goes to the next."""
+        waiting, tries = list(self.points), dict.fromkeys(self.points, 0)
+        while waiting:
+            pool = make()
+            under_way: dict[Future[Any], Point] = {}
+            lost: list[Point] = []
+            try:
+                for point in waiting:
+                    under_way[pool.submit(self.model, **self.named(point))] = point
+            except BrokenExecutor:
+                pass
+            lost += [point for point in waiting if point not in set(under_way.values())]
+            while under_way:
+                done, _ = wait(under_way, timeout=PULSE, return_when=FIRST_COMPLETED)
+                for future in done:
+                    point = under_way.pop(future)
+                    error = future.exception()
+                    if error is None:
+                        self.keep(point, future.result())
+                    elif isinstance(error, BrokenExecutor) or _is_death(error):
+                        lost.append(point)
+                    elif isinstance(error, Exception):
+                        self.failed[point] = _words(error)
+                    else:
+                        raise error
+            for point in lost:
+                tries[point] += 1
+                if tries[point] >= TRIES:
+                    self.failed[point] = f"its worker died {TRIES} times"
+            waiting = [point for point in lost if point not in self.failed]
+            if len(waiting) > 1 and len(waiting) == len(lost) and max(tries.values()) == TRIES - 1:
+                self.one_by_one(make, waiting)
+                return
+
+    def one_by_one(self, make: Make, points: list[Point]) -> None:
+        """Each alone in a pool, so that one that kills its worker takes no other along."""
+        for point in points:
+            try:
+                self.keep(point, make().submit(self.model, **self.named(point)).result())
+            except BrokenExecutor:
+                self.failed[point] = f"its worker died {TRIES} times"
+            except Exception as error:
+                died = _is_death(error)
+                self.failed[point] = f"its worker died {TRIES} times" if died else _words(error)
+
+    def dataset(self) -> xarray.Dataset:
+        """All of it; NaN where nothing is known."""
+        import xarray
+
+        sizes = tuple(len(values) for values in self.grid.values())
+        shapes: dict[str, tuple[int, ...]] = {}
+        kinds: dict[str, np.dtype[Any]] = {}
+        for point, answer in list(self.found.items()):
+            for name, value in answer.items():
+                if shapes.setdefault(name, value.shape) != value.shape:
+                    here, there = value.shape, shapes[name]
+                    self.failed[point] = f"{name} has the shape {here}, elsewhere {there}; give one throughout"
+                    self.found.pop(point, None)
+                kinds[name] = np.result_type(kinds.get(name, value.dtype), value.dtype)
+        dims = tuple(self.grid)
+        variables: dict[str, Any] = {}
+        whole = len(self.found) == len(self.points)
+        for name, shape in shapes.items():
+            kind = kinds[name] if whole or kinds[name].kind not in "biu" else np.dtype(float)
+            blank: Any = np.nan if kind.kind in "fc" else (None if kind.kind == "O" else np.zeros((), kind)[()])
+            values = np.full(sizes + shape, blank, dtype=kind)
+            for point, answer in self.found.items():
+                if name in answer:
+                    values[point] = answer[name]
+            variables[name] = (dims + tuple(f"{name}_axis{i}" for i in range(len(shape))), values)
+        said = np.full(sizes, "", dtype=object)
+        for point, words in self.failed.items():
+            said[point] = words
+        variables["failed"] = (dims, said.astype(str))
+        return xarray.Dataset(variables, coords={name: list(values) for name, values in self.grid.items()})
+
+
+def _is_death(error: BaseException) -> bool:
+    """Dask tells of a dead worker by an error of its own, which need not be installed here."""
+    return type(error).__name__ in ("KilledWorker", "CommClosedError", "MPIError")
+
+
+def _words(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"
