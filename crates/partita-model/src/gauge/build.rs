@@ -6,7 +6,7 @@ use crate::error::DescriptionError;
 use crate::joint::Motion;
 use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
-use crate::spec::{Measure, Spec};
+use crate::spec::{Drive, Level, Measure, Spec};
 use crate::tree::{Link, LinkMotion, Tree};
 use crate::validate;
 use partita_math::spatial::{Mat3, Space, Vec3};
@@ -30,6 +30,28 @@ pub fn known(m: &Measure, placed: &Placed, element: &'static str, name: &str) ->
     motion_of(&placed.joints[j], *coordinate, joint, element, name).map(|_| ())
 }
 
+/// Refuse drives of what cannot be driven as they say.
+pub fn drivable(d: &Drive, placed: &Placed) -> Result<(), DescriptionError> {
+    let in_space = |(j, i): (usize, usize)| placed.joints[j].shape.motions[i] == Motion::Ball;
+    let of_joint = match &d.measure {
+        Measure::Joint { joint, coordinate } => match placed.joint_numbers.get(joint) {
+            Some(&j) => Some((j, any_motion(&placed.joints[j], *coordinate, joint, "drive", &d.name)?.0)),
+            None => None,
+        },
+        _ => None,
+    };
+    let turns = of_joint.is_some_and(in_space);
+    match (&d.turning, d.level) {
+        (Some(_), Level::Position) if turns => Ok(()),
+        (Some(_), _) => {
+            let message = "an orientation is prescribed of the positions of a turn in space, and of nothing else";
+            Err(DescriptionError::new("drive", &d.name, message))
+        }
+        (None, Level::Velocity) if turns => Ok(()),
+        (None, _) => known(&d.measure, placed, "drive", &d.name),
+    }
+}
+
 /// The motion whose coordinate is number `coordinate` of a joint: a slide or a turn, and its place among the motions.
 fn motion_of(
     p: &PlacedJoint,
@@ -38,17 +60,29 @@ fn motion_of(
     element: &'static str,
     name: &str,
 ) -> Result<usize, DescriptionError> {
+    let (motion, _) = any_motion(p, coordinate, joint, element, name)?;
+    if p.shape.motions[motion] == Motion::Ball {
+        let message = format!(
+            "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number measures; \
+             drive the joint by its pose, use joints with one axis in its place, or points of the bodies"
+        );
+        return Err(DescriptionError::new(element, name, message));
+    }
+    Ok(motion)
+}
+
+/// The motion whose velocity is number `coordinate` of a joint, and which of its velocities.
+fn any_motion(
+    p: &PlacedJoint,
+    coordinate: usize,
+    joint: &str,
+    element: &'static str,
+    name: &str,
+) -> Result<(usize, usize), DescriptionError> {
     let mut left = coordinate;
     for (i, m) in p.shape.motions.iter().enumerate() {
         if left < m.velocities() {
-            if *m == Motion::Ball {
-                let message = format!(
-                    "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number \
-                     measures; use joints with one axis in its place, or points of the bodies"
-                );
-                return Err(DescriptionError::new(element, name, message));
-            }
-            return Ok(i);
+            return Ok((i, left));
         }
         left -= m.velocities();
     }
@@ -102,6 +136,46 @@ impl<'a, G: Space> Maker<'a, G> {
                 Ok(self.between(nodes, Quantity::Cosine(G::ang_from(u.0), G::ang_from(w.0))))
             }
         }
+    }
+
+    /// What a drive reads: also a rate of turning in space, which is the rate of no position.
+    pub fn driven(&self, d: &Drive) -> Result<Reading<G>, DescriptionError> {
+        let Measure::Joint { joint, coordinate } = &d.measure else {
+            return self.reading(&d.measure, "drive", &d.name);
+        };
+        let (j, component) = match self.turn_in_space(joint, *coordinate, &d.name)? {
+            Some(found) => found,
+            None => return self.reading(&d.measure, "drive", &d.name),
+        };
+        let p = &self.placed.joints[j];
+        Ok(self.spin(p, component))
+    }
+
+    /// The rate of turning about an axis of the child, of a joint that turns in space.
+    pub(crate) fn spin(&self, p: &PlacedJoint, component: usize) -> Reading<G> {
+        let mut reading = self.between([p.parent, p.child], Quantity::Spin(self.axes(&p.on_child)[component]));
+        if p.links.is_some() {
+            reading.nodes = [0, 0];
+        }
+        reading
+    }
+
+    /// Axes of the drawing as a side of a joint carries them.
+    pub(crate) fn axes(&self, r: &Mat3<f64>) -> [G::Ang; 3] {
+        [0, 1, 2].map(|i| G::ang_from(r.column(i).0))
+    }
+
+    /// The joint and the component, if a velocity is part of a turn in space.
+    pub(crate) fn turn_in_space(
+        &self,
+        joint: &str,
+        coordinate: usize,
+        name: &str,
+    ) -> Result<Option<(usize, usize)>, DescriptionError> {
+        let Some(&j) = self.placed.joint_numbers.get(joint) else { return Ok(None) };
+        let p = &self.placed.joints[j];
+        let (motion, component) = any_motion(p, coordinate, joint, "drive", name)?;
+        Ok((p.shape.motions[motion] == Motion::Ball).then_some((j, component)))
     }
 
     /// How much the child of joint `j` is twisted about z of the joint's axes.
@@ -182,7 +256,8 @@ impl<'a, G: Space> Maker<'a, G> {
             movers.push(Mover { link: *end, on_b: is_b, column: 0 });
             *end = self.links[*end].parent;
         }
-        let turns = matches!(quantity, Quantity::Turn(_) | Quantity::Twist { .. } | Quantity::Cosine(..));
+        let turns = matches!(quantity, Quantity::Turn(_) | Quantity::Twist { .. } | Quantity::Cosine(..))
+            || matches!(quantity, Quantity::Spin(_));
         if turns {
             movers.retain(|m| !matches!(self.links[m.link].motion, LinkMotion::Slide(_)));
         }
@@ -233,7 +308,7 @@ pub fn is_angle(placed: &Placed, m: &Measure) -> bool {
             let mut left = *coordinate;
             for motion in &placed.joints[j].shape.motions {
                 if left < motion.velocities() {
-                    return matches!(motion, Motion::Turn(_));
+                    return !matches!(motion, Motion::Slide(_));
                 }
                 left -= motion.velocities();
             }

@@ -12,7 +12,7 @@
 
 mod build;
 
-pub use build::{is_angle, known, Maker};
+pub use build::{drivable, is_angle, known, Maker};
 
 use crate::tree::{Anchor, LinkMotion, Tree, TreeScratch};
 use partita_math::spatial::Space;
@@ -66,6 +66,8 @@ pub enum Quantity<G: Space> {
     },
     /// `u · w`, u on A and w on B.
     Cosine(G::Ang, G::Ang),
+    /// The rate of turning about an axis of B: of no position, which is read as 0.
+    Spin(G::Ang),
 }
 
 /// A turn of B seen from A.
@@ -88,7 +90,7 @@ pub struct Reading<G: Space> {
     pub quantity: Quantity<G>,
     /// Links of A and B; 0 for a coordinate of the tree.
     pub links: [usize; 2],
-    /// Nodes of A and B; 0 for a coordinate of the tree.
+    /// Nodes of A and B; 0 for what the tree does by itself.
     pub nodes: [usize; 2],
     /// Links between A and B.
     pub movers: Vec<Mover>,
@@ -173,6 +175,7 @@ impl<G: Space> Reading<G> {
                 half_of::<G>(G::dot_ang(ya, xb) - G::dot_ang(xa, yb))
             }
             Quantity::Cosine(u, w) => G::dot_ang(G::rotate_ang(a, *u), G::rotate_ang(b, *w)),
+            Quantity::Spin(_) => G::S::default(),
         }
     }
 
@@ -206,6 +209,7 @@ impl<G: Space> Reading<G> {
             }
             Quantity::Twist { on_a, on_b } => Some(turn(twist_axes::<G>(on_a, on_b, a, b).1)),
             Quantity::Cosine(u, w) => Some(turn(G::cross_ang(G::rotate_ang(b, *w), G::rotate_ang(a, *u)))),
+            Quantity::Spin(axis) => Some(turn(G::rotate_ang(b, *axis))),
         }
     }
 
@@ -260,6 +264,10 @@ impl<G: Space> Reading<G> {
                 let (u, v) = (G::rotate_ang(&xa.rot, *u), G::rotate_ang(&xb.rot, *v));
                 let moved = G::cross_ang(G::cross_ang(xb.w, v), u) + G::cross_ang(v, G::cross_ang(xa.w, u));
                 G::dot_ang(G::cross_ang(v, u), alpha) + G::dot_ang(moved, w)
+            }
+            Quantity::Spin(axis) => {
+                let axis = G::rotate_ang(&xb.rot, *axis);
+                G::dot_ang(axis, alpha) + G::dot_ang(G::cross_ang(xb.w, axis), w)
             }
         }
     }
