@@ -363,10 +363,13 @@ pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), De
     match x {
         Turning::Held(r) => {
             let m = Mat3(*r);
-            let rows = (0..3).all(|i| unit(m.column(i).norm())) && unit(m.column(0).cross(m.column(1)).dot(m.column(2)));
+            let rows =
+                (0..3).all(|i| unit(m.column(i).norm())) && unit(m.column(0).cross(m.column(1)).dot(m.column(2)));
             match rows {
                 true => Ok(()),
-                false => fail(format!("{r:?} is no rotation; give a matrix whose columns are unit axes at right angles")),
+                false => {
+                    fail(format!("{r:?} is no rotation; give a matrix whose columns are unit axes at right angles"))
+                }
             }
         }
         Turning::Function(i) => check(&Value::Function(*i), functions, "drive", name),

@@ -8,8 +8,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .checks import Element, name_of, number
 from .bodies import resolve
+from .checks import Element, name_of, number
 from .drawing import Drawing
 from .forces import free_name
 from .joints import add_free, coordinate_of, joint_record, scalars, speeds
@@ -34,7 +34,7 @@ def add_drive(
     rate: float = 0.0,
     name: str | None = None,
 ) -> Drive:
-    """Prescribe a motion over time: of one joint coordinate, a distance, a displacement, of the whole pose of a body; the
+    """Prescribe a motion over time: of one joint coordinate, a distance, a displacement, the whole pose of a body; the
     effort it takes is part of the joint's reaction.
 
     Give the position, or the velocity alone, or the acceleration alone. A drive of velocity or acceleration prescribes
@@ -44,8 +44,8 @@ def add_drive(
     Args:
         joint: the joint or its name (in the tree, closing a loop, or in absolute coordinates); the coordinate must be a
             slide or an angle; of a turn in space its three angular velocities can be driven, in child axes [rad/s]. Or
-            `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose also a body: a free joint "pose of ..." from the ground is
-            added for it, whose `force`, `moment` and `drive` are what the drive exerts.
+            `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose also a body: a free joint "pose of ..." from the ground
+            is added for it, whose `force`, `moment` and `drive` are what the drive exerts.
         position: [m] or [rad], measured from the drawn position (distances and displacements as they are): a number
             (it is held there), a table (times, values) joined by a twice differentiable cubic spline (two points make
             a straight line, three a parabola), or f(t).
@@ -53,10 +53,10 @@ def add_drive(
             prescribed, as number, table or f(t). A table of accelerations is joined by straight lines.
         pose: (position, orientation), held; a table (times, positions, orientations), positions joined by a twice
             differentiable cubic spline, orientations by a curve of rotations with continuous angular acceleration; or
-            f(t) that returns (position, orientation). Of a joint its coordinates, zero as drawn: as many slides [m] as it
-            has (none: the orientation alone), and how the child is turned. Of a body its position and orientation in the
-            world. Orientations are rotation vectors [rad], quaternions (w, x, y, z), matrices or a SciPy `Rotation`; any
-            angle goes, by any number of turns.
+            f(t) that returns (position, orientation). Of a joint its coordinates, zero as drawn: as many slides [m] as
+            it has (none: the orientation alone), and how the child is turned. Of a body its position and orientation in
+            the world. Orientations are rotation vectors [rad], quaternions (w, x, y, z), matrices or a SciPy
+            `Rotation`; any angle goes, by any number of turns.
         coordinate: which coordinate of the joint, from 0.
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
         name: None: made from the joint's name.
@@ -126,7 +126,9 @@ def _drive_pose(
     default = free_name(mechanism, f"drive of {what}", d.drives)
     element = name_of("drive", default if name is None else name, d.drives)
     if any(x is not None for x in others) or coordinate != 0 or rate != 0.0:
-        element.fail("a pose is all coordinates at all times; leave position, velocity, acceleration, coordinate, rate out")
+        element.fail(
+            "a pose is all coordinates at all times; leave position, velocity, acceleration, coordinate, rate out"
+        )
     if is_body:
         body = resolve(mechanism, element, "the body", joint, ground=False)
         record = d.bodies[body]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from ..errors import EvaluationError
@@ -37,8 +36,8 @@ class Held:
 
 @dataclass(frozen=True)
 class PoseTable:
-    """Poses at times (n,): slides (n, k), joined by a twice differentiable cubic spline, and matrices (n, 3, 3), joined by
-    a curve of rotations whose angular acceleration is continuous."""
+    """Poses at times (n,): slides (n, k), joined by a twice differentiable cubic spline, and matrices (n, 3, 3), joined
+    by a curve of rotations whose angular acceleration is continuous."""
 
     times: Array
     slides: Array
@@ -76,8 +75,8 @@ PoseValue = Held | PoseTable | PoseFunction
 
 
 def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Array] | None) -> PoseValue:
-    """A pose as the user said it, for a joint with so many slides. `drawn`: position and rotation of a body as drawn, from
-    where the joint that carries it counts, while the pose is said in the world."""
+    """A pose as the user said it, for a joint with so many slides. `drawn`: position and rotation of a body as drawn,
+    from where the joint that carries it counts, while the pose is said in the world."""
     if callable(given):
         return PoseFunction(Pose(element, given, slides, drawn), slides)
     parts = _parts(element, given, slides)
@@ -86,7 +85,9 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
         matrix = orientation(element, "the orientation of the pose", parts[1])
         return Held(*_relative(place, matrix, drawn))
     times, places, turns = parts
-    matrices = np.array([orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))])
+    matrices = np.array(
+        [orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))]
+    )
     placed = table(element, "positions", (times, places), "smooth", slides) if slides else None
     clock = placed.times if placed is not None else table(element, "orientations", (times, times), "smooth").times
     if len(matrices) != clock.size:
@@ -99,8 +100,8 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
     if angles.max() > _HALF_TURN:
         row = int(angles.argmax())
         element.fail(
-            f"from t = {clock[row]:g} s to t = {clock[row + 1]:g} s the table turns by half a turn, which says no way to "
-            "go; put a row between"
+            f"from t = {clock[row]:g} s to t = {clock[row + 1]:g} s the table turns by half a turn, which says no way "
+            "to go; put a row between"
         )
     return found
 
@@ -195,7 +196,9 @@ class Pose:
             matrix, spin, growth = matrix @ self.drawn[1].T, self.drawn[1] @ spin, self.drawn[1] @ growth
         turned = [*matrix.ravel().tolist(), *spin.tolist(), *growth.tolist()]
         if not (finite(turned) and all(finite(slide) for slide in slides)):
-            raise self._error(t, "position, orientation and their derivatives are not finite; the function must be smooth")
+            raise self._error(
+                t, "position, orientation and their derivatives are not finite; the function must be smooth"
+            )
         return slides, turned
 
     def _exactly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
@@ -237,10 +240,13 @@ class Pose:
                 seen[s] = np.concatenate([place, Rotation.from_matrix(matrix.T @ other).as_rotvec()])
             return seen[s]
 
+        def component(i: int) -> Callable[[float], float]:
+            return lambda s: float(moved(s)[i])
+
         try:
             # the entries of rotation matrices are 1, however small the turn between them
             scales = [0.0] * self.slides + [1.0] * 3
-            found = [differences(lambda s, i=i: float(moved(s)[i]), t, size) for i, size in enumerate(scales)]
+            found = [differences(component(i), t, size) for i, size in enumerate(scales)]
         except _Misshaped:
             raise
         except Exception as error:
@@ -250,11 +256,11 @@ class Pose:
                 f"({type(error).__name__}: {error}); use NumPy functions and return a rotation vector or a quaternion",
             ) from error
         if not self.notes:
-            error = max(f[3] for f in found)
+            worst = max(f[3] for f in found)
             self.notes.append(
                 f'drive "{self.element.name}": the pose could not be differentiated exactly, so its derivatives are '
-                f"central differences of order 8, good to about {error:.0e} in the second derivative at t = {t:g} s; use "
-                "NumPy functions, and return a rotation vector, a quaternion or a matrix in place of a SciPy Rotation"
+                f"central differences of order 8, good to about {worst:.0e} in the second derivative at t = {t:g} s; "
+                "use NumPy functions, and return a rotation vector, a quaternion or a matrix, not a SciPy Rotation"
             )
         slides = [(float(here[i]), found[i][1], found[i][2]) for i in range(self.slides)]
         turns = found[self.slides :]
