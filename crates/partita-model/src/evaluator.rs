@@ -424,7 +424,8 @@ fn mechanics<G: Space>(
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
     let elements = Element::all(spec, placed, numbers, &tree)?;
-    Ok((Mechanics::new(tree, conditions, elements, massive), rows))
+    let sights = Element::sights(placed, numbers, &elements)?;
+    Ok((Mechanics::new(tree, conditions, elements, sights, massive), rows))
 }
 
 /// Links with mass or inertia.

@@ -192,7 +192,7 @@ impl<'a, G: Space> Maker<'a, G> {
             let link = &self.placed.links[links[motion]];
             let movers = vec![Mover { link: links[motion], on_b: true, column: 0 }];
             let quantity = Quantity::Coordinate { q: link.q, v: link.v };
-            return Reading { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false };
+            return Reading { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false, adds_up: Vec::new() };
         }
         let nodes = [p.parent, p.child];
         match p.shape.motions[motion] {
@@ -201,7 +201,13 @@ impl<'a, G: Space> Maker<'a, G> {
                 let ends = self.ends(nodes, [parent_point, child_point]);
                 self.between(nodes, Quantity::Along(ends, G::vec_from(p.on_parent.apply(a).0)))
             }
-            Motion::Turn(a) => self.between(nodes, Quantity::Turn(turn(p, a))),
+            Motion::Turn(a) => {
+                let mut reading = self.between(nodes, Quantity::Turn(turn(p, a)));
+                if self.placed.planar {
+                    reading.adds_up = in_plane(self.placed, p, a);
+                }
+                reading
+            }
             // nothing asks for one: `motion_of` refuses it
             Motion::Ball => self.twist(j),
         }
@@ -263,8 +269,30 @@ impl<'a, G: Space> Maker<'a, G> {
         }
         // in the plane angles are counted
         let wraps = matches!(quantity, Quantity::Turn(_)) && G::LENGTHS == 3;
-        Reading { quantity, links, nodes, movers, wraps }
+        Reading { quantity, links, nodes, movers, wraps, adds_up: Vec::new() }
     }
+}
+
+/// Turns of the tree between the two sides of a joint of a planar mechanism.
+pub(crate) fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
+    let sign = p.on_parent.apply(axis).0[2].signum();
+    let mut all: Vec<(usize, f64)> = Vec::new();
+    for (node, sign) in [(p.child, sign), (p.parent, -sign)] {
+        let mut link = placed.link_of(node);
+        while link != 0 {
+            let l = &placed.links[link];
+            if let Motion::Turn(a) = l.motion {
+                let x = sign * a.0[2].signum();
+                match all.iter().position(|(q, _)| *q == l.q) {
+                    // what both sides ride on
+                    Some(i) => drop(all.swap_remove(i)),
+                    None => all.push((l.q, x)),
+                }
+            }
+            link = l.parent;
+        }
+    }
+    all
 }
 
 /// The turn about axis `a` of a joint that closes a loop.

@@ -12,6 +12,7 @@
 
 mod build;
 
+pub(crate) use build::in_plane;
 pub use build::{drivable, is_angle, known, Maker};
 
 use crate::tree::{Anchor, LinkMotion, Tree, TreeScratch};
@@ -96,6 +97,8 @@ pub struct Reading<G: Space> {
     pub movers: Vec<Mover>,
     /// Is it known up to whole turns only?
     pub wraps: bool,
+    /// Turns of the tree with their signs, whose sum an angle in the plane is, whole turns included and in either space.
+    pub adds_up: Vec<(usize, f64)>,
 }
 
 /// A wrench on B, its opposite on A at the same point of space.
@@ -166,6 +169,10 @@ impl<G: Space> Reading<G> {
             Quantity::Coordinate { q: i, .. } => q[*i],
             Quantity::Along(ends, axis) => G::dot(G::rotate(a, *axis), ends.now(tree, s).2),
             Quantity::Distance(ends, out) => length::<G>(ends.now(tree, s).2, *out),
+            Quantity::Turn(_) if !self.adds_up.is_empty() => self
+                .adds_up
+                .iter()
+                .fold(G::S::default(), |x, (i, sign)| x + partita_math::scalar::Scalar::scale(q[*i], *sign)),
             Quantity::Turn(turn) => {
                 let axis = G::rotate_ang(if turn.about_b { b } else { a }, turn.axis);
                 G::turned(axis, turn.probe, a, b)
