@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import partita as pt
+from partita.errors import AssemblyError, ContradictionError
 
 AXIS = (1.0, 2.0, 2.0)
 KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
@@ -81,7 +82,49 @@ def test_what_acts_and_drives(wish: str) -> None:
                 raise AssertionError(f"{kind} {coordinate} {where}: {type(error).__name__} {error}") from error
         for where in ("cut", "absolute"):
             for what, x, y in zip(
-                "position velocity force moment drive kinetic".split(), runs["tree"], runs[where], strict=True
+                ["position", "velocity", "force", "moment", "drive", "kinetic"], runs["tree"], runs[where], strict=True
             ):
                 # of forces of some tens of newtons, what the tolerances of the runs let
                 assert np.abs(x - y).max() < 1e-6, (kind, coordinate, where, what, np.abs(x - y).max())
+
+
+def test_angles_in_the_plane_count_for_reactions_too() -> None:
+    """A curve over several turns, of a joint that closes a loop: reactions as with the joint in the tree."""
+    runs = []
+    for where in ("relative", "absolute"):
+        m = pt.Mechanism("winding", gravity=(0, 0, 0))
+        m.add_body("arm", mass=1.0, inertia=(1, 1, 2.0), com=(0.5, 0, 0))
+        m.add_revolute("J", m.ground, "arm", point=(0, 0, 0))
+        m.add_torque("J", ([-30.0, 30.0], [60.0, -60.0]), over="J")
+        m.add_torque("J", lambda t, state: -0.1 * state.position("J"), name="second")
+        start = m.assemble(rates={"J": 9.0}, coordinates=where)
+        runs.append(m.simulate(2.0, initial=start, t_eval=np.linspace(0, 2, 9), coordinates=where, rtol=1e-11))
+    tree, cut = (run.joint("J") for run in runs)
+    # more than a whole turn; the angle is that of an oscillator
+    angle = 9.0 / np.sqrt(2.1 / 2.25) * np.sin(np.sqrt(2.1 / 2.25) * runs[0].t)
+    assert angle.max() > 2.0 * np.pi
+    for joint in (tree, cut):
+        assert np.abs(joint.position[:, 0] - angle).max() < 1e-7
+        assert np.abs(joint.force - tree.force).max() < 1e-6 and np.abs(joint.moment - tree.moment).max() < 1e-6
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_drives_that_contradict_are_refused_or_end_the_run(coordinates: str) -> None:
+    """Two drives of one freedom, of a joint and of a displacement, of positions and of rates."""
+
+    def slider(**second: Any) -> pt.Mechanism:
+        m = pt.Mechanism("over-driven", gravity=(0, 0, -9.81))
+        m.add_body("block", mass=2.0, inertia=(1, 1, 1))
+        m.add_prismatic("S", m.ground, "block", axis=(0, 0, 1))
+        m.add_drive("S", position=lambda t: 0.1 * t * t)
+        m.add_drive(pt.Along(m.ground, (0, 0, 0), (0, 0, 1), "block", (0, 0, 0)), **second)
+        return m
+
+    with pytest.raises(AssemblyError, match="do not fit"):
+        slider(position=lambda t: 0.1 * t * t + 0.01).simulate(1.0, coordinates=coordinates)
+    for second in ({"velocity": lambda t: 0.3 * t}, {"velocity": lambda t: 0.2 * t + 0.1}):
+        with pytest.raises(ContradictionError, match="contradicts the drive of S"):
+            slider(**second).simulate(1.0, coordinates=coordinates)
+    late = slider(position=lambda t: 0.1 * t * t + 0.1 * np.maximum(t - 0.5, 0) ** 3)
+    run = late.simulate(1.0, coordinates=coordinates)
+    assert not run.success and "contradicts the drive of S" in run.message

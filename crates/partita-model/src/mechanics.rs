@@ -114,14 +114,17 @@ impl<G: Space> Mechanics<G> {
         room: &mut Room<G>,
     ) -> (Vec<G::S>, Vec<G::S>) {
         let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
-        (q.clear(), v.clear());
+        q.clear();
+        v.clear();
         if !self.sights.is_empty() {
-            (q.extend_from_slice(instant.q), v.extend_from_slice(instant.v));
+            q.extend_from_slice(instant.q);
+            v.extend_from_slice(instant.v);
             let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
             let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
             for sight in &self.sights {
                 let read = sight.read(&at);
-                (q.push(read.value), v.push(read.rate));
+                q.push(read.value);
+                v.push(read.rate);
             }
         }
         (q, v)
