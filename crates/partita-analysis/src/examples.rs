@@ -43,7 +43,7 @@ pub fn joint(name: &str, kind: JointKind, parent: &str, child: &str, point: [f64
 pub fn drive(name: &str, joint: &str) -> Drive {
     let coefficients = vec![[0.0, 0.0, 1.0, 0.0]];
     let table = partita_model::spec::Table { breaks: vec![0.0, 1.0], coefficients };
-    Drive { name: name.into(), measure: Measure::joint(joint, 0), motion: Value::Table(table), level: Level::Position }
+    Drive::new(name, Measure::joint(joint, 0), Value::Table(table), Level::Position)
 }
 
 /// Turn everything by the same generic rotation.

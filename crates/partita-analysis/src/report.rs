@@ -761,6 +761,7 @@ mod tests {
             measure: Measure::joint("A", 0),
             level: partita_model::spec::Level::Position,
             motion: Value::Constant(90.0),
+            turning: None,
         });
         assert!(
             suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; if 90 degrees are meant, that is 1.57")

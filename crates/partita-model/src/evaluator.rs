@@ -56,7 +56,7 @@ impl DriveRow {
 #[derive(Clone, Debug)]
 pub(crate) enum Engine<S: Scalar> {
     /// All motions in one plane: three numbers a twist.
-    Flat(Mechanics<Planar<S>>),
+    Flat(Box<Mechanics<Planar<S>>>),
     /// Six.
     Full,
 }
@@ -124,7 +124,7 @@ impl<S: Scalar> Evaluator<S> {
         }
         let (engine, rows) = if placed.planar {
             let (flat, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
-            (Engine::Flat(flat), rows)
+            (Engine::Flat(Box::new(flat)), rows)
         } else {
             (Engine::Full, full_rows.clone())
         };
@@ -424,7 +424,8 @@ fn mechanics<G: Space>(
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
     let elements = Element::all(spec, placed, numbers, &tree)?;
-    Ok((Mechanics::new(tree, conditions, elements, massive), rows))
+    let sights = Element::sights(placed, numbers, &elements)?;
+    Ok((Mechanics::new(tree, conditions, elements, sights, massive), rows))
 }
 
 /// Links with mass or inertia.

@@ -1,6 +1,6 @@
 //! How long a mechanism is described: to the end of the table that ends first.
 
-use crate::spec::{Force, Load, Spec, Table, Value, VectorValue};
+use crate::spec::{Force, Load, Spec, Table, Turning, Value, VectorValue};
 
 fn tables(value: &VectorValue) -> Vec<&Value> {
     match value {
@@ -31,7 +31,11 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
 
 /// The end of the table that ends first, and what it belongs to, in words.
 pub fn horizon(spec: &Spec) -> Option<(f64, String)> {
-    let ends = all(spec).filter_map(|(table, what)| Some((*table.breaks.last()?, what)));
+    let turns = spec.drives.iter().filter_map(|d| match &d.turning {
+        Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"))),
+        _ => None,
+    });
+    let ends = all(spec).chain(turns).filter_map(|(table, what)| Some((*table.breaks.last()?, what)));
     ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
 }
 

@@ -250,7 +250,15 @@ impl Placed {
             Coupling::Roll { .. } => true,
             c => c.terms().iter().any(|m| matches!(m, Measure::Cosine { .. })),
         };
-        let spatial = shapes.iter().any(Shape::is_always_cut) || spec.couplings.iter().any(leaves);
+        let numbers: HashMap<String, usize> = spec.joints.iter().map(|j| j.name.clone()).zip(0..).collect();
+        let spatial = shapes.iter().any(Shape::is_always_cut)
+            || spec.couplings.iter().any(leaves)
+            || spec.drives.iter().any(|d| match &d.measure {
+                Measure::Joint { joint, coordinate } => {
+                    numbers.get(joint).is_some_and(|&j| shapes[j].motion_of(*coordinate) == Some(Motion::Ball))
+                }
+                _ => false,
+            });
         let mut plane = if !allow_plane || floats || spatial { None } else { plane(&motions, &closers) };
         if let Some(basis) = plane {
             // closings must fit out of the plane too; if they do not, the spatial rows say so

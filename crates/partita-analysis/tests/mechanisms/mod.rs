@@ -279,6 +279,7 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
                 measure: Measure::joint(name, rng.usize(0..motions)),
                 motion,
                 level: Level::Position,
+                turning: None,
             });
         }
     }
