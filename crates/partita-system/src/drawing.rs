@@ -409,10 +409,12 @@ fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Ways in which a mechanism is moved: the one along which it opens fastest, then fixed irregular ones, so that no symmetry
-/// of a mechanism hides a condition.
+/// Ways in which a mechanism is moved: the one along which it opens fastest; fixed irregular ones, so that no symmetry of a
+/// mechanism hides a condition; and, where something is weak, every freedom by itself, so that none hides behind a faster
+/// one.
 struct Ways {
     weakest: Vec<f64>,
+    irregular: usize,
     /// How many.
     count: usize,
 }
@@ -420,19 +422,27 @@ struct Ways {
 impl Ways {
     fn new<S: ConstrainedSystem>(r: &Reduction<S>, weakest: Vec<f64>) -> Self {
         let k = r.k();
-        let irregular = if k == 1 && !weakest.is_empty() { 0 } else { k.min(DIRECTIONS) };
-        Self { count: irregular + usize::from(!weakest.is_empty()), weakest }
+        let first = usize::from(!weakest.is_empty());
+        let irregular = if k == 1 && first == 1 { 0 } else { k.min(DIRECTIONS) };
+        let single = if k > 1 && k <= SEARCHED { first * k } else { 0 };
+        Self { count: first + irregular + single, irregular, weakest }
     }
 
     /// Independent rates along a way.
-    fn rates<S: ConstrainedSystem>(&self, r: &Reduction<S>, direction: usize) -> Vec<f64> {
-        if direction == 0 && !self.weakest.is_empty() {
+    fn rates<S: ConstrainedSystem>(&self, r: &Reduction<S>, way: usize) -> Vec<f64> {
+        let first = usize::from(!self.weakest.is_empty());
+        if way < first {
             return self.weakest.clone();
         }
+        let reach = |i: usize| r.system.reach(r.partition.independent[i]);
+        if way >= first + self.irregular {
+            let one = way - first - self.irregular;
+            return (0..r.k()).map(|j| if j == one { reach(j) } else { 0.0 }).collect();
+        }
+        let direction = way - first;
         let wave = |j: usize| (1.3 + 1.7 * j as f64 + 2.9 * direction as f64 * (j as f64 + 1.0)).sin();
         let sign = |j: usize| if direction > 0 && (j + direction) % 2 == 0 { -1.0 } else { 1.0 };
-        let independent = r.partition.independent.iter().enumerate();
-        independent.map(|(j, &i)| sign(j) * (1.0 + 0.37 * wave(j)) * r.system.reach(i)).collect()
+        (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * reach(j)).collect()
     }
 }
 
