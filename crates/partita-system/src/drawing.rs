@@ -45,7 +45,7 @@ const GROWS: f64 = 0.4;
 /// A misfit belongs to the drawing and stays about as weak wherever the mechanism goes (within a quarter in all that were
 /// tried); what lies near a singular position changes with the distance from it, here by a tenth of a reach (to twice, or to
 /// nothing).
-const STAYS: f64 = 1.5;
+const STAYS: f64 = 1.3;
 /// Directions in which a mechanism of several freedoms is moved, at the most.
 const DIRECTIONS: usize = 4;
 
