@@ -1,15 +1,21 @@
-"""One mechanism said otherwise: in another frame, in other units, in another order, its joints drawn from child to parent."""
+"""One mechanism said otherwise: in another frame, in other units, in another order, joints from child to parent.
+
+`python -m other_words 60 600` asks it of mechanisms drawn by chance, those whose bodies have an extent.
+"""
 
 from __future__ import annotations
 
+import sys
+import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from oracle.chance import rotation
-from oracle.drawing import GROUND, Drawing, Joint, Load, Spring
+from oracle import chance
+from oracle.drawing import GROUND, Body, Drawing, Joint, Load, Spring
 
 import partita as pt
+from partita.errors import DoubtfulResultWarning, PartitaError
 
 Array = Any
 SAID = ("turned", "shifted", "millimetres", "kilometres and tonnes", "reversed", "swapped", "named anew")
@@ -17,9 +23,7 @@ SAID = ("turned", "shifted", "millimetres", "kilometres and tonnes", "reversed",
 
 
 def of(m: pt.Mechanism) -> Drawing:
-    """The drawing of a mechanism of bodies, revolutes, slides, cylindrical, ball and universal joints, without forces."""
-    from oracle.drawing import Body
-
+    """The drawing of bodies, revolutes, slides, cylindrical, ball and universal joints, without forces."""
     spec = m.to_spec()
     bodies = tuple(
         Body(b["name"], b["mass"], *(np.array(b[key]) for key in ("inertia", "com", "position", "orientation")))
@@ -35,7 +39,7 @@ def of(m: pt.Mechanism) -> Drawing:
 
 def turned(d: Drawing, rng: Any) -> Drawing:
     """The whole mechanism turned, gravity included."""
-    return d.turned(rotation(rng))
+    return d.turned(chance.rotation(rng))
 
 
 def shifted(d: Drawing, rng: Any) -> Drawing:
@@ -62,8 +66,8 @@ def reversed_(d: Drawing, _: Any) -> Drawing:
 
 
 def swapped(d: Drawing, _: Any) -> Drawing:
-    """Parents and children of joints swapped, where their coordinates mean the same but for the sign and nothing acts on
-    them: revolutes, slides, balls."""
+    """Parents and children swapped of joints whose coordinates mean the same but for the sign, and where nothing acts
+    along them."""
     acted = {getattr(x, "joint", None) for x in (*d.forces, *d.drives)}
 
     def other(j: Joint) -> Joint:
@@ -143,3 +147,52 @@ def freely(flags: list[bool], kind: str) -> tuple[Any, ...]:
     if kind in ("revolute", "cylindrical", "prismatic"):
         return flags[2], flags[5], sum(flags[:2]) == 2, sum(flags[3:5]) == 2
     return (all(flags[:3]), all(flags[3:]))
+
+
+def by_chance(seed: int) -> Drawing:
+    """A mechanism drawn by chance, without forces; bodies have an extent, so that masses hide nothing of the geometry."""
+    d = replace(chance.mechanism(seed), forces=())
+    thick = [replace(b, inertia=b.inertia + 0.01 * b.mass * d.size**2 * np.eye(3)) for b in d.bodies]
+    return replace(d, bodies=tuple(thick))
+
+
+def same(a: Any, b: Any, what: str) -> bool:
+    """The opening over a short motion is measured to a percent: how far it goes depends on where coordinates point."""
+    if what == "misfit":
+        return abs(a - b) <= 2e-2 * max(a, b) + 1e-12
+    return bool(a == b)
+
+
+def differences(d: Drawing, seed: int) -> list[str]:
+    """What is said differently, in each of the ways `SAID` and between the two kinds of coordinates; rho aside."""
+
+    def answered(x: Drawing, back: bool, coordinates: str = "relative") -> dict[str, Any]:
+        try:
+            return verdicts(x.build(), x, back, coordinates)
+        except PartitaError as error:
+            return {"refused": type(error).__name__}
+
+    rng, known, found = np.random.default_rng(seed), answered(d, False), []
+    for how in (*SAID, "by bodies"):
+        other = d if how == "by bodies" else said(d, how, rng)
+        now = answered(other, how == "reversed", "absolute" if how == "by bodies" else "relative")
+        for key in sorted((known.keys() | now.keys()) - {"rho"}):
+            if not same(known.get(key), now.get(key), key if key in known and key in now else ""):
+                found.append(f"{how}: {key} {known.get(key)}, then {now.get(key)}")
+    return found
+
+
+def main(first: int, last: int) -> int:
+    """Print what differs; 1 if anything does."""
+    warnings.simplefilter("ignore", DoubtfulResultWarning)
+    bad = 0
+    for seed in range(first, last):
+        for words in differences(by_chance(seed), seed):
+            print(f"{seed}: {words}", flush=True)
+            bad += 1
+    print(f"{last - first} mechanisms, {bad} differences")
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2])))

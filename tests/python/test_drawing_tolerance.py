@@ -155,7 +155,7 @@ def test_a_tolerance_of_nothing_means_every_digit(off: float, coordinates: str) 
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_a_structure_too_weak_for_its_reactions_is_told_as_one(coordinates: str) -> None:
-    """Held by a condition that adds 1e-6 to the others: the report knows it; what cannot be computed is refused in words."""
+    """Held by a condition that adds 1e-6 to the others: the report knows; what cannot be computed is refused."""
     m = four_bar(1e-6, drawing_tolerance=1e-9)
     found = m.report(coordinates=coordinates).to_dict()
     assert found["mobility"] == 0 and found["singular"] is None
