@@ -150,7 +150,7 @@ def freely(flags: list[bool], kind: str) -> tuple[Any, ...]:
 
 
 def by_chance(seed: int) -> Drawing:
-    """A mechanism drawn by chance, without forces; bodies have an extent, so that masses hide nothing of the geometry."""
+    """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry."""
     d = replace(chance.mechanism(seed), forces=())
     thick = [replace(b, inertia=b.inertia + 0.01 * b.mass * d.size**2 * np.eye(3)) for b in d.bodies]
     return replace(d, bodies=tuple(thick))
