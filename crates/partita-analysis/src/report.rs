@@ -159,6 +159,18 @@ pub struct Singular {
 /// Measures and the choice at a position; none where a body that moves has no inertia.
 fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<Measured>, SystemError> {
     let mut r = Reduction::new(model, model.placed.nv - mobility);
+    if mobility == 0 {
+        // nothing to choose, however weak the conditions that hold it
+        r.position(t, q)?;
+        return match r.refresh_scales(t, q) {
+            Err(SystemError::Mass { .. }) => Ok(None),
+            Err(e) => Err(e),
+            Ok(()) => {
+                let (rho, scales) = (vec![0.0; model.placed.nv], r.scales().to_vec());
+                Ok(Some(Measured { rho, independent: Vec::new(), scales, sigma: 1.0, sqrt_mu: 1.0 }))
+            }
+        };
+    }
     match choose_partition(&mut r, t, q, None, None) {
         Err(SystemError::Mass { .. }) => return Ok(None),
         other => other?,

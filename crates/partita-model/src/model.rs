@@ -96,6 +96,7 @@ impl Deref for Model {
     }
 }
 
+mod fit;
 mod system;
 
 impl Model {

@@ -470,29 +470,25 @@ fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
     found
 }
 
-/// Diagonal of the box around all joints, held points and centres of mass; 1 for a mechanism in one point.
+/// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism in
+/// one point.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    let mut see = |p: [f64; 3]| {
-        for i in 0..3 {
-            low[i] = low[i].min(p[i]);
-            high[i] = high[i].max(p[i]);
-        }
-    };
-    for j in &spec.joints {
-        see(j.point);
-    }
-    held_points(spec).iter().for_each(|(_, p)| see(p.0));
-    for b in &spec.bodies {
-        see((Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))).0);
-    }
-    let d = (0..3).map(|i| (high[i] - low[i]).powi(2)).sum::<f64>().sqrt();
+    let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
+    points.extend(held_points(spec).iter().map(|(_, p)| *p));
+    points.extend(spec.bodies.iter().map(|b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))));
+    let d = diameter(&points);
     if d > 0.0 && d.is_finite() {
         d
     } else {
         1.0
     }
+}
+
+/// Twice the largest distance from the mean.
+fn diameter(points: &[Vec3<f64>]) -> f64 {
+    let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
+    let middle = sum.times(1.0 / points.len().max(1) as f64);
+    2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
 }
 
 /// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
@@ -516,13 +512,8 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
             points[i].push(point);
         }
     }
-    let extent = |points: &Vec<Vec3<f64>>| {
-        let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
-        let middle = sum.times(1.0 / points.len() as f64);
-        2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
-    };
     let least = POINT * typical_length(spec);
-    let mut extents: Vec<f64> = points.iter().map(extent).filter(|x| *x > least && x.is_finite()).collect();
+    let mut extents: Vec<f64> = points.iter().map(|x| diameter(x)).filter(|x| *x > least && x.is_finite()).collect();
     extents.sort_by(f64::total_cmp);
     extents.get(extents.len() / 2).copied()
 }

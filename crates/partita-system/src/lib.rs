@@ -20,4 +20,4 @@ pub mod system;
 pub mod tangent;
 
 pub use partition::Partition;
-pub use system::{ConstrainedSystem, Size, SystemError};
+pub use system::{ConstrainedSystem, Fit, Size, SystemError};

@@ -6,6 +6,20 @@ pub use crate::error::SystemError;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
+/// A drawing that does not fit exactly: what was meant, and what is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// Degrees of freedom as it was meant, drives released.
+    pub freedoms: usize,
+    /// The same as it is drawn, every digit taken at its word.
+    pub drawn: usize,
+    /// What the joints together open by at the least (root of the sum of squares of angles and of displacements over their
+    /// sizes) when the mechanism is moved by a tenth of its reach.
+    pub misfit: f64,
+    /// Within the tolerance?
+    pub within: bool,
+}
+
 /// Sizes of a system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
@@ -278,6 +292,15 @@ pub trait ConstrainedSystem: Sync {
     /// How far the drawing may be off: what is redundant but for so much (radians, parts of sizes) is taken as redundant.
     fn drawing_tolerance(&self) -> f64 {
         0.0
+    }
+    /// Whether the drawing fits, judged on a form of the mechanism in which nothing is a matter of choice: no tree, no cut. None
+    /// where this system is that form.
+    fn fit(&self, _t: f64, _q: &[f64], _tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        Ok(None)
+    }
+    /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
+    fn travel(&self, v: &[f64]) -> f64 {
+        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.reach(i)))
     }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {

@@ -13,7 +13,7 @@ use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::{ConstrainedSystem, Size, SystemError};
+use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
 
 /// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
@@ -82,6 +82,24 @@ impl ConstrainedSystem for Model {
     }
     fn drawing_tolerance(&self) -> f64 {
         self.spec.drawing_tolerance
+    }
+    fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        self.judged_by_bodies(t, q, tolerance)
+    }
+    fn travel(&self, v: &[f64]) -> f64 {
+        let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
+        for l in self.placed.links.iter().skip(1) {
+            // slides of one body or joint follow each other: together they are one displacement, whatever the axes
+            match l.motion {
+                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.reach[l.v]).powi(2),
+                Motion::Slide(_) => slide = (v[l.v] / self.reach[l.v]).powi(2),
+                Motion::Turn(_) => fastest = fastest.max(v[l.v].abs()),
+                Motion::Ball => fastest = fastest.max(v[l.v..l.v + 3].iter().map(|x| x * x).sum::<f64>().sqrt()),
+            }
+            slides = if matches!(l.motion, Motion::Slide(_)) { slides + 1 } else { 0 };
+            fastest = fastest.max(slide.sqrt());
+        }
+        fastest
     }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))

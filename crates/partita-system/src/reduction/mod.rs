@@ -6,7 +6,7 @@ mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
-pub use rows::{bridged_gap, bridged_row, REDUNDANT};
+pub use rows::{bridged_gap, bridged_row, BY_CHOICE, REDUNDANT};
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
@@ -159,6 +159,13 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
     pub fn geometric(system: &'s S, rank: usize) -> Self {
         let mut new = Self::new(system, rank);
+        new.weighs_reaches = true;
+        new
+    }
+
+    /// The same with `dt` in full.
+    pub fn geometric_dense(system: &'s S, rank: usize) -> Self {
+        let mut new = Self::dense(system, rank);
         new.weighs_reaches = true;
         new
     }
