@@ -394,7 +394,7 @@ def test_a_spring_wound_beyond_what_is_known_says_so() -> None:
 
 
 def test_closing_through_a_gear() -> None:
-    """A geared five-bar: closed in closed form it moves as with its loop closed by Newton's method, in both assemblies."""
+    """A geared five-bar in both assemblies: closed in closed form it moves as with its loop closed by iteration."""
     m = pt.Mechanism("geared five-bar")
     pins = {"A": (0, 0), "B": (0.3, 0.3), "C": (0.8, 0.9), "D": (1.2, 0.25), "E": (1, 0)}
     bars = [

@@ -79,7 +79,8 @@ def assemblies(
 
     Loops are solved one after the other in closed form where they can be ordered: planar dyads of turning and
     sliding joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two
-    solutions, its branches. Gears, racks, screws and cams lead from one loop to the next. What cannot be ordered is solved by iteration, near the given position only.
+    solutions, its branches. Gears, racks, screws and cams lead from one loop to the next. What cannot be
+    ordered is solved by iteration, near the given position only.
 
     Args:
         targets, rates, near, t: where the inputs stand and how they move, as in `assemble`.
