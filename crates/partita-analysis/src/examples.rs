@@ -2,6 +2,7 @@
 
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
+use partita_model::spec::JointKind::{Prismatic, Revolute};
 use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION};
 use partita_model::value::NoFunctions;
 use partita_model::Model;
@@ -134,4 +135,18 @@ pub fn model(spec: Spec) -> Model {
 
 pub fn compiled(spec: Spec, coordinates: Coordinates) -> Model {
     Model::new(spec, Arc::new(NoFunctions), coordinates).unwrap()
+}
+
+/// A slider-crank stretched out: its slider stands still.
+pub fn stretched_slider_crank() -> Spec {
+    let mut spec = empty("slider-crank");
+    let (b, c) = ([1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);
+    spec.bodies = vec![body("crank", [0.0; 3], b), body("rod", b, c), body("slider", c, [3.5, 0.0, 0.0])];
+    spec.joints = vec![
+        joint("A", Revolute, "ground", "crank", [0.0; 3], Z),
+        joint("B", Revolute, "crank", "rod", b, Z),
+        joint("S", Prismatic, "ground", "slider", c, [1.0, 0.0, 0.0]),
+        joint("C", Revolute, "rod", "slider", c, Z),
+    ];
+    spec
 }

@@ -345,6 +345,16 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
+    /// The power of the forces that have no potential alone, with the memory of the scratch.
+    pub(crate) fn power(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<S, SystemError> {
+        let instant = self.instant(t, q, v);
+        let [_, _, power] = match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut s.flat_forces),
+            _ => self.full.energies(instant, &s.full, &mut s.full_forces),
+        }?;
+        Ok(power)
+    }
+
     /// Poses and twists in space at (q, v), for outputs and reactions; positions also of the plane's.
     pub fn look(&self, q: &[S], v: &[S], s: &mut Scratch<S>) {
         self.full.poses(q, &mut s.full);

@@ -313,7 +313,7 @@ impl ConstrainedSystem for Model {
         if !self.has_power {
             return Ok(0.0);
         }
-        Ok(self.energies(t, q, v, s)?[2])
+        self.own.power(t, q, v, s)
     }
 
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
