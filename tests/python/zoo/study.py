@@ -95,7 +95,7 @@ def tasks() -> list[tuple[str, str, float | None]]:
     """Everything there is to do: what, of which mechanism, at which tolerance."""
     found: list[tuple[str, str, float | None]] = [("long", name, None) for name in zoo.ENTRIES]
     found += [("long", name, rtol) for name in MANY_TOLERANCES for rtol in TOLERANCES]
-    return found + [("both", name, None) for name in zoo.ENTRIES if not along_coordinates(name)]
+    return found + [("both", name, None) for name in zoo.ENTRIES]
 
 
 def along_coordinates(name: str) -> bool:
