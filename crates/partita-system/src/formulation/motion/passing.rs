@@ -140,6 +140,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
     pub(super) fn look_back(&mut self, t: f64) {
+        if !self.knots.is_empty() {
+            let r = self.tangent.reduction();
+            r.system.knot_readings(t, self.positions.q(), &r.v, &mut r.scratch, self.knots.ends(t));
+        }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
         self.way.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
@@ -238,6 +242,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The next step begins where the one that was judged ended.
     pub(super) fn begin(&mut self) {
+        self.knots.accept();
         std::mem::swap(&mut self.way.seam, &mut self.way.seam_ahead);
         std::mem::swap(&mut self.way.sides, &mut self.way.sides_ahead);
         self.way.margin_before = self.margin;
