@@ -98,11 +98,6 @@ def tasks() -> list[tuple[str, str, float | None]]:
     return found + [("both", name, None) for name in zoo.ENTRIES]
 
 
-def along_coordinates(name: str) -> bool:
-    """Whether springs act along coordinates of joints, which there are in relative coordinates alone."""
-    return any(force["kind"] == "torsion_spring" for force in pt.catalogue.load(name).to_spec()["forces"])
-
-
 def done(task: tuple[str, str, float | None]) -> Judged:
     """One of `tasks`."""
     what, name, rtol = task
