@@ -60,7 +60,7 @@ def test_drawings_are_closed_to_round_off(name: str) -> None:
 @pytest.mark.parametrize("name", ["bennett", "goldberg", "myard", "bricard-plane-symmetric"])
 @pytest.mark.parametrize("formulation", ["projective", "explicit-closing"])
 def test_loops_of_special_lengths_pass_no_singular_position(name: str, formulation: str) -> None:
-    """What rows are left out loses its rank on the way, the loop does not: by the independent program it is sound."""
+    """Rows kept of redundant ones lose rank on the way, the loop does not: by the independent program it is sound."""
     entry = pt.catalogue.entry(name)
     result = entry.simulate(t_eval=np.linspace(0.0, 10.0, 21), formulation=formulation)
     assert result.success and result.certificate.verdict == "holds"
@@ -72,7 +72,7 @@ def test_loops_of_special_lengths_pass_no_singular_position(name: str, formulati
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("samples", [19, 37, 361])
 def test_cams_by_tables_keep_their_energy(samples: int, coordinates: str) -> None:
-    """The third derivative of the curve jumps at each sample: steps end there, else thousands of tolerances are lost."""
+    """The third derivative of the curve jumps at each sample: steps end there, or thousands of tolerances are lost."""
     m, rtol = pt.Mechanism("cam", gravity=(0.0, -9.81, 0.0)), 1e-11
     m.add_body("cam", mass=2.0, inertia=(0.01, 0.01, 0.01))
     m.add_body("tappet", mass=0.5, inertia=(0.01, 0.01, 0.01), position=(0.0, 0.3, 0.0))
@@ -100,7 +100,7 @@ def test_a_drive_by_a_table_does_the_work_it_should() -> None:
     m.add_drive("A", position=(times, np.sin(2.0 * times)))
     run = m.simulate(5.0, t_eval=np.linspace(0.0, 5.0, 11), rtol=1e-11, atol=1e-13)
     assert run.success and run.energy.relative_balance < 10 * 1e-11
-    # the spline has third derivatives that jump: the torque is continuous, its rate is not; a step an interval at the least
+    # the rate of the torque jumps at each sample: a step an interval at the least
     assert 90 <= run.counters["steps"] <= 400
 
 

@@ -1,7 +1,9 @@
 //! Knots of piecewise cubics: places where a curve that acts is no longer smooth.
 //!
-//! A method of order eight looks at a dozen places of a step and takes the motion between them for a polynomial. Where a knot
-//! lies inside, its error falls with the square of the step only, and the estimate is no better. So steps end at knots, wherever
+//! A method of order eight looks at a dozen places of a step and takes the motion between them for a polynomial. Where
+//! a knot
+//! lies inside, its error falls with the square of the step only, and the estimate is no better. So steps end at
+//! knots, wherever
 //! what a knot adds is more than the tolerance.
 
 /// At which level of the equations a curve enters.
@@ -15,7 +17,8 @@ pub enum Enters {
     Position,
 }
 
-/// What is left of a knot in the middle of a step: the nodes of a method lie about a tenth of a step apart, and of what a kink
+/// What is left of a knot in the middle of a step: the nodes of a method lie about a tenth of a step apart, and of
+/// what a kink
 /// adds between two of them a sum over the nodes misses about so much.
 const MISSED: f64 = 0.02;
 /// Steps over very many knots see them as noise, which does not add up; this many tolerances of it are let pass.
@@ -31,7 +34,8 @@ const HALVINGS: usize = 50;
 #[derive(Clone, Debug)]
 pub struct Knots {
     breaks: Vec<f64>,
-    /// For each break, what a velocity is off by, in parts of its size, over a distance d past the knot: `Σ jump_p d^p / p!`,
+    /// For each break, what a velocity is off by, in parts of its size, over a distance d past the knot: `Σ jump_p d^p
+    /// / p!`,
     /// p from 1.
     jumps: Vec<[f64; 4]>,
     /// The largest of each.
@@ -53,7 +57,8 @@ pub struct Reading {
 }
 
 impl Knots {
-    /// Of piecewise cubics, the highest power first; `periodic` if they repeat themselves after the last break. None where no
+    /// Of piecewise cubics, the highest power first; `periodic` if they repeat themselves after the last break. None
+    /// where no
     /// knot is one.
     pub fn new(breaks: &[f64], cubics: &[[f64; 4]], enters: Enters, periodic: bool, angle: bool) -> Option<Self> {
         let n = cubics.len();
@@ -101,7 +106,8 @@ impl Knots {
         (found.largest != [0.0; 4]).then_some(found)
     }
 
-    /// The first knot that matters to a step of length h from one reading to another, if one does: when, as a part of the step.
+    /// The first knot that matters to a step of length h from one reading to another, if one does: when, as a part of
+    /// the step.
     ///
     /// In between the reading goes along the cubic that its values and rates at both ends give.
     pub fn within(&self, h: f64, from: Reading, to: Reading, tolerance: f64) -> Option<f64> {
@@ -193,7 +199,8 @@ fn turns(r: f64, b: f64, c: f64) -> [f64; 2] {
     [one.min(two), one.max(two)]
 }
 
-/// Knots on the way of a march: what was read at the start of the step under way and at the end of the one that is judged.
+/// Knots on the way of a march: what was read at the start of the step under way and at the end of the one that is
+/// judged.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     knots: Vec<Knots>,

@@ -1,4 +1,4 @@
-"""`python -m zoo`: the whole zoo for ten seconds; `python -m zoo bennett delta`: some of it, `--processes 1` one by one."""
+"""`python -m zoo`: the whole zoo for ten seconds; `python -m zoo bennett delta`: some of it."""
 
 import argparse
 import os

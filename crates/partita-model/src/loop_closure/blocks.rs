@@ -30,7 +30,8 @@ impl LoopClosing<'_> {
         Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))
     }
 
-    /// Other rows that the unknowns of an implicit block close, all else being known by then, if they say exactly what its own
+    /// Other rows that the unknowns of an implicit block close, all else being known by then, if they say exactly what
+    /// its own
     /// say: what follows only within the drawing tolerance is left open.
     pub(super) fn that_follow(&self, at: &Instant, missing: &[usize], rows: &[usize], unknown: &[usize]) -> Vec<usize> {
         let all: Vec<usize> = missing.iter().flat_map(|&e| self.graph.edges[e].velocities()).collect();

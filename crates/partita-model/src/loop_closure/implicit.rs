@@ -1,6 +1,7 @@
 //! Blocks without a closed form: Newton's method with the block's own Jacobian, from where q stands.        (34)
 //!
-//! Rows that say what others say are solved for along with them, by least squares: any choice of rows loses rank somewhere on
+//! Rows that say what others say are solved for along with them, by least squares: any choice of rows loses rank
+//! somewhere on
 //! the way of an overconstrained loop, and Newton's method goes astray there, while all of them together do not.
 
 use super::instant::Instant;
@@ -18,7 +19,8 @@ const LAST_MOVE: f64 = 1e-9;
 /// More iterations than any start within a turn needs with moves of [`LARGEST_MOVE`].
 const ITERATIONS: usize = 60;
 
-/// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative follows
+/// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
+/// follows
 /// one iteration behind.
 const STRAIGHT: usize = 7;
 
@@ -131,7 +133,8 @@ impl Implicit {
         }
     }
 
-    /// The same straight through, over any scalar: a fixed number of iterations with the exchanges of the plan, from near
+    /// The same straight through, over any scalar: a fixed number of iterations with the exchanges of the plan, from
+    /// near
     /// by. How far the last move was from being the last one.
     pub fn solve_straight<S: Scalar>(
         &self,

@@ -10,7 +10,8 @@ pub use crate::record::Verdict;
 
 pub use crate::singular::change_point::Pace;
 
-/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march that came
+/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march
+/// that came
 /// too close to a singular position is put back: then t is an earlier time, and y, dy, turns are those of it.
 pub struct Step<'a> {
     /// Time.
@@ -61,7 +62,8 @@ pub trait Formulation {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
-    /// When the step of the last `trial_end` passes a place where what acts is not smooth, if it makes a difference of more than
+    /// When the step of the last `trial_end` passes a place where what acts is not smooth, if it makes a difference of
+    /// more than
     /// `tolerance` parts of the velocities: better it ended there.
     fn knot_within(&self, _tolerance: f64) -> Option<f64> {
         None

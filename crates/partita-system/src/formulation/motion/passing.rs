@@ -12,7 +12,8 @@ use crate::start::choose_partition;
 use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
 
-/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
+/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that
+/// looks at a
 /// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
 const LONGEST: f64 = 1.2;
 
@@ -22,7 +23,8 @@ const POOR_BESIDE: f64 = 0.3;
 /// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
 const NOTHING: f64 = 1e-3;
 
-/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is integrated
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
+/// integrated
 /// that does no harm.
 const MOST_SPOILT: u32 = 6;
 
@@ -112,7 +114,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Probe::Distance(distance)
     }
 
-    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve best at
+    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
+    /// best at
     /// (t, q). None where there are no other rows.
     fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
         let rank = self.tangent.seen().rank();
@@ -124,7 +127,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
 
-    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not. True if so.
+    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not. True if
+    /// so.
     fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<bool> {
         let Some(others) = self.way.others.take() else { return Ok(false) };
         self.evaluate(t, y)?;
@@ -175,7 +179,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
     }
 
-    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to one v is
+    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to
+    /// one v is
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
         let at_ends = [self.way.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
@@ -189,7 +194,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.way.seam.t() + self.way.seam_ahead.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are of one
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are
+    /// of one
     /// choice, or, where the first is not known, as foreseen.
     pub(super) fn flip(&self, t: f64) -> Option<f64> {
         let (from, h) = (self.way.seam.t(), t - self.way.seam.t());
