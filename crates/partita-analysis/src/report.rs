@@ -348,6 +348,10 @@ const NUDGE: f64 = 0.02;
 /// Coordinates that cannot move: in any position, and in this one alone.
 fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> (Vec<String>, Vec<String>) {
     let Some(m) = measured.filter(|_| mobility > 0) else { return Default::default() };
+    let size = model.size();
+    if (size.holonomic..size.rows).any(|i| !model.row_is_drive(i)) {
+        return Default::default(); // what rolls comes to any position by manoeuvres, one nearby tells nothing
+    }
     let driven: HashSet<usize> = model.drives.iter().filter_map(DriveRow::velocity).collect();
     let stands = |rho: &[f64], i: usize| rho[i] < STILL && !driven.contains(&i);
     let all: Vec<usize> = (0..m.rho.len()).filter(|&i| stands(&m.rho, i)).collect();
@@ -355,10 +359,17 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         return Default::default();
     }
     let nearby = || -> Option<Vec<f64>> {
-        let &i = m.independent.first()?;
-        let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
+        // all of them, by moves that have nothing in common
+        let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
+            let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.reach(i)))
+        });
+        let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();
-        move_to(model, t, &mut near, &[(c, q[c] + NUDGE * model.reach(i))], 1e-12).ok()?;
+        if moved.is_empty() {
+            return None;
+        }
+        move_to(model, t, &mut near, &moved, 1e-12).ok()?;
         Some(self::measured(model, t, &near, mobility).ok()??.rho)
     };
     let Some(there) = nearby() else { return Default::default() };

@@ -8,6 +8,7 @@ use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
 use crate::joint::{Motion, Own};
+use crate::knots::Curves;
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
@@ -70,6 +71,8 @@ pub struct Model {
     pattern: Pattern,
     /// Where M is not zero, found when it is first asked for.
     mass_layout: OnceLock<MassLayout>,
+    /// Curves with knots, found when they are first asked for.
+    curves: OnceLock<Curves>,
     clusters: Clusters,
     preference: Preference,
     has_power: bool,
@@ -217,6 +220,7 @@ impl Model {
             out_of_plane,
             pattern,
             mass_layout: OnceLock::new(),
+            curves: OnceLock::new(),
             clusters,
             preference: Preference::default(),
             has_power,
@@ -264,6 +268,10 @@ impl Model {
             Engine::Flat(tree) => MassLayout::new(tree),
             Engine::Full => MassLayout::new(&self.own.full),
         })
+    }
+
+    fn curves(&self) -> &Curves {
+        self.curves.get_or_init(|| Curves::new(&self.spec, &self.own))
     }
 
     /// Which coordinates the tree is made of.

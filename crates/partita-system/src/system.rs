@@ -3,6 +3,7 @@
 use crate::closing::Closing;
 use crate::clusters::Clusters;
 pub use crate::error::SystemError;
+use crate::knots::{Knots, Reading};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
@@ -289,6 +290,12 @@ pub trait ConstrainedSystem: Sync {
     fn corners(&self) -> Vec<f64> {
         Vec::new()
     }
+    /// Curves with knots: steps are to end where what they are read at passes one that matters.
+    fn knots(&self) -> Vec<Knots> {
+        Vec::new()
+    }
+    /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
+    fn knot_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
     /// How far the drawing may be off: what is redundant but for so much (radians, parts of sizes) is taken as redundant.
     fn drawing_tolerance(&self) -> f64 {
         0.0

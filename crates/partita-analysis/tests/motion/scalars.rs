@@ -146,6 +146,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                         (Law::Rate(_), _) => "rate",
                         (Law::Function(_), _) => "function",
                     },
+                    Says::Turning(_) => "turn",
                     Says::Rolling(_, Contact::Touches) => "touch",
                     Says::Rolling(_, Contact::Rolls) => "roll",
                 };

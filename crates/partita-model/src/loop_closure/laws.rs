@@ -104,7 +104,7 @@ impl SolvedLaw {
             Says::Law(Law::Curve { curve, periodic, .. }, _) => {
                 Ok(value::curve_at(curve, *periodic, q[self.q[1]], &c.name)?[0])
             }
-            Says::Law(..) | Says::Rolling(..) => {
+            Says::Law(..) | Says::Rolling(..) | Says::Turning(_) => {
                 let message = format!("\"{}\" has no closed form", c.name);
                 Err(SystemError::argument("closing", message))
             }

@@ -202,12 +202,13 @@ impl<'m> LoopClosing<'m> {
                 break;
             }
             let Some((rows, unknown)) = self.next_implicit(at, &missing) else { return Ok(false) };
+            let others = self.that_follow(at, &missing, &rows, &unknown);
             let solved: Vec<usize> =
                 missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
             order.learned(&solved);
             let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
             let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
-            self.push(Work::Implicit(Implicit::new(at, rows, unknown)), words, solved, 0);
+            self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
         self.newton = Room::new(largest.max().unwrap_or(0));

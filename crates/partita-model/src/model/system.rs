@@ -12,6 +12,7 @@ use partita_math::elimination::Pattern;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
+use partita_system::knots::{Knots, Reading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
 
@@ -79,6 +80,12 @@ impl ConstrainedSystem for Model {
     }
     fn corners(&self) -> Vec<f64> {
         crate::horizon::corners(&self.spec)
+    }
+    fn knots(&self) -> Vec<Knots> {
+        self.curves().knots.clone()
+    }
+    fn knot_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
+        self.curves().read(&self.own, t, (q, v), s, out);
     }
     fn drawing_tolerance(&self) -> f64 {
         self.spec.drawing_tolerance

@@ -52,15 +52,20 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
     pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
+        self.refresh_row_scales();
+        let rows = self.eligible_rows();
+        self.plan_with(t, independent, &rows)
+    }
+
+    /// The same with rows out of these, with the row scales at hand.
+    pub(super) fn plan_with(&mut self, t: f64, independent: &[usize], rows: &[bool]) -> Result<(), SystemError> {
         let pattern = self.system.pattern();
         let mut eligible = vec![true; self.size.nv];
         for &i in independent {
             eligible[i] = false;
         }
-        self.refresh_row_scales();
-        let rows = self.eligible_rows();
         let plan =
-            Plan::new(pattern, &self.c, &rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+            Plan::new(pattern, &self.c, rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
                 .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
         self.take(t, plan, independent)
     }
