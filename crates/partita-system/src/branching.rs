@@ -5,6 +5,8 @@
 //! at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few degrees and closed there
 //! with all its rows: what does not close is no motion, and the rank there is that of the branch.
 
+pub mod ways;
+
 use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
