@@ -43,6 +43,9 @@ const BACK: f64 = 1e-3;
 const SLOW: f64 = 1e-3;
 /// An output whose distance from singularity is below this part of that at the end of the step takes q and v from the polynomial.
 const NOTHING: f64 = 1e-3;
+/// A start that is moved by less stands on its branch to round-off.
+const UNMOVED: f64 = 1e-12;
+const SHIFTS: usize = 4;
 /// Corrections that close the loops at a node.
 const CLOSE: usize = 12;
 
@@ -72,6 +75,8 @@ pub struct Launch<'s, S: ConstrainedSystem> {
 struct Stages {
     /// q' and u', node by node.
     rates: Vec<f64>,
+    /// What closing added at the last node.
+    shift: Vec<f64>,
     v: Vec<Vec<f64>>,
     power: Vec<f64>,
 }
@@ -157,8 +162,9 @@ fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> R
         }
         match size.rows == size.holonomic {
             true => {
+                // what is open is no round-off here: it is what the prediction is off by
                 if !r.correct_dependent(q) {
-                    return Ok(true);
+                    r.move_dependent(q);
                 }
             }
             false => correct_orthogonally(r, t, q)?,
@@ -256,9 +262,11 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
                     q.iter_mut().zip(&rates[..nq]).for_each(|(q, d)| *q += self.h * a * d);
                     u.iter_mut().zip(&rates[nq..]).for_each(|(u, d)| *u += self.h * a * d);
                 }
+                let predicted = q.clone();
                 if !close(self.r, at, &mut q)? {
                     return Ok(None);
                 }
+                stages.shift = q.iter().zip(&predicted).map(|(q, p)| q - p).collect();
                 self.r.evaluate(at, &q, &u)?;
                 self.evaluations += 1;
                 self.r.full_acceleration(&mut vdot);
@@ -328,8 +336,9 @@ fn velocities(nodes: &Nodes, stages: &Stages, x: f64) -> Vec<f64> {
     v
 }
 
-/// The first step from the singular (t, q) with the velocities v, that lie on one branch; C has `rank` next to it. It ends
-/// at `limit` at the latest and is exact to a tenth of the relative `tolerance`.
+/// The first step from the singular (t, q) with the velocities v, that lie on one branch, and the accelerations with which it
+/// leaves as far as they are known; C has `rank` next to it. It ends at `limit` at the latest and is exact to a tenth of the
+/// relative `tolerance`.
 ///
 /// # Errors
 /// `SingularStart` where no step was found; what failed last where something could not be evaluated.
@@ -337,21 +346,20 @@ pub fn launch<'s, S: ConstrainedSystem>(
     system: &'s S,
     rank: usize,
     (t, q, v): (f64, &[f64], &[f64]),
-    limit: f64,
-    tolerance: f64,
+    leaving: Option<&[f64]>,
+    (limit, tolerance): (f64, f64),
 ) -> Result<Launch<'s, S>, SystemError> {
     let tolerance = PART * tolerance.clamp(TIGHTEST, 1e-4);
     let speed = fastest(system, v);
-    let mut h = match speed > 0.0 {
-        true => (MOVE / speed).min(limit - t),
-        false => limit - t,
-    };
+    // v h + a h^2 / 2 = MOVE
+    let strong = leaving.map_or(0.0, |a| fastest(system, a));
+    let mut h = (2.0 * MOVE / (speed + (speed * speed + 2.0 * MOVE * strong).sqrt())).min(limit - t);
     let mut evaluations = 0;
     let mut why = String::from("the loops did not close along it");
     let (taken, other) = (Nodes::new(NODES.0), Nodes::new(NODES.1));
     for _ in 0..HALVINGS {
         let whole = h == limit - t;
-        match attempt(system, rank, (t, q, v), h, tolerance, (&taken, &other), &mut evaluations) {
+        match attempt(system, rank, (t, q, v), leaving, h, tolerance, (&taken, &other), &mut evaluations) {
             Ok(Ok(found)) => {
                 // not a rounding error before it
                 let end = if whole { limit } else { found.t };
@@ -379,6 +387,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     system: &'s S,
     rank: usize,
     (t, q, v): (f64, &[f64], &[f64]),
+    leaving: Option<&[f64]>,
     h: f64,
     tolerance: f64,
     (taken, other): (&Nodes, &Nodes),
@@ -386,7 +395,8 @@ fn attempt<'s, S: ConstrainedSystem>(
 ) -> Result<Result<Launch<'s, S>, String>, SystemError> {
     let mut r = Reduction::dense(system, rank);
     let mut probe = q.to_vec();
-    system.step(&mut probe, &v.iter().map(|v| 0.5 * h * v).collect::<Vec<_>>());
+    let bend = |i: usize| leaving.map_or(0.0, |a| 0.125 * h * h * a[i]);
+    system.step(&mut probe, &v.iter().enumerate().map(|(i, v)| 0.5 * h * v + bend(i)).collect::<Vec<_>>());
     let t_probe = t + 0.5 * h;
     for _ in 0..2 {
         choose_partition(&mut r, t_probe, &probe, None, None)?;
@@ -399,12 +409,30 @@ fn attempt<'s, S: ConstrainedSystem>(
     let u0: Vec<f64> = independent.iter().map(|&i| v[i]).collect();
     r.evaluate(t_probe, &probe, &u0)?;
     let mut first = vec![0.0; v.len()];
-    r.full_acceleration(&mut first);
-    let mut attempt = Attempt { r: &mut r, start: (t, q, v), h, tolerance, evaluations: 0 };
-    let found = attempt.solve(other, &first);
-    let found = found.and_then(|less| Ok(less.zip(attempt.solve(taken, &first)?)));
+    match leaving {
+        Some(a) => first.copy_from_slice(a),
+        None => r.full_acceleration(&mut first),
+    }
+    // a start beside the position is on no branch, or on another: what closing adds along the step is taken off at its start
+    let (mut q, mut less) = (q.to_vec(), None);
+    for _ in 0..SHIFTS {
+        let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
+        less = attempt.solve(other, &first)?;
+        *evaluations += attempt.evaluations;
+        let Some(found) = &less else { break };
+        let shifted: Vec<f64> = q.iter().zip(&found.shift).map(|(q, s)| q + s).collect();
+        if system_move(system, &q, &shifted) <= UNMOVED {
+            break;
+        }
+        q = shifted;
+        system.normalise(&mut q);
+    }
+    let Some(less) = less else { return Ok(Err("its stages were not found".into())) };
+    let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
+    let stages = attempt.solve(taken, &first)?;
     *evaluations += attempt.evaluations;
-    let Some((less, stages)) = found? else { return Ok(Err("its stages were not found".into())) };
+    let Some(stages) = stages else { return Ok(Err("its stages were not found".into())) };
+    let q = &q[..];
     let top = stages.v.iter().fold(fastest(system, v), |m, v| m.max(fastest(system, v)));
     let back = velocities(taken, &stages, 0.0);
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();

@@ -23,7 +23,7 @@ pub(super) fn depart<'s, S: ConstrainedSystem>(
     singular: SystemError,
 ) -> Result<Departure<'s, S>, SystemError> {
     let ways = ways::along(system, (t, q, v), singular)?;
-    let launch = launch(system, ways.rank, (t, q, v), end, tolerance)?;
+    let launch = launch(system, ways.rank, (t, q, v), ways.acceleration(q, v)?.as_deref(), (end, tolerance))?;
     let note = format!(
         "the run starts in a singular position and leaves it along the branch with the rates {}; its first {:.3e} s are one \
          step of Gauss collocation on that branch, in the start itself accelerations and reactions are not determined",

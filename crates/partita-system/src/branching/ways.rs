@@ -31,6 +31,8 @@ pub const TELLS: f64 = 0.5;
 const TOUCHES: f64 = 1e-3;
 /// Drives that ask for this part of the fastest rate in a dead centre may stand beside it by as much, see `NONE`.
 const BESIDE: f64 = 1e-4;
+/// Moves, in reaches, over which third orders are differences.
+const FAR: f64 = 0.03;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-8;
 
@@ -71,6 +73,12 @@ pub struct Ways<'s, S: ConstrainedSystem> {
     mass: Matrix,
     /// Do drives prescribe motion here?
     driven: bool,
+    /// Rows looked at, with their sizes.
+    rows: Vec<(usize, f64)>,
+    /// n over these rows.
+    lost: Vec<f64>,
+    /// C over sizes and reaches by its singular values: left vector, value, right vector.
+    range: Vec<(Vec<f64>, f64, Vec<f64>)>,
     /// nᵀ a: what drives ask of the first order that cannot be, the row that asks most and what it asks for.
     forbidden: (f64, usize, f64),
 }
@@ -265,6 +273,8 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     system.dynamics(t, q, &zero, &mut x.scratch, &mut mass, &mut h)?;
     let mut mass = Matrix::from_vec(n, n, mass);
     (0..n).for_each(|i| (0..n).for_each(|j| mass[(i, j)] *= x.reach[i] * x.reach[j]));
+    let of_rows = x.rows.iter().map(|&i| (i, x.sizes[i])).collect();
+    let range = (0..rank).map(|i| (u[i].clone(), f.s[i], v[i].clone())).collect();
     let reach = x.reach;
     let driven = system.rheonomic();
     let mut of_kernel = Matrix::new(n, k);
@@ -284,6 +294,9 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
         mass,
         driven,
         forbidden,
+        rows: of_rows,
+        lost,
+        range,
     })))
 }
 
@@ -666,6 +679,71 @@ impl<S: ConstrainedSystem> Ways<'_, S> {
         let off = |v: &[f64]| v.iter().zip(w).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
         let best = fits.map(|fit| fit.v).min_by(|a, b| off(a).total_cmp(&off(b)));
         self.none(asked, &best.unwrap_or_else(|| self.projected(w)))
+    }
+
+    /// The accelerations with which the motion along `v`, one that [`holds`](Self::holds), leaves (t, q): the limit of those
+    /// next to it. None where nothing can be said.
+    ///
+    /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it takes the place of the row that says nothing here. Its
+    /// coefficient comes from differences over moves of a few hundredths of reaches, exact to some six digits.
+    ///
+    /// # Errors
+    /// Where the system cannot be evaluated.
+    pub fn acceleration(&self, q: &[f64], v: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
+        let (system, t, n) = (self.system, self.t, v.len());
+        let size = system.size();
+        let mut scratch = system.scratch();
+        let (mut phi, mut c, mut a_rows) =
+            (vec![0.0; size.holonomic], vec![0.0; system.pattern().nnz()], vec![0.0; size.rows]);
+        system.position(t, q, &mut scratch, &mut phi, &mut c, &mut a_rows)?;
+        let mut b = vec![0.0; size.rows];
+        system.velocity(t, q, v, &mut scratch, &mut b)?;
+        let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
+        system.dynamics(t, q, v, &mut scratch, &mut mass, &mut h)?;
+        let b: Vec<f64> = self.rows.iter().map(|&(i, size)| b[i] / size).collect();
+        let mut forced = vec![0.0; n];
+        for (left, s, right) in &self.range {
+            let part = -dot(left, &b) / s;
+            forced.iter_mut().zip(right).for_each(|(f, r)| *f += part * r);
+        }
+        // K^T (h - M a): what is left for the free rates
+        let moved = self.mass.matvec(&forced);
+        let left: Vec<f64> = h.iter().zip(&self.reach).zip(&moved).map(|((h, r), m)| h * r - m).collect();
+        let kernel = columns(&self.kernel);
+        let k = self.k;
+        let of: Vec<Vec<f64>> = kernel.iter().map(|d| self.mass.matvec(d)).collect();
+        let mut l: Vec<f64> = (0..k * k).map(|e| dot(&kernel[e / k], &of[e % k])).collect();
+        if dense::cholesky(&mut l, k).is_err() {
+            return Ok(None);
+        }
+        let mut z: Vec<f64> = kernel.iter().map(|d| dot(d, &left)).collect();
+        dense::cholesky_solve(&l, k, &mut z);
+        let w: Vec<f64> = v.iter().zip(&self.reach).map(|(v, r)| v / r).collect();
+        let (u, _) = self.rates_of(&w);
+        let slope: Vec<f64> = self.bend(&u).1.iter().map(|s| s * self.unit).collect();
+        // the third order of n^T phi along v t + forced t^2 / 2, by its odd part
+        let apart =
+            (FAR / largest(&w).max(f64::MIN_POSITIVE)).min((FAR / largest(&forced).max(f64::MIN_POSITIVE)).sqrt());
+        let mut odd = |e: f64| -> Result<f64, SystemError> {
+            let mut sum = 0.0;
+            for sign in [1.0, -1.0] {
+                let by: Vec<f64> = (0..n).map(|i| sign * e * v[i] + 0.5 * e * e * forced[i] * self.reach[i]).collect();
+                let mut there = q.to_vec();
+                system.step(&mut there, &by);
+                system.position(t + sign * e, &there, &mut scratch, &mut phi, &mut c, &mut a_rows)?;
+                let open = self.rows.iter().zip(&self.lost).map(|(&(i, size), n)| n * phi[i] / size);
+                sum += 0.5 * sign * open.sum::<f64>();
+            }
+            Ok(sum / (e * e * e))
+        };
+        let third = (4.0 * odd(0.5 * apart)? - odd(apart)?) / 3.0;
+        // slope . z = -4 third, by the least change of z in the mass metric
+        let mut along = slope.clone();
+        dense::cholesky_solve(&l, k, &mut along);
+        let part = (-4.0 * third - dot(&slope, &z)) / dot(&slope, &along);
+        z.iter_mut().zip(&along).for_each(|(z, a)| *z += part * a);
+        let found = self.natural(&combined(&forced, &kernel, &z));
+        Ok(found.iter().all(|a| a.is_finite()).then_some(found))
     }
 
     /// The branch along `v`, as it is told.
