@@ -6,6 +6,9 @@ use partita_system::branching::ways;
 use partita_system::record::Output;
 use partita_system::{ConstrainedSystem, SystemError};
 
+/// Moves of the start that are more than the round-off of positions which are known to the root of it.
+const MOVED: f64 = 1e-10;
+
 /// The step out of it, and what is told of it.
 pub(super) struct Departure<'s, S: ConstrainedSystem> {
     pub launch: Launch<'s, S>,
@@ -24,12 +27,24 @@ pub(super) fn depart<'s, S: ConstrainedSystem>(
 ) -> Result<Departure<'s, S>, SystemError> {
     let ways = ways::along(system, (t, q, v), singular)?;
     let launch = launch(system, ways.rank, (t, q, v), ways.acceleration(q, v)?.as_deref(), (end, tolerance))?;
-    let note = format!(
+    let mut note = format!(
         "the run starts in a singular position and leaves it along the branch with the rates {}; its first {:.3e} s are one \
          step of Gauss collocation on that branch, in the start itself accelerations and reactions are not determined",
         ways.told(v),
         launch.length()
     );
+    if launch.moved > MOVED {
+        note = format!(
+            "{note}; the start stands beside the position and was moved onto the branch, by {:.1e} (radians, parts of lengths)",
+            launch.moved
+        );
+    }
+    if launch.lenient {
+        note = format!(
+            "{note}; rounding next to the position leaves it exact to {:.0e} of the motion, the tolerance would be {tolerance:.0e}",
+            launch.error
+        );
+    }
     Ok(Departure { launch, note })
 }
 
@@ -49,6 +64,7 @@ impl<S: ConstrainedSystem> Departure<'_, S> {
     pub fn tell(&self, outcome: &mut Outcome, notes: &mut Vec<String>) {
         notes.push(self.note.clone());
         outcome.counters.steps += 1;
+        outcome.counters.lenient += u64::from(self.launch.lenient);
         outcome.counters.evaluations += self.launch.evaluations;
         if outcome.status == Status::Finished {
             outcome.message = format!("reached t = {}", outcome.t);
