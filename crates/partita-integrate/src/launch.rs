@@ -49,6 +49,8 @@ const NOTHING: f64 = 1e-3;
 /// A start that is moved by less stands on its branch to round-off.
 const UNMOVED: f64 = 1e-12;
 const SHIFTS: usize = 4;
+/// Moves of the start that are more than the round-off of positions which are known to the root of it.
+pub const MOVED: f64 = 1e-10;
 /// Corrections that close the loops at a node.
 const CLOSE: usize = 12;
 
@@ -518,7 +520,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     }
     Ok(Ok(Launch {
         r,
-        start: (t, q.to_vec(), if moved > UNMOVED { back } else { v.to_vec() }),
+        start: if moved > MOVED { (t, q.to_vec(), back) } else { (t, given.to_vec(), v.to_vec()) },
         moved,
         nodes: taken.clone(),
         h,

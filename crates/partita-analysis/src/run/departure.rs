@@ -1,13 +1,10 @@
 //! A run that starts in a singular position: its first step, along the branch that the velocities single out.
 
-use partita_integrate::launch::{launch, Launch};
+use partita_integrate::launch::{launch, Launch, MOVED};
 use partita_integrate::simulate::{Outcome, Status};
 use partita_system::branching::ways;
 use partita_system::record::Output;
 use partita_system::{ConstrainedSystem, SystemError};
-
-/// Moves of the start that are more than the round-off of positions which are known to the root of it.
-const MOVED: f64 = 1e-10;
 
 /// The step out of it, and what is told of it.
 pub(super) struct Departure<'s, S: ConstrainedSystem> {
