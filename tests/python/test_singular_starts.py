@@ -159,6 +159,20 @@ def test_rates_are_completed_on_their_branch(coordinates: str) -> None:
             assert run.joint(name).velocity[0, 0] == pytest.approx(rate, rel=2e-3)
 
 
+@pytest.mark.parametrize("name", LINKAGES)
+def test_each_branch_starts_with_the_rates_told(name: str) -> None:
+    for unit in (1.0, 1e3):
+        m = linkage(*line(*LINKAGES[name]), unit=unit)
+        for branch in m.report().to_dict()["singular"]["branches"]:
+            for sign in (0.5, -0.5):
+                rates = {joint: sign * rate for joint, rate in branch["rates"].items()}
+                one, two = (started(m, rates, 0.3, coordinates) for coordinates in BOTH)
+                assert one.certificate.verdict == two.certificate.verdict == "holds"
+                for joint in ("A", "B", "Z"):
+                    assert np.abs(one.joint(joint).position - two.joint(joint).position).max() < 1e-7
+                    assert one.joint(joint).velocity[0, 0] == pytest.approx(rates.get(joint, 0.0), abs=1e-8)
+
+
 def test_velocities_on_no_branch_do_not_start() -> None:
     m = flat()
     state = m.assemble(rates=ALONG)

@@ -44,13 +44,18 @@ const LENIENT: f64 = 1e3;
 const BACK: f64 = 1e-3;
 /// Start velocities below this part of those reached say nothing of where the motion leads.
 const SLOW: f64 = 1e-3;
+/// Accelerations through the nodes are those of the branch within this part of them and of the square of the rates: on another
+/// branch they differ by about as much as they are.
+const BENDS: f64 = 0.05;
+/// Part of the step over which the polynomial is differentiated.
+const BESIDE: f64 = 1e-3;
 /// An output whose distance from singularity is below this part of that at the end of the step takes q and v from the polynomial.
 const NOTHING: f64 = 1e-3;
 /// A start that is moved by less stands on its branch to round-off.
 const UNMOVED: f64 = 1e-12;
 const SHIFTS: usize = 4;
 /// Moves of the start that are more than the round-off of positions which are known to the root of it.
-pub const MOVED: f64 = 1e-10;
+const MOVED: f64 = 1e-10;
 /// Corrections that close the loops at a node.
 const CLOSE: usize = 12;
 
@@ -473,12 +478,21 @@ fn attempt<'s, S: ConstrainedSystem>(
     let Some(stages) = stages else { return Ok(Err("its stages were not found".into())) };
     let q = &q[..];
     let top = stages.v.iter().fold(fastest(system, v), |m, v| m.max(fastest(system, v)));
-    let back = velocities(taken, &stages, 0.0);
+    let (back, speed) = (velocities(taken, &stages, 0.0), fastest(system, v));
     let off: Vec<f64> = back.iter().zip(v).map(|(a, b)| a - b).collect();
     if fastest(system, &off) > BACK * top {
         return Ok(Err("closed next to it the mechanism does not go on with these velocities".into()));
     }
-    if fastest(system, v) < SLOW * top {
+    let ahead: Vec<f64> = (0..v.len())
+        .map(|i| (velocities(taken, &stages, BESIDE)[i] - velocities(taken, &stages, -BESIDE)[i]) / (2.0 * BESIDE * h))
+        .collect();
+    if let Some(a) = leaving {
+        let off: Vec<f64> = ahead.iter().zip(a).map(|(x, a)| x - a).collect();
+        if fastest(system, &off) > BENDS * (fastest(system, a) + speed * speed) {
+            return Ok(Err("it does not go on with the accelerations of the branch".into()));
+        }
+    }
+    if speed < SLOW * top {
         return Ok(Err("its velocities are small against those that forces and drives bring about at once".into()));
     }
     let moved = system_move(system, given, q);
@@ -508,6 +522,8 @@ fn attempt<'s, S: ConstrainedSystem>(
         error = error.max(off);
         end = Some((q_one, u_one, work));
     }
+    // what the step is off by is no move of its start
+    let moved = if moved > MOVED.max(10.0 * error) { moved } else { 0.0 };
     let Some((q_end, u_end, work)) = end else { return Ok(Err("it has no end".into())) };
     let t_end = t + h;
     r.position(t_end, &q_end)?;
@@ -520,7 +536,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     }
     Ok(Ok(Launch {
         r,
-        start: if moved > MOVED { (t, q.to_vec(), back) } else { (t, given.to_vec(), v.to_vec()) },
+        start: if moved > 0.0 { (t, q.to_vec(), back) } else { (t, given.to_vec(), v.to_vec()) },
         moved,
         nodes: taken.clone(),
         h,

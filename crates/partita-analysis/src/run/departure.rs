@@ -1,6 +1,6 @@
 //! A run that starts in a singular position: its first step, along the branch that the velocities single out.
 
-use partita_integrate::launch::{launch, Launch, MOVED};
+use partita_integrate::launch::{launch, Launch};
 use partita_integrate::simulate::{Outcome, Status};
 use partita_system::branching::ways;
 use partita_system::record::Output;
@@ -30,7 +30,7 @@ pub(super) fn depart<'s, S: ConstrainedSystem>(
         ways.told(v),
         launch.length()
     );
-    if launch.moved > MOVED {
+    if launch.moved > 0.0 {
         note = format!(
             "{note}; the start stands beside the position and was moved onto the branch, by {:.1e} (radians, parts of lengths)",
             launch.moved
