@@ -204,7 +204,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     };
     let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
     let way = |b: &Branch| Way {
-        rates: named(branching::rates(&joints, b)),
+        rates: named(branching::rates(&joints, b, &found.branches)),
         guess: named(branching::guess(&joints, q, b)),
         mobility: b.mobility,
     };

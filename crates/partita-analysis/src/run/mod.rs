@@ -1,6 +1,7 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
 pub mod cost;
+mod departure;
 mod inconsistent;
 mod journal;
 mod request;
@@ -121,16 +122,29 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !unread.is_empty() {
         notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
     }
-    let found = start::analyse(system, request.t0, q)?;
+    let (found, mut launched) = match start::analyse(system, request.t0, q) {
+        Err(e @ SystemError::SingularStart { .. }) => {
+            let end = settings.options.corners.iter().copied().find(|t| *t > request.t0);
+            let end = end.map_or(settings.t_end, |corner| corner.min(settings.t_end));
+            let departure = departure::depart(system, (request.t0, q, v), (end, request.rtol), e)?;
+            (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
+        }
+        found => (found?, None),
+    };
+    let (t, q_start, v_start) = match &launched {
+        Some(x) => (x.launch.t, x.launch.q.clone(), x.launch.v.clone()),
+        None => (request.t0, q.to_vec(), v.to_vec()),
+    };
+    let (q_start, v_start) = (&q_start[..], &v_start[..]);
     if found.misfit > 0.0 {
         options.misfit = bridged_gap(system.drawing_tolerance());
         limits.misfit = options.misfit;
     }
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
-        consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
+        consistency::check(system, &found, (t, q_start, v_start), request.t_end - t)?;
     }
-    inconsistent::refuse(system, found.rank, request.t0, q)?;
+    inconsistent::refuse(system, found.rank, t, q_start)?;
     let rigid = found.rank == system.size().nv && !(0..system.size().rows).any(|i| system.row_is_drive(i));
     if rigid && !system.rheonomic() {
         notes.push(CANNOT_MOVE.to_string());
@@ -138,15 +152,23 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
+    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
+    let done = match &mut launched {
+        Some(departure) => departure.outputs(reached, &mut outputs)?,
+        None => 0,
+    };
+    let work = launched.as_ref().map_or(0.0, |x| x.launch.work);
     let mut sink = |output: &Output| {
-        outputs.push(output.clone());
+        outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
-    let mut outcome = match simulate(&mut f, request.t0, q, v, reached, &settings, &mut sink, watch) {
+    let mut outcome = match simulate(&mut f, t, q_start, v_start, &reached[done..], &settings, &mut sink, watch) {
         Err(SystemError::Singular { .. }) if rigid => return Err(no_reactions(system, request.t0, q)?),
         outcome => outcome?,
     };
+    if let Some(departure) = &launched {
+        departure.tell(&mut outcome, &mut notes);
+    }
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
         outcome.status = Status::EvaluationFailed;
         outcome.message = format!(
