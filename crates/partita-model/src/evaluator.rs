@@ -433,6 +433,7 @@ fn massive(placed: &Placed) -> Vec<bool> {
     for b in &placed.bodies {
         massive[b.link] |= b.mass != 0.0 || b.inertia.0.concat().iter().any(|x| *x != 0.0);
     }
+    placed.held.iter().for_each(|x| massive[placed.bodies[x.body].link] = true);
     massive
 }
 

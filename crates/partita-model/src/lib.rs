@@ -13,6 +13,7 @@ pub mod force;
 pub mod gauge;
 pub mod horizon;
 pub mod joint;
+pub mod light;
 pub mod loop_closure;
 pub mod mechanics;
 pub mod memory;

@@ -197,6 +197,7 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
     }
     placed.size = typical_length(spec);
     placed.length = body_length(spec).unwrap_or(placed.size);
+    placed.weigh(spec);
     placed
 }
 

@@ -6,6 +6,7 @@
 
 use crate::error::DescriptionError;
 use crate::joint::{self, Motion, Shape};
+use crate::light::{self, HeldSpin, Light};
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
@@ -122,6 +123,10 @@ pub struct Placed {
     pub size: f64,
     /// Characteristic length: the extent of a typical body, however many of them there are.
     pub length: f64,
+    /// What links without mass or inertia lack in a metric.
+    pub light: Vec<Light>,
+    /// Rods between balls whose spin is held.
+    pub held: Vec<HeldSpin>,
 }
 
 /// Names of the joints that are driven, coupled or loaded along a coordinate.
@@ -282,6 +287,8 @@ impl Placed {
             velocity_names: Vec::new(),
             size,
             length: body_length(spec).unwrap_or(size),
+            light: Vec::new(),
+            held: Vec::new(),
         };
         for ((j, edge), shape) in spec.joints.iter().zip(&edges).zip(&shapes) {
             let (p, c) = closing_points(j, edge, &moved);
@@ -310,7 +317,14 @@ impl Placed {
             });
         }
         placed.grow_links(spec, &free);
+        placed.weigh(spec);
         Ok(placed)
+    }
+
+    /// Find out what lacks mass, with the masses at hand.
+    pub(crate) fn weigh(&mut self, spec: &Spec) {
+        self.held = light::held(spec, self);
+        self.light = light::light(self);
     }
 
     /// Where each node goes so that the tree joints fit.

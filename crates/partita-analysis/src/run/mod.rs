@@ -18,7 +18,7 @@ use partita_system::record::{FormulationCounters, Gaps, Output};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::ConstrainedSystem;
+use partita_system::{weight, ConstrainedSystem};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -109,6 +109,8 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
     }
     inconsistent::refuse(system, found.rank, request.t0, q)?;
+    weight::refuse(system, request.t0, q, found.rank)?;
+    notes.extend(system.start_notes(q, v)?);
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());

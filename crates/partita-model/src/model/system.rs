@@ -22,6 +22,9 @@ fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
     Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
 }
 
+/// A spin below this part of the fastest turn is what closing and choosing leave of none.
+const SPINS: f64 = 1e-7;
+
 impl Model {
     /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
     fn felt(&self, t: f64, s: &ModelScratch, vdot: &[f64]) -> Result<(), SystemError> {
@@ -253,6 +256,57 @@ impl ConstrainedSystem for Model {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         self.own.inverse_dynamics(t, q, v, vdot, s, out)
+    }
+
+    fn lacks_mass(&self) -> bool {
+        !self.placed.light.is_empty()
+    }
+
+    fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
+        with_engine!(self, s, |tree, x| tree.add_light(x, mass));
+    }
+
+    fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let speed = |link: usize| {
+            let x = &s.full.links[link];
+            x.w.norm().max(x.u.norm() / self.placed.length)
+        };
+        let all: Vec<f64> = self.placed.bodies.iter().map(|b| speed(b.link)).collect();
+        let most = all.iter().copied().fold(0.0, f64::max);
+        let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > 1e-6 * most);
+        moving.map(|x| x.0.name.clone()).collect()
+    }
+
+    fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
+        if self.placed.held.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()));
+        for x in &self.placed.held {
+            let state = &s.full.links[self.placed.bodies[x.body].link];
+            let spin = state.w.dot(state.rot.apply(x.line));
+            if spin.abs() > SPINS * fastest {
+                let name = &self.spec.bodies[x.body].name;
+                let message = format!(
+                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s about its own line, and has no inertia about it: \
+                     nothing says how that goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave \
+                     the spin out, it is held then"
+                );
+                return Err(SystemError::argument("rates", message));
+            }
+        }
+        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
+        let more = if names.len() > 6 { ", ..." } else { "" };
+        let (is, line) = if names.len() == 1 { ("is", "its own line") } else { ("are", "their own lines") };
+        Ok(vec![format!(
+            "{}{more} {is} held from spinning about {line} between ball joints: without inertia about it nothing says how \
+             the spin goes, and nothing else depends on it",
+            names.iter().take(6).copied().collect::<Vec<_>>().join(", ")
+        )])
     }
 
     fn inverse_mass_diagonal(
