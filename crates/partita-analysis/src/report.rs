@@ -162,11 +162,11 @@ pub struct Singular {
 /// Measures and the choice at a position; none where a body that moves has no inertia.
 fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<Measured>, SystemError> {
     let mut r = Reduction::new(model, model.placed.nv - mobility);
-    match choose_partition(&mut r, t, q, None, None) {
+    let rest = vec![0.0; r.k()];
+    match choose_partition(&mut r, t, q, None, None).and_then(|()| r.evaluate(t, q, &rest)) {
         Err(SystemError::Mass { .. }) => return Ok(None),
         other => other?,
     }
-    r.evaluate(t, q, &vec![0.0; r.k()])?;
     let mut rho = vec![0.0; model.placed.nv];
     r.measure(t, q, &mut rho)?;
     let quality = r.quality(t, q)?;
@@ -317,6 +317,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
             (None, None) => without_inertia(model, &idle),
         });
     }
+    notes.extend(model.held_words());
     let cures = cures(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {

@@ -32,7 +32,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     }
     for x in &placed.held {
         let (_, inertia) = &mut carried[placed.bodies[x.body].link];
-        *inertia = inertia.add(&Mat3::from_f64(light::along(x.line, x.inertia).0));
+        *inertia = inertia.add(&Mat3::from_f64(x.inertia.0));
     }
     for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&carried).skip(1) {
         let point = numbers.links[i];

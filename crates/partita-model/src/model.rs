@@ -341,6 +341,23 @@ impl Model {
         Ok((kinetic, potential))
     }
 
+    /// Which bodies are held from spinning, in a sentence.
+    pub fn held_words(&self) -> Option<String> {
+        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
+        let is = match names.len() {
+            0 => return None,
+            1 => "is",
+            _ => "are",
+        };
+        let more = if names.len() > 6 { ", ..." } else { "" };
+        let named = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "{named}{more} {is} held from spinning: without inertia about what the joints leave {} to turn about, nothing \
+             says how that would go, and nothing else depends on it",
+            if names.len() == 1 { "it" } else { "them" }
+        ))
+    }
+
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
         SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }

@@ -4,9 +4,9 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 
-/// A freedom that carries less than this part of the least that counts in the metric carries nothing: with a least share of a
-/// millionth, 1e-15 of the heaviest body.
-const NOTHING: f64 = 1e-9;
+/// A freedom that carries less than this part of what light bodies count with in the metric, a hundredth of the heaviest,
+/// carries nothing but rounding.
+const NOTHING: f64 = 1e-12;
 /// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
 const STEPS: usize = 4;
 /// Velocities below this part of the largest (in reaches a second) do not belong to the motion.

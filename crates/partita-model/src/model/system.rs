@@ -285,28 +285,22 @@ impl ConstrainedSystem for Model {
         }
         let mut s = self.own.scratch();
         self.look(q, v, &mut s);
-        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()));
+        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.placed.length));
         for x in &self.placed.held {
             let state = &s.full.links[self.placed.bodies[x.body].link];
-            let spin = state.w.dot(state.rot.apply(x.line));
+            let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));
             if spin.abs() > SPINS * fastest {
                 let name = &self.spec.bodies[x.body].name;
+                let about = if x.line.is_some() { "about its own line" } else { "about itself" };
                 let message = format!(
-                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s about its own line, and has no inertia about it: \
-                     nothing says how that goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave \
-                     the spin out, it is held then"
+                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s {about}, and has no inertia in that: nothing says \
+                     how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
+                     it is held then"
                 );
                 return Err(SystemError::argument("rates", message));
             }
         }
-        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
-        let more = if names.len() > 6 { ", ..." } else { "" };
-        let (is, line) = if names.len() == 1 { ("is", "its own line") } else { ("are", "their own lines") };
-        Ok(vec![format!(
-            "{}{more} {is} held from spinning about {line} between ball joints: without inertia about it nothing says how \
-             the spin goes, and nothing else depends on it",
-            names.iter().take(6).copied().collect::<Vec<_>>().join(", ")
-        )])
+        Ok(self.held_words().into_iter().collect())
     }
 
     fn inverse_mass_diagonal(

@@ -1,0 +1,223 @@
+"""Links without mass: closed forms, a held distance in their place, and what is refused because nothing carries mass."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.errors import ArgumentError, DescriptionError
+
+BOTH = pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+FORMULATIONS = [
+    "projective",
+    "wehage-haug",
+    "explicit-closing",
+    "svd",
+    "qr",
+    "gram-schmidt",
+    "tangent-space",
+    "multipliers",
+    "sparse-multipliers",
+    "range-space",
+    "proximal",
+]
+G = 9.81
+A, B, C, D = np.array([(0, 0, 0), (0.4, 0.9, 0), (2.6, 1.6, 0), (2.2, 0, 0)], dtype=float)
+CRANK, BAR, ROCKER = (float(np.linalg.norm(x)) for x in (B - A, C - B, C - D))
+
+
+def four_bar(coupler: float | None = 0.0, size: float = 1.0, fall: Any = (0, -G, 0)) -> pt.Mechanism:
+    """Crank 1 kg, rocker 2 kg, the coupler as heavy as is said; None: a held distance in its place."""
+    m = pt.Mechanism("four-bar", gravity=tuple(size * np.array(fall)))
+    crank = m.add_rod("crank", size * A, size * B, mass=1.0)
+    rocker = m.add_rod("rocker", size * D, size * C, mass=2.0)
+    m.add_revolute("A", m.ground, crank, point=size * A)
+    m.add_revolute("D", m.ground, rocker, point=size * D)
+    if coupler is None:
+        m.add_distance("bar", crank, (size * CRANK, 0, 0), rocker, (size * ROCKER, 0, 0))
+    else:
+        bar = m.add_rod("coupler", size * B, size * C, mass=coupler)
+        m.add_revolute("B", crank, bar, point=size * B)
+        m.add_revolute("C", rocker, bar, point=size * C)
+    return m
+
+
+def run(m: pt.Mechanism, coordinates: str = "relative", duration: float = 2.0, **options: Any) -> Any:
+    rates = options.pop("rates", {"A": 1.5})
+    start = m.assemble(rates=rates, coordinates=coordinates)
+    # fifty times finer than what is asked of two runs
+    settings = {"rtol": 1e-12, "atol": 1e-12, "t_eval": np.linspace(0, duration, 21), **options}
+    r = m.simulate(duration, initial=start, coordinates=coordinates, **settings)
+    assert r.success, r.message
+    assert r.certificate.verdict == "holds", r.certificate
+    return r
+
+
+def turns(r: Any, *joints: str) -> np.ndarray:
+    return np.hstack([r.joint(j).position for j in joints])
+
+
+@pytest.fixture(scope="module")
+def tied() -> Any:
+    return run(four_bar(None))
+
+
+def along(r: Any, first: str, last: str) -> np.ndarray:
+    """Unit vectors from one joint to another."""
+    line = r.joint(last).point - r.joint(first).point
+    return line / np.linalg.norm(line, axis=1)[:, None]
+
+
+@BOTH
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_a_coupler_without_mass_is_a_held_distance(tied: Any, coordinates: str, formulation: str) -> None:
+    if (coordinates, formulation) == ("absolute", "explicit-closing"):
+        pytest.skip("explicit closing follows the joints")
+    r = run(four_bar(), coordinates, formulation=formulation)
+    assert np.abs(turns(r, "A", "D") - turns(tied, "A", "D")).max() < 1e-10
+    tension = tied.coupling("bar").tension
+    # it carries force along its line alone, at both ends
+    for joint, sign in (("B", -1.0), ("C", 1.0)):
+        force = sign * tension[:, None] * along(r, "B", "C")
+        assert np.abs(r.joint(joint).force - force).max() < 1e-8 * np.abs(tension).max()
+    assert r.checks.newton_euler < 1e-9 if hasattr(r.checks, "newton_euler") else True
+
+
+@BOTH
+def test_results_converge_to_those_without_mass(tied: Any, coordinates: str) -> None:
+    last = turns(tied, "A", "D")
+    for mass in (1e-3, 1e-5, 0.9e-6, 1e-7, 1e-9, 1e-12, 1e-15):
+        r = run(four_bar(mass), coordinates)
+        # two seconds on, thirty times what the coupler weighs beside the crank; what it carries is linear in its mass
+        assert np.abs(turns(r, "A", "D") - last).max() < 40.0 * mass + 1e-10, mass
+
+
+@BOTH
+@pytest.mark.parametrize("size", [1e-6, 1e3])
+def test_no_size_matters(tied: Any, coordinates: str, size: float) -> None:
+    r = run(four_bar(0.0, size), coordinates)
+    assert np.abs(turns(r, "A", "D") - turns(tied, "A", "D")).max() < 1e-9
+
+
+@BOTH
+def test_loads_across_the_plane(coordinates: str) -> None:
+    """In its plane nothing acts; hinges without pins to hold the rods across it would let go of them."""
+    r = run(four_bar(0.0, fall=(0, 0, -G)), coordinates)
+    speeds = np.hstack([r.joint(j).velocity for j in ("A", "D")])
+    kinetic = speeds**2 @ np.array([CRANK**2 / 6.0, 2.0 * ROCKER**2 / 6.0])
+    assert np.abs(kinetic / kinetic[0] - 1.0).max() < 1e-10
+    carried = sum(r.joint(j).force[:, 2] for j in ("A", "D"))
+    assert carried == pytest.approx(3.0 * G, rel=1e-9)
+
+
+def slider_crank(rod: float, crank: float = 0.5) -> pt.Mechanism:
+    m = pt.Mechanism("slider-crank", gravity=(0, 0, 0))
+    web = m.add_body("crank", mass=0.0, inertia=(2, 2, 2))
+    bar = m.add_rod("rod", (0, crank, 0), (1.2, crank, 0), mass=rod)
+    piston = m.add_body("piston", mass=3.0, inertia=(0, 0, 0), position=(1.2, crank, 0))
+    m.add_revolute("A", m.ground, web, point=(0, 0, 0))
+    m.add_revolute("B", web, bar, point=(0, crank, 0))
+    m.add_revolute("C", bar, piston, point=(1.2, crank, 0))
+    m.add_prismatic("D", m.ground, piston, point=(1.2, crank, 0), axis=(1, 0, 0))
+    return m
+
+
+@BOTH
+def test_a_slider_crank_on_a_rod_without_mass(coordinates: str) -> None:
+    """J phi'^2 + m x'^2 is what it was, x = r cos + sqrt(l^2 - (r sin - r)^2) with the piston offset by r."""
+    r = run(slider_crank(0.0), coordinates, rates={"A": 4.0}, duration=3.0)
+    angle, rate = r.joint("A").position[:, 0] + np.pi / 2, r.joint("A").velocity[:, 0]
+    rise = 0.5 * np.sin(angle) - 0.5
+    slope = -0.5 * np.sin(angle) - rise * 0.5 * np.cos(angle) / np.sqrt(1.2**2 - rise**2)
+    energy = 2.0 * rate**2 + 3.0 * (slope * rate) ** 2
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-10
+    assert np.abs(r.joint("D").velocity[:, 0] - slope * rate).max() < 1e-9
+    # what accelerates the piston comes along the rod
+    force = r.joint("C").force
+    assert np.abs(np.cross(along(r, "B", "C"), force)[:, 2]).max() < 1e-8 * np.abs(force).max()
+
+
+def double_pendulum(rods: bool) -> pt.Mechanism:
+    """Masses in points, on rods without any; or on nothing, with the masses far out in two bodies."""
+    m = pt.Mechanism("double", gravity=(0, -G, 0))
+    if rods:
+        first = m.add_rod("rod 1", (0, 0, 0), (1, 0, 0), mass=0.0)
+        upper = m.add_body("upper", mass=1.0, inertia=(0, 0, 0), position=(1, 0, 0))
+        second = m.add_rod("rod 2", (1, 0, 0), (1, -0.7, 0), mass=0.0)
+        lower = m.add_body("lower", mass=0.4, inertia=(0, 0, 0), position=(1, -0.7, 0))
+        m.add_fixed("a", first, upper, point=(1, 0, 0))
+        m.add_fixed("b", second, lower, point=(1, -0.7, 0))
+    else:
+        first = upper = m.add_body("upper", mass=1.0, inertia=(0, 0, 0), com=(1, 0, 0))
+        second = m.add_body("lower", mass=0.4, inertia=(0, 0, 0), com=(0, -0.7, 0), position=(1, 0, 0))
+    m.add_revolute("A", m.ground, first, point=(0, 0, 0))
+    m.add_revolute("B", upper, second, point=(1, 0, 0))
+    return m
+
+
+@BOTH
+def test_a_chain_of_links_without_mass(coordinates: str) -> None:
+    rates = {"A": 0.5, "B": -1.0}
+    r = run(double_pendulum(True), coordinates, rates=rates)
+    other = run(double_pendulum(False), "relative", rates=rates)
+    assert np.abs(turns(r, "A", "B") - turns(other, "A", "B")).max() < 1e-9
+    pull = r.joint("B").force
+    assert np.abs(pull - other.joint("B").force).max() < 1e-8
+    assert np.abs(np.cross(along(r, "B", "b"), pull)).max() < 1e-8
+    angle, rate = turns(r, "A", "B").cumsum(axis=1), np.hstack([r.joint(j).velocity for j in "AB"]).cumsum(axis=1)
+    a, b = angle[:, 0], angle[:, 1] - np.pi / 2
+    kinetic = 0.7 * rate[:, 0] ** 2 + 0.098 * rate[:, 1] ** 2 + 0.28 * rate[:, 0] * rate[:, 1] * np.cos(a - b)
+    energy = kinetic + G * (1.4 * np.sin(a) + 0.28 * np.sin(b))
+    assert np.abs(energy - energy[0]).max() < 1e-9
+
+
+@BOTH
+@pytest.mark.parametrize("mass", [0.0, 1.0])
+def test_what_moves_no_mass_is_named(coordinates: str, mass: float) -> None:
+    """A rod without mass hangs on a pin; one that has its mass in its pin hangs there as well."""
+    m = pt.Mechanism("loose", gravity=(0, -G, 0))
+    arm = m.add_rod("arm", (0, 0, 0), (1, 0, 0), mass=2.0)
+    flag = m.add_body("flag", mass=mass, inertia=(0, 0, 0), position=(1, 0, 0))
+    m.add_revolute("A", m.ground, arm, point=(0, 0, 0))
+    m.add_revolute("B", arm, flag, point=(1, 0, 0))
+    with pytest.raises(DescriptionError, match=r"moves no mass.*takes along .flag., and nothing of it has mass"):
+        m.simulate(1.0, coordinates=coordinates)
+    assert any("moves no mass" in note for note in m.report(coordinates=coordinates).to_dict()["notes"])
+
+
+def test_joints_that_turn_without_mass_are_named_with_their_ratio() -> None:
+    """A four-bar without any mass beside a pendulum that has some: its only freedom moves nothing."""
+    m = four_bar(0.0)
+    bob = m.add_rod("bob", (5, 0, 0), (5, -1, 0), mass=1.0)
+    m.add_revolute("E", m.ground, bob, point=(5, 0, 0))
+    nothing = np.zeros((3, 3))
+    light = {f"{name}.{what}": x for name in ("crank", "rocker") for what, x in (("mass", 0.0), ("inertia", nothing))}
+    with pytest.raises(DescriptionError) as refused:
+        m.simulate(1.0, parameters=light)
+    words = str(refused.value)
+    assert 'takes along "crank", "rocker" and "coupler"' in words
+    rates = m.assemble(rates={"A": 1.0, "E": 0.0})
+    start = m.simulate(1e-3, initial=rates, t_eval=[0.0])
+    ratio = start.joint("D").velocity[0, 0] / start.joint("B").velocity[0, 0]
+    said = {part.split(" at ")[0][-1]: float(part.split(" at ")[1].split(" ")[0].rstrip(",")) for part in
+            words.split(": ")[1].split(" (rad/s")[0].split(", ")}
+    assert said["D"] / said["B"] == pytest.approx(ratio, abs=2e-4)
+    assert "E" not in said
+
+
+def test_masses_changed_to_nothing_between_runs() -> None:
+    m = four_bar(1.5)
+    options = {"rtol": 1e-11, "atol": 1e-11, "t_eval": [0.0, 1.0]}
+    before = m.simulate(1.0, **options)
+    light = m.simulate(1.0, parameters={"coupler.mass": 0.0, "coupler.inertia": np.zeros((3, 3))}, **options)
+    drawn = four_bar(0.0).simulate(1.0, **options)
+    again = m.simulate(1.0, **options)
+    assert np.array_equal(before.q, again.q)
+    assert np.abs(turns(light, "A", "D") - turns(drawn, "A", "D")).max() < 1e-10
+    heavier = four_bar(0.0).simulate(
+        1.0, parameters={"coupler.mass": 1.5, "coupler.inertia": np.diag([0, 1, 1]) * 1.5 * BAR**2 / 12}, **options
+    )
+    assert np.abs(turns(heavier, "A", "D") - turns(before, "A", "D")).max() < 1e-10
