@@ -27,18 +27,10 @@ pub fn dense_rows<S: ConstrainedSystem>(system: &S, c: &[f64], rows: &[usize]) -
 }
 
 impl MassProjection {
-    /// From a dense mass matrix, made a metric where it is none, and dense independent constraint rows at the position of the
-    /// scratch.
-    pub fn new<S: ConstrainedSystem>(
-        system: &S,
-        t: f64,
-        scratch: &mut S::Scratch,
-        mass: &[f64],
-        c: &Matrix,
-    ) -> Result<Self, SystemError> {
+    /// From a dense mass matrix, a metric, and dense independent constraint rows.
+    pub fn new<S: ConstrainedSystem>(system: &S, t: f64, mass: &[f64], c: &Matrix) -> Result<Self, SystemError> {
         let n = system.size().nv;
         let mut l = mass.to_vec();
-        system.add_metric(scratch, &mut l);
         dense::cholesky(&mut l, n)
             .map_err(|e| SystemError::Mass { name: system.velocity_name(e.index), pivot: e.pivot })?;
         let r = c.rows();
@@ -84,7 +76,8 @@ pub fn correct_orthogonally<S: ConstrainedSystem>(
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
     let c = dense_rows(r.system, &r.c, &rows);
-    let p = MassProjection::new(r.system, t, &mut r.scratch, &mass, &c)?;
+    r.system.add_metric(&mut r.scratch, &mut mass);
+    let p = MassProjection::new(r.system, t, &mass, &c)?;
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
     r.system.step(q, &p.correction(&x));
     Ok(())

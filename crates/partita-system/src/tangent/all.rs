@@ -245,7 +245,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         let r = &mut self.base.r;
         let rows = &r.partition.rows;
         let c = dense_rows(r.system, &r.c, rows);
-        let p = MassProjection::new(r.system, t, &mut r.scratch, &self.mass, &c)?;
+        // the next evaluation fills it anew
+        r.system.add_metric(&mut r.scratch, &mut self.mass);
+        let p = MassProjection::new(r.system, t, &self.mass, &c)?;
         for _ in 0..2 {
             let open: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
             let x: Vec<f64> = rows.iter().map(|&i| open[i]).collect();
