@@ -1,4 +1,4 @@
-"""Links without mass: closed forms, a held distance in their place, and what is refused because nothing carries mass."""
+"""Links without mass: closed forms, a held distance in their place, and what is refused for want of any mass."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 //! From the zero position to the tree of one space.
 
 use crate::joint::{LockedSlides, Motion};
-use crate::light;
 use crate::numbers::Numbers;
-use crate::place::{Placed, PlacedJoint};
+use crate::place::{Light, Placed, PlacedJoint};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree, Weight};
@@ -56,7 +55,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     let mut tree = Tree {
         origins: origins.iter().map(|x| G::vec_in(*x)).collect(),
         links,
-        light: placed.light.iter().map(|x| weighed(x)).collect(),
+        light: placed.light.iter().map(weighed).collect(),
         closings: Vec::new(),
         gravity: G::vec_in(numbers.gravity),
         idle: Vec::new(),
@@ -85,7 +84,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     (tree, names)
 }
 
-fn weighed<G: Space>(x: &light::Light) -> Weight<G> {
+fn weighed<G: Space>(x: &Light) -> Weight<G> {
     let inertia = G::inertia_in(&Mat3::from_f64(x.inertia.0));
     Weight { link: x.link, mass: G::S::from_f64(x.mass), inertia }
 }

@@ -9,7 +9,7 @@
 //! inertia about the line does that, for it never turns: none of its moments, and none of its energy, is ever felt. A point
 //! mass, or what hangs on one ball without mass, is held from all turns alike.
 
-use crate::place::Placed;
+use crate::place::{HeldSpin, Light, Placed};
 use crate::spec::{Coupling, Force, JointKind, Measure, Spec};
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
@@ -28,28 +28,6 @@ const COUNTS: f64 = 1e-2;
 const NONE: f64 = 1e-12;
 /// Points closer to a line than this, in parts of the drawing, are on it.
 const ON_LINE: f64 = 1e-9;
-
-/// What a link lacks.
-#[derive(Clone, Debug)]
-pub struct Light {
-    /// Link.
-    pub link: usize,
-    /// Mass.
-    pub mass: f64,
-    /// Inertia about its reference point, mechanism axes in the zero position.
-    pub inertia: Mat3<f64>,
-}
-
-/// A body whose spin is held.
-#[derive(Clone, Debug)]
-pub struct HeldSpin {
-    /// The body, by number.
-    pub body: usize,
-    /// The line it would spin about, mechanism axes in the zero position; none: any line.
-    pub line: Option<Vec3<f64>>,
-    /// Inertia that holds it, about the centre of mass, mechanism axes in the zero position.
-    pub inertia: Mat3<f64>,
-}
 
 /// A body that balls in one line hold, and nothing else does.
 #[derive(Clone, Debug)]
@@ -87,6 +65,12 @@ fn heaviest(placed: &Placed) -> f64 {
     let turning = |i: &Mat3<f64>| i.0.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let square = placed.size * placed.size;
     placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass).max(turning(&b.inertia) / square))
+}
+
+/// Find out what lacks mass in a placed description, with the masses at hand.
+pub fn weigh(placed: &mut Placed, spec: &Spec) {
+    placed.held = held(spec, placed);
+    placed.light = light(placed);
 }
 
 /// What links lack to count in a metric.

@@ -8,6 +8,7 @@ use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Scratch};
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
 use crate::joint::{Motion, Own};
+use crate::light;
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
@@ -128,7 +129,8 @@ impl Model {
         allow_plane: bool,
     ) -> Result<Self, DescriptionError> {
         validate::validate(&spec, functions.count())?;
-        let placed = Placed::new(&spec, coordinates, allow_plane)?;
+        let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
+        light::weigh(&mut placed, &spec);
         if placed.nv == 0 {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));

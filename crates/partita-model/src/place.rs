@@ -6,7 +6,6 @@
 
 use crate::error::DescriptionError;
 use crate::joint::{self, Motion, Shape};
-use crate::light::{self, HeldSpin, Light};
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
@@ -89,6 +88,28 @@ pub struct PlacedJoint {
     pub links: Option<Vec<usize>>,
     /// Is it walked from child to parent?
     pub reversed: bool,
+}
+
+/// What a link lacks.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Link.
+    pub link: usize,
+    /// Mass.
+    pub mass: f64,
+    /// Inertia about its reference point, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
+}
+
+/// A body whose spin is held.
+#[derive(Clone, Debug)]
+pub struct HeldSpin {
+    /// The body, by number.
+    pub body: usize,
+    /// The line it would spin about, mechanism axes in the zero position; none: any line.
+    pub line: Option<Vec3<f64>>,
+    /// Inertia that holds it, about the centre of mass, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
 }
 
 /// The zero position.
@@ -317,14 +338,7 @@ impl Placed {
             });
         }
         placed.grow_links(spec, &free);
-        placed.weigh(spec);
         Ok(placed)
-    }
-
-    /// Find out what lacks mass, with the masses at hand.
-    pub(crate) fn weigh(&mut self, spec: &Spec) {
-        self.held = light::held(spec, self);
-        self.light = light::light(self);
     }
 
     /// Where each node goes so that the tree joints fit.
