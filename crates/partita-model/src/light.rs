@@ -1,13 +1,13 @@
 //! Bodies that have no mass or next to none, or no inertia about some axis.
 //!
-//! The motion needs mass on the motions that the loops leave, `D M Dᵀ`, and nowhere else: a coupler may have none. M itself is then
-//! singular and no metric any more. Where a metric is wanted (scales of coordinates, rank, corrections) such bodies count with a
-//! least share of the heaviest. No equation of motion contains it.
+//! The motion needs mass on the motions that the loops leave, `D M Dᵀ`, and nowhere else: a coupler may have none.
+//! M itself is then singular and no metric any more. Where a metric is wanted (scales of coordinates, rank,
+//! corrections) such bodies count with a least share of the heaviest. No equation of motion contains it.
 //!
-//! One motion is different: the turn of a body about a line that holds its mass and the balls it hangs on, a thin rod's own
-//! spin. It moves nothing else, and without inertia nothing says how it goes; where nobody asks for it either, it is held. Any
-//! inertia about the line does that, for it never turns: none of its moments, and none of its energy, is ever felt. A point
-//! mass, or what hangs on one ball without mass, is held from all turns alike.
+//! One motion is different: the turn of a body about a line that holds its mass and the balls it hangs on, a thin
+//! rod's own spin. It moves nothing else, and without inertia nothing says how it goes; where nobody asks for it
+//! either, it is held. Any inertia about the line does that, for it never turns: none of its moments, and none of
+//! its energy, is ever felt. A point mass, or what hangs on one ball without mass, is held from all turns alike.
 
 use crate::place::{HeldSpin, Light, Placed};
 use crate::spec::{Coupling, Force, JointKind, Measure, Spec};
@@ -15,14 +15,14 @@ use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
 use partita_math::spatial::{Mat3, Vec3};
 
-/// Below this part of the heaviest a body is light: squared sines between rows of C shrink by it in the mass metric, and
-/// those below 1e-9 count as redundant.
+/// Below this part of the heaviest a body is light: squared sines between rows of C shrink by it in the mass
+/// metric, and those below 1e-9 count as redundant.
 const LIGHT: f64 = 1e-6;
-/// Below this part of the body's mass times the square of its reach a principal moment is light: a bar a thousand times as
-/// long as thick has half of it.
+/// Below this part of the body's mass times the square of its reach a principal moment is light: a bar a thousand
+/// times as long as thick has half of it.
 const THIN: f64 = 1e-6;
-/// What is light counts with this part instead: no coordinate is then a hundred times as mobile as its neighbours for want
-/// of mass alone.
+/// What is light counts with this part instead: no coordinate is then a hundred times as mobile as its neighbours
+/// for want of mass alone.
 const COUNTS: f64 = 1e-2;
 /// Inertia below this part of what a body has across is what rounding leaves of none.
 const NONE: f64 = 1e-12;

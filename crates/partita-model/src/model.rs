@@ -242,7 +242,7 @@ impl Model {
                 tree.articulate_straight(x);
                 tree.inverse_mass_diagonal(x, &mut counted);
             });
-            drawn.iter().zip(&counted).any(|(d, c)| !(*d <= LIGHTER * c))
+            drawn.iter().zip(&counted).any(|(d, c)| d.is_nan() || *d > LIGHTER * c)
         })
     }
 

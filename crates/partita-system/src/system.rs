@@ -198,8 +198,8 @@ pub trait ConstrainedSystem: Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
-    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it: [`add_metric`](Self::add_metric) is what
-    /// it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations of motion are those of M.
+    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
+    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations of motion are those of M.
     fn lacks_mass(&self) -> bool {
         false
     }

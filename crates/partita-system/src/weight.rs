@@ -4,8 +4,8 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 
-/// A freedom that carries less than this part of what light bodies count with in the metric, a hundredth of the heaviest,
-/// carries nothing but rounding.
+/// A freedom that carries less than this part of what light bodies count with in the metric, a hundredth of the
+/// heaviest, carries nothing but rounding.
 const NOTHING: f64 = 1e-12;
 /// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
 const STEPS: usize = 4;
@@ -74,7 +74,8 @@ pub fn unfelt<S: ConstrainedSystem>(
     Ok(Some(v))
 }
 
-/// Refuse a start in which some freedom moves no mass, with the joints that it turns and the bodies that it takes along.
+/// Refuse a start in which some freedom moves no mass, with the joints that it turns and the bodies that it takes
+/// along.
 ///
 /// # Errors
 /// `Unfelt`.

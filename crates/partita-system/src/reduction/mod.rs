@@ -25,8 +25,8 @@ const NONE: u32 = u32::MAX;
 /// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
 pub const FITS: f64 = 1e-11;
 
-/// Pivots of M_d below this part of the metric's are rounding: a freedom that moves no mass. Far below any that does, with the
-/// worst choice of coordinates allowed for.
+/// Pivots of M_d below this part of the metric's are rounding: a freedom that moves no mass. Far below any that does,
+/// with the worst choice of coordinates allowed for.
 const UNFELT: f64 = 1e-13;
 
 /// Rows of C weaker than this (squared, against their reach) hold round-off only.

@@ -44,8 +44,9 @@ impl Instant<'_> {
         }
     }
 
-    /// Where M alone is singular: `M + Cᵀ W C` in the place of M (n x n) and `h − Cᵀ W b` in that of h, W = diag(w²) over the
-    /// rows in use. With `C v' + b = 0` neither v' nor λ notices, and the sum is definite wherever the motion carries mass.
+    /// Where M alone is singular: `M + Cᵀ W C` in the place of M (n x n) and `h − Cᵀ W b` in that of h, W =
+    /// diag(w²) over the rows in use. With `C v' + b = 0` neither v' nor λ notices, and the sum is definite
+    /// wherever the motion carries mass.
     pub fn heavier(&self, mass: &mut [f64], h: &mut [f64]) {
         if self.scales.is_empty() {
             return;
