@@ -3,7 +3,8 @@
 use crate::reason::names;
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
-use partita_model::spec::{Body, Force, JointKind, Measure, Value};
+use partita_model::light;
+use partita_model::spec::{Body, Force, Measure, Value};
 use partita_model::Model;
 use serde::Serialize;
 
@@ -14,36 +15,19 @@ pub struct Idle {
     pub body: String,
     /// The ball joints that it spins between.
     pub joints: Vec<String>,
+    /// Is the spin held? It is where the body has no inertia about its line and nobody asks for the spin.
+    pub held: bool,
 }
 
 /// Bodies held by ball joints in one line alone.
 pub(crate) fn idle(model: &Model) -> Vec<Idle> {
-    let mut found = Vec::new();
-    for (i, body) in model.spec.bodies.iter().enumerate() {
-        let holds: Vec<usize> = (0..model.placed.joints.len())
-            .filter(|&j| [model.placed.joints[j].parent, model.placed.joints[j].child].contains(&(i + 1)))
-            .filter(|&j| model.spec.joints[j].kind != JointKind::Free)
-            .collect();
-        if holds.len() < 2 || holds.iter().any(|&j| model.spec.joints[j].kind != JointKind::Spherical) {
-            continue;
-        }
-        let at = |j: usize| {
-            let p = &model.placed.joints[j];
-            if p.child == i + 1 {
-                p.child_point
-            } else {
-                p.parent_point
-            }
-        };
-        let first = at(holds[0]);
-        let far = holds.iter().map(|&j| at(j) - first).max_by(|a, b| a.norm().total_cmp(&b.norm()));
-        let Some(line) = far.and_then(|x| x.unit()) else { continue };
-        if holds.iter().all(|&j| (at(j) - first).cross(line).norm() < 1e-9 * model.placed.size) {
-            let joints = holds.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
-            found.push(Idle { body: body.name.clone(), joints });
-        }
-    }
-    found
+    let joints = |x: &[usize]| x.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
+    let line = |x: light::Idle| Idle {
+        body: model.spec.bodies[x.body].name.clone(),
+        joints: joints(&x.joints),
+        held: model.placed.held.iter().any(|h| h.body == x.body),
+    };
+    light::idle(&model.spec, &model.placed).into_iter().map(line).collect()
 }
 
 /// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
@@ -55,16 +39,8 @@ pub fn weightless(model: &Model) -> Option<String> {
 
 /// Which body it is whose missing inertia leaves the motion open.
 pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
-    let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
-    let spins = idle.iter().filter(|x| number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
-    let said: Vec<String> =
-        spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
-    if !said.is_empty() {
-        return format!(
-            "no inertia: {} can spin but resists nothing; give it an axial inertia (add_body with the inertia of a round \
-             bar, m r^2 / 2 about its line), or a universal joint for one of the balls",
-            names(&said)
-        );
+    if let Some(words) = spins_unfelt(model, idle) {
+        return words;
     }
     let light: Vec<&str> = model
         .spec
@@ -74,6 +50,21 @@ pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
         .map(|b| b.name.as_str())
         .collect();
     format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&light))
+}
+
+/// Rods that can spin between balls without inertia, and are not held because something sees the spin.
+pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
+    let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
+    let spins = idle.iter().filter(|x| !x.held && number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
+    let said: Vec<String> =
+        spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
+    (!said.is_empty()).then(|| {
+        format!(
+            "no inertia: {} can spin but resists nothing; give it an axial inertia (add_body with the inertia of a round \
+             bar, m r^2 / 2 about its line), or a universal joint for one of the balls",
+            names(&said)
+        )
+    })
 }
 
 /// The smallest principal moment, zero where it is rounding.

@@ -2,7 +2,7 @@
 
 use crate::cures::{cures, Cure};
 use crate::determined::determined;
-use crate::doubtful::{idle, suspicious, without_inertia, Idle};
+use crate::doubtful::{idle, spins_unfelt, suspicious, without_inertia, Idle};
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
@@ -13,7 +13,7 @@ use partita_system::branching::{self, Branch};
 use partita_system::kinematics::assembly::move_to;
 use partita_system::reduction::Reduction;
 use partita_system::start::{choose_partition, rank_here};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{weight, ConstrainedSystem, SystemError};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
 
@@ -160,11 +160,11 @@ fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<
             }
         };
     }
-    match choose_partition(&mut r, t, q, None, None) {
+    let rest = vec![0.0; r.k()];
+    match choose_partition(&mut r, t, q, None, None).and_then(|()| r.evaluate(t, q, &rest)) {
         Err(SystemError::Mass { .. }) => return Ok(None),
         other => other?,
     }
-    r.evaluate(t, q, &vec![0.0; r.k()])?;
     let mut rho = vec![0.0; model.placed.nv];
     r.measure(t, q, &mut rho)?;
     let quality = r.quality(t, q)?;
@@ -303,8 +303,19 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     let mut notes = notes(model, &found);
     let weightless = measured.is_none();
     if weightless {
-        notes.push(without_inertia(model, &idle));
+        let unfelt = weight::words(model, t, q, placed.nv - found.mobility)?;
+        let spins = spins_unfelt(model, &idle);
+        notes.push(match (unfelt, spins) {
+            (_, Some(words)) => words,
+            (Some((motion, bodies)), _) => format!(
+                "a freedom moves no mass: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or inertia in that \
+                 motion",
+                names(&bodies)
+            ),
+            (None, None) => without_inertia(model, &idle),
+        });
     }
+    notes.extend(model.held_words());
     let cures = cures(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
@@ -603,7 +614,7 @@ mod tests {
         let m = model(spec.clone());
         let r = report(&m, 0.0, &m.initial()).unwrap();
         assert_eq!((r.freedoms, r.gruebler), (2, 2));
-        assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()] }]);
+        assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()], held: false }]);
         let line = [0, 1, 2].map(|i| spec.joints[2].point[i] - spec.joints[1].point[i]);
         let square: f64 = line.iter().map(|x| x * x).sum();
         spec.bodies[1].inertia = std::array::from_fn(|i| {
@@ -611,8 +622,8 @@ mod tests {
         });
         let m = model(spec);
         let r = report(&m, 0.0, &m.initial()).unwrap();
-        assert!(says(&r, "coupler about its own line between B and C"), "{:?}", r.notes);
-        assert!(r.coordinates.is_empty() && r.sigma.is_none());
+        assert!(says(&r, "coupler is held from spinning"), "{:?}", r.notes);
+        assert!(r.idle[0].held && !r.coordinates.is_empty() && r.sigma.is_some());
         // stretched out, the slider stands still
         let r = of(stretched_slider_crank());
         assert_eq!((r.dead, r.locked.len()), (vec!["S".to_string()], 0));

@@ -54,6 +54,7 @@ impl DriveRow {
 
 /// The tree in the space the evaluations run in.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one for each model: a box would cost every evaluation a step")]
 pub(crate) enum Engine<S: Scalar> {
     /// All motions in one plane: three numbers a twist.
     Flat(Box<Mechanics<Planar<S>>>),
@@ -444,6 +445,7 @@ fn massive(placed: &Placed) -> Vec<bool> {
     for b in &placed.bodies {
         massive[b.link] |= b.mass != 0.0 || b.inertia.0.concat().iter().any(|x| *x != 0.0);
     }
+    placed.held.iter().for_each(|x| massive[placed.bodies[x.body].link] = true);
     massive
 }
 

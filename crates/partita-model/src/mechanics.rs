@@ -50,6 +50,11 @@ impl<G: Space> Mechanics<G> {
         Self { tree, elements, conditions, sights }
     }
 
+    /// M is a metric as it is: let no link count with more than it has.
+    pub(crate) fn count_as_drawn(&mut self) {
+        self.tree.light.clear();
+    }
+
     /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)
     pub(crate) fn hold(
         &self,

@@ -90,6 +90,28 @@ pub struct PlacedJoint {
     pub reversed: bool,
 }
 
+/// What a link lacks.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Link.
+    pub link: usize,
+    /// Mass.
+    pub mass: f64,
+    /// Inertia about its reference point, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
+}
+
+/// A body whose spin is held.
+#[derive(Clone, Debug)]
+pub struct HeldSpin {
+    /// The body, by number.
+    pub body: usize,
+    /// The line it would spin about, mechanism axes in the zero position; none: any line.
+    pub line: Option<Vec3<f64>>,
+    /// Inertia that holds it, about the centre of mass, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
+}
+
 /// The zero position.
 #[derive(Clone, Debug)]
 pub struct Placed {
@@ -122,6 +144,10 @@ pub struct Placed {
     pub size: f64,
     /// Characteristic length: the extent of a typical body, however many of them there are.
     pub length: f64,
+    /// What links without mass or inertia lack in a metric.
+    pub light: Vec<Light>,
+    /// Rods between balls whose spin is held.
+    pub held: Vec<HeldSpin>,
 }
 
 /// Names of the joints that are driven, coupled or loaded along a coordinate.
@@ -290,6 +316,8 @@ impl Placed {
             velocity_names: Vec::new(),
             size,
             length: body_length(spec).unwrap_or(size),
+            light: Vec::new(),
+            held: Vec::new(),
         };
         for ((j, edge), shape) in spec.joints.iter().zip(&edges).zip(&shapes) {
             let (p, c) = closing_points(j, edge, &moved);

@@ -19,6 +19,7 @@ pub mod singular;
 pub mod start;
 pub mod system;
 pub mod tangent;
+pub mod weight;
 
 pub use partition::Partition;
 pub use system::{ConstrainedSystem, Fit, Size, SystemError};

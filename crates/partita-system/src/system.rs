@@ -213,6 +213,24 @@ pub trait ConstrainedSystem: Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
+    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
+    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations of motion are those of M.
+    fn lacks_mass(&self) -> bool {
+        false
+    }
+    /// Make a dense M (nv x nv) the metric, after `position`.
+    fn add_metric(&self, _s: &mut Self::Scratch, _mass: &mut [f64]) {}
+    /// Names of the bodies that move at these velocities.
+    fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
+        Vec::new()
+    }
+    /// What is to be said of a start with these velocities, or against it.
+    ///
+    /// # Errors
+    /// Velocities that nothing carries on.
+    fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
+        Ok(Vec::new())
+    }
     /// `s_i² = [M⁻¹]_ii` after `position`: the squared lengths |k_i|².                     (19)
     fn inverse_mass_diagonal(
         &self,

@@ -379,8 +379,10 @@ def simulate(
     try:
         raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     except DescriptionError as error:
-        who = model.core.weightless() if "mass matrix" in error.message else None
-        if who is None:
+        short = any(words in error.message for words in ("mass matrix", "moves no mass"))
+        who = model.core.weightless() if short else None
+        # a motion already named needs no more than the rod that spins
+        if who is None or ("moves no mass" in error.message and not who.startswith("no inertia")):
             raise
         raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
     if raw["status"] in _OF_A_POSITION:

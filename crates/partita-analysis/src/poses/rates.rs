@@ -7,7 +7,7 @@ use partita_math::factor::least_squares_min_norm;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::branching::ways::{self, Asked};
-use partita_system::kinematics::velocity::near_with_rates;
+use partita_system::kinematics::velocity::{momentum, near_with_rates, pushed_with_rates};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
@@ -83,6 +83,14 @@ pub fn with_rates(
     // what an impulse along each of them does: the projection of M^-1 g
     let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for ((x, _), g) in rows.iter().zip(&gradients) {
+        if model.lacks_mass() {
+            // what takes no momentum to move can still be pushed
+            let mut push = momentum(&mut r, t, q, near)?;
+            push.iter_mut().zip(g).for_each(|(p, g)| *p += g);
+            let moved = pushed_with_rates(&mut r, t, q, &push, &own)?;
+            moves.push(moved.iter().zip(&v).map(|(a, b)| a - b).collect());
+            continue;
+        }
         let (mut phi, mut c, mut a) =
             (vec![0.0; model.size().holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; model.size().rows]);
         model.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;

@@ -20,7 +20,7 @@ use partita_system::record::{FormulationCounters, Gaps, Output};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{weight, ConstrainedSystem, SystemError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -149,6 +149,8 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if rigid && !system.rheonomic() {
         notes.push(CANNOT_MOVE.to_string());
     }
+    weight::refuse(system, t, q_start, found.rank)?;
+    notes.extend(system.start_notes(q_start, v_start)?);
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());

@@ -23,6 +23,9 @@ fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
     Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
 }
 
+/// A spin below this part of the fastest turn is what closing and choosing leave of none.
+const SPINS: f64 = 1e-7;
+
 impl Model {
     /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
     fn felt(&self, t: f64, s: &ModelScratch, vdot: &[f64]) -> Result<(), SystemError> {
@@ -278,6 +281,51 @@ impl ConstrainedSystem for Model {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         self.own.inverse_dynamics(t, q, v, vdot, s, out)
+    }
+
+    fn lacks_mass(&self) -> bool {
+        !self.placed.light.is_empty()
+    }
+
+    fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
+        with_engine!(self, s, |tree, x| tree.add_light(x, mass));
+    }
+
+    fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let speed = |link: usize| {
+            let x = &s.full.links[link];
+            x.w.norm().max(x.u.norm() / self.placed.length)
+        };
+        let all: Vec<f64> = self.placed.bodies.iter().map(|b| speed(b.link)).collect();
+        let most = all.iter().copied().fold(0.0, f64::max);
+        let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > 1e-6 * most);
+        moving.map(|x| x.0.name.clone()).collect()
+    }
+
+    fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
+        if self.placed.held.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.placed.length));
+        for x in &self.placed.held {
+            let state = &s.full.links[self.placed.bodies[x.body].link];
+            let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));
+            if spin.abs() > SPINS * fastest {
+                let name = &self.spec.bodies[x.body].name;
+                let about = if x.line.is_some() { "about its own line" } else { "about itself" };
+                let message = format!(
+                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s {about}, and has no inertia in that: nothing says \
+                     how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
+                     it is held then"
+                );
+                return Err(SystemError::argument("rates", message));
+            }
+        }
+        Ok(self.held_words().into_iter().collect())
     }
 
     fn inverse_mass_diagonal(

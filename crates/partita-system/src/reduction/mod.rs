@@ -27,6 +27,10 @@ const NONE: u32 = u32::MAX;
 /// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
 pub const FITS: f64 = 1e-11;
 
+/// Pivots of M_d below this part of the metric's are rounding: a freedom that moves no mass. Far below any that does,
+/// with the worst choice of coordinates allowed for.
+const UNFELT: f64 = 1e-13;
+
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
 /// ... unless it is larger than this (in reaches): then the loops are really open.
@@ -104,6 +108,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     rows_stay: bool,
     /// Do velocities weigh by their reaches, whatever the masses?
     weighs_reaches: bool,
+    /// Is M short of mass?
+    lacks_mass: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -159,9 +165,13 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
     pub fn geometric(system: &'s S, rank: usize) -> Self {
-        let mut new = Self::new(system, rank);
-        new.weighs_reaches = true;
-        new
+        Self::new(system, rank).weighing_reaches()
+    }
+
+    /// The same for one that is at hand.
+    pub fn weighing_reaches(mut self) -> Self {
+        self.weighs_reaches = true;
+        self
     }
 
     /// The same with `dt` in full.
@@ -205,6 +215,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             bridges: vec![false; size.rows],
             rows_stay: false,
             weighs_reaches: false,
+            lacks_mass: system.lacks_mass(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -370,8 +381,28 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             name: self.system.velocity_name(self.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
+        if self.lacks_mass {
+            self.feels()?;
+        }
         dense::cholesky_solve(&self.md_factor, self.k, &mut self.vdot_independent);
         Ok(())
+    }
+
+    /// Where M is short of mass: does each pivot of M_d hold its own against the metric, or is it what rounding left?
+    fn feels(&self) -> Result<(), SystemError> {
+        for (j, &i) in self.partition.independent.iter().enumerate() {
+            let pivot = self.md_factor[j * self.k + j].powi(2);
+            if pivot * self.s2[i] < UNFELT {
+                return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot });
+            }
+        }
+        Ok(())
+    }
+
+    /// Take pivots of M_d as they are: tangent velocities of others have units of their own.
+    pub fn trusting_pivots(mut self) -> Self {
+        self.lacks_mass = false;
+        self
     }
 
     /// All levels at `(t, q, v_I)`.
