@@ -23,6 +23,7 @@ class Layout:
         self.names: list[str] = []
         self.velocity_names: list[str] = []
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
+        self._beyond: dict[str, Span] = {}
         if summary is not None:
             self.fill(summary)
 
@@ -31,11 +32,18 @@ class Layout:
         self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
+            count = joint["v"][1]
+            if joint["state_v"] is None and 0 < count == joint["q"][1]:
+                self._beyond[joint["name"]] = sum(n for _, n in self._beyond.values()), count
 
     @property
     def tree_joints(self) -> list[str]:
         """Names of the joints whose coordinates are part of the state."""
         return [name for name, (q, _) in self._spans.items() if q is not None]
+
+    def beyond(self, joint: Any) -> Span | None:
+        """First index and number of a joint that closes a loop among what functions see besides q, and besides v."""
+        return self._beyond.get(str(joint))
 
     def q(self, joint: Any) -> Span:
         """First index and number of the joint's coordinates in q."""
@@ -68,21 +76,26 @@ class Layout:
 
 class StateView:
     """A state as handed to a user's function: time `t`, coordinates `q`, velocities `v`, and both by joint
-    name."""
+    name, those of joints that close loops or stand in absolute coordinates among them (their angles, in space, within
+    half a turn either way; turns about all axes are not)."""
 
-    __slots__ = ("_layout", "q", "t", "v")
+    __slots__ = ("_beyond", "_layout", "q", "t", "v")
 
-    def __init__(self, t: float, q: Array, v: Array, layout: Layout) -> None:
+    def __init__(self, t: float, q: Array, v: Array, layout: Layout, beyond: tuple[Array, Array] | None = None) -> None:
         self.t, self.q, self.v = t, q, v
-        self._layout = layout
+        self._layout, self._beyond = layout, beyond
 
     def position(self, joint: Any) -> Any:
         """Coordinate of a joint by name or handle [rad or m]: a float if it has one, else an array; see
         `State.position`."""
+        if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
+            return _part(self._beyond[0], span)
         return _part(self.q, self._layout.q(joint))
 
     def velocity(self, joint: Any) -> Any:
         """Velocity of a joint by name or handle [rad/s or m/s]: a float if it has one, else an array."""
+        if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
+            return _part(self._beyond[1], span)
         return _part(self.v, self._layout.v(joint))
 
 

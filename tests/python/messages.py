@@ -118,6 +118,23 @@ def thin() -> pt.Mechanism:
     return m
 
 
+def pushed_aside() -> pt.Mechanism:
+    """The same, with a force beside its line."""
+    m = thin()
+    m.add_force("coupler", (0, 0, 1), point=(1, 0.1, 0), name="push")
+    return m
+
+
+def flagged() -> pt.Mechanism:
+    """A flag without mass on a pin of a crank."""
+    m = pt.Mechanism("flag")
+    m.add_rod("crank", start=ORIGIN, end=X, mass=1.0)
+    m.add_rod("flag", start=X, end=(2, 1, 0), mass=0.0)
+    m.add_revolute("A", m.ground, "crank", point=ORIGIN)
+    m.add_revolute("B", "crank", "flag", point=X)
+    return m
+
+
 def loose() -> pt.Mechanism:
     m = four_bar()
     m.add_body("stone", mass=1.0, inertia=(1, 1, 1))
@@ -205,7 +222,8 @@ CASES = (
          lambda: four_bar().assemble(rates={"A": 1.0})),
     Said(LOOPS, "a start in a position where branches meet", lambda: flat_parallelogram().simulate(0.1),
          "All links lie in one line: from here the linkage can move as a parallelogram or crosswise.",
-         "Start a little away from it, on the branch you mean."),
+         "Give rates that one branch alone has, or start a little away from it, on the branch you mean.",
+         lambda: flat_parallelogram().simulate(0.1, initial=flat_parallelogram().assemble(rates={"A": 1.0, "D": 1.0}))),
     Said(DRIVES, "a drive of a truss", lambda: driven(("foot of left", lambda t: t), m=truss()).simulate(0.1),
          "Three bars and three pins do not move.", "Free a joint, or take the drive away."),
     Said(DRIVES, "two motors that want different things",
@@ -228,11 +246,17 @@ CASES = (
     Said(MOVES, "hinges in one plane", lambda: part(four_bar().report(), "Redundancy"),
          "Spatial hinges hold the plane of the links again and again.",
          "None for the motion. For reactions across the plane, replace the joints named, or `add_compliance`."),
-    Said(MOVES, "a thin rod between two balls", lambda: thin().simulate(0.1),
-         "The rod can spin about its own line, and has no inertia about it.",
-         "Draw it with `add_body` and its axial inertia, or with a universal joint at one end.",),
-    Said(MOVES, "the report of that rod", lambda: part(thin().report(), "Notes"),
+    Said(MOVES, "a thin rod between two balls", lambda: part(thin().report(), "Notes"),
+         "The rod can spin about its own line, and has no inertia about it. Nothing is wrong: the spin is held.",
+         "None; where the spin matters, draw the rod with `add_body` and its axial inertia."),
+    Said(MOVES, "a thin rod between two balls, pushed beside its line", lambda: pushed_aside().simulate(0.1),
+         "The force turns the rod about its own line, where it has no inertia.",
+         "Draw it with `add_body` and its axial inertia, or with a universal joint at one end."),
+    Said(MOVES, "the report of that rod", lambda: part(pushed_aside().report(), "Notes"),
          "The same, seen before the run.", "The same."),
+    Said(MOVES, "a flag without mass on a pin", lambda: flagged().simulate(0.1),
+         "Nothing that the flag takes along has mass, so no force says how it turns.",
+         "Give it mass or inertia, fix it, or drive it."),
     Said(MOVES, "a body that nothing holds", lambda: part(loose().report(), "Notes"),
          "A joint was forgotten, or joins another body.", "Join it; if it is to fly, `add_free` says so."),
     Said(MOVES, "a structure", lambda: part(truss().report(), "Mobility"),

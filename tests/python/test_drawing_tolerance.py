@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from test_contradictions import rockers
 
 import partita as pt
-from partita.errors import ContradictionError, DescriptionError
+from partita.errors import ArgumentError, ContradictionError, DescriptionError
 
 Vector = NDArray[np.float64]
 BOTH = ["relative", "absolute"]
@@ -151,6 +151,45 @@ def test_a_tolerance_of_nothing_means_every_digit(off: float, coordinates: str) 
     assert exact.compile(coordinates=coordinates).mobility == 0
     if off == 1e-5:  # weaker ones cannot be told from a singular position by numbers of sixteen digits
         assert "out of parallel" in " ".join(exact.report(coordinates=coordinates).split())
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_a_structure_too_weak_for_its_reactions_is_told_as_one(coordinates: str) -> None:
+    """Held by a condition that adds 1e-6 to the others: the report knows; what cannot be computed is refused."""
+    m = four_bar(1e-6, drawing_tolerance=1e-9)
+    found = m.report(coordinates=coordinates).to_dict()
+    assert found["mobility"] == 0 and found["singular"] is None
+    assert any("out of parallel" in words for words in found["misfits"])
+    assert "give a larger drawing_tolerance" in " ".join(m.report(coordinates=coordinates).split())
+    try:
+        run = m.simulate(0.1, coordinates=coordinates)
+    except ArgumentError as error:
+        assert error.argument == "drawing_tolerance" and "cannot move" in str(error)
+    else:
+        assert any("cannot move" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_a_run_of_a_structure_says_that_it_cannot_move(coordinates: str) -> None:
+    run = four_bar(1e-3).simulate(0.1, coordinates=coordinates)
+    assert run.success and any("cannot move" in note for note in run.notes)
+    assert any("C is 0.057 deg out of parallel" in note for note in run.notes)
+    assert "cannot move" in str(run.certificate)
+    driven = four_bar(1e-5)
+    driven.add_drive("A", position=lambda t: 0.1 * t)
+    assert not any("cannot move" in note for note in driven.simulate(0.1, coordinates=coordinates).notes)
+
+
+@pytest.mark.parametrize("make", [four_bar, five_bar, three_cranks, bennett])
+def test_one_verdict_in_both_kinds_of_coordinates(make: Callable[[float], pt.Mechanism]) -> None:
+    """Up to the tolerance, beyond it and in between, where the verdict changes."""
+    for off in (1e-4, 1.5e-4, 2e-4, 3e-4, 5e-4, 7e-4, 1e-3, 3e-3, 1e-2):
+        found = [make(off).report(coordinates=c).to_dict() for c in BOTH]
+        assert found[0]["mobility"] == found[1]["mobility"], off
+        assert found[0]["misfit"] == pytest.approx(found[1]["misfit"], rel=1e-6), off
+        assert found[0]["misfit"] > 0.0 and found[0]["misfits"], off
+    meant = make(0.0).compile().mobility
+    assert make(1e-4).compile().mobility == meant and make(1e-3).compile().mobility == meant - 1
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])

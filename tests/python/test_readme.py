@@ -2,13 +2,15 @@
 
 import importlib.util
 import re
+import shutil
 import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import paper_runs
 import pytest
 
 import partita as pt
@@ -157,8 +159,20 @@ def test_front_page_has_rows_of_the_comparison() -> None:
     assert module.front() == text_of(ROOT / "README.md") and module.EXCERPT.search(module.front())
 
 
-def test_pages_render(tmp_path: Path) -> None:
+def test_pages_render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The figures of the paper are those that its own tests draw, once for all."""
     module = tool()
+    own = module.scripts
+
+    def scripts(folder: Path, name: str) -> Any:
+        def main(short: bool, into: Path) -> None:
+            paper_runs.numbers(name, short)
+            into.mkdir(parents=True, exist_ok=True)
+            shutil.copy(paper_runs.folder() / f"{name}.png", into)
+
+        return SimpleNamespace(main=main) if folder == module.PAPER else own(folder, name)
+
+    monkeypatch.setattr(module, "scripts", scripts)
     module.render(tmp_path, short=True)
     written = {path.relative_to(tmp_path).with_suffix(".md") for path in tmp_path.rglob("*.html")}
     assert written == {page.relative_to(ROOT / "docs") for page in module.pages()}

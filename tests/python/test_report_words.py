@@ -69,6 +69,11 @@ def test_idle_spin_of_a_rod_between_balls() -> None:
     m.add_spherical("C", "coupler", "rocker", point=C)
     m.add_revolute("D", m.ground, "rocker", point=D)
     said = " ".join(m.report().split())
+    assert "which moves nothing else (it is held, without inertia about that line)" in said
+    assert "coupler is held from spinning" in said
+    m.add_force("coupler", (0, 0, 1), point=(0, 0.1, 0))
+    said = " ".join(m.report().split())
+    assert "held" not in said
     assert "no inertia: coupler about its own line between B and C can spin but resists nothing" in said
     assert "axial inertia" in said
 

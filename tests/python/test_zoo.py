@@ -57,6 +57,53 @@ def test_drawings_are_closed_to_round_off(name: str) -> None:
     assert found is not None and found["iterations"] == 0 and found["residual"] <= 1e-14
 
 
+@pytest.mark.parametrize("name", ["bennett", "goldberg", "myard", "bricard-plane-symmetric"])
+@pytest.mark.parametrize("formulation", ["projective", "explicit-closing"])
+def test_loops_of_special_lengths_pass_no_singular_position(name: str, formulation: str) -> None:
+    """Rows kept of redundant ones lose rank on the way, the loop does not: by the independent program it is sound."""
+    entry = pt.catalogue.entry(name)
+    result = entry.simulate(t_eval=np.linspace(0.0, 10.0, 21), formulation=formulation)
+    assert result.success and result.certificate.verdict == "holds"
+    assert not [note for note in result.certificate.notes if "singular positions" in note]
+    assert result.energy.relative_balance < 100 * 1e-9
+    assert zoo.closure(result) < 1e-12
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("samples", [19, 37, 361])
+def test_cams_by_tables_keep_their_energy(samples: int, coordinates: str) -> None:
+    """The third derivative of the curve jumps at each sample: steps end there, or thousands of tolerances are lost."""
+    m, rtol = pt.Mechanism("cam", gravity=(0.0, -9.81, 0.0)), 1e-11
+    m.add_body("cam", mass=2.0, inertia=(0.01, 0.01, 0.01))
+    m.add_body("tappet", mass=0.5, inertia=(0.01, 0.01, 0.01), position=(0.0, 0.3, 0.0))
+    m.add_revolute("shaft", "ground", "cam", point=(0, 0, 0))
+    m.add_prismatic("guide", "ground", "tappet", point=(0, 0.2, 0), axis=(0, 1, 0))
+    angles = np.linspace(0.0, 2.0 * np.pi, samples)
+    m.add_cam("guide", "shaft", (angles, 0.03 * np.sin(angles / 2.0) ** 4), periodic=True)
+    start = m.assemble(rates={"shaft": -6.0})
+    start = start if coordinates == "relative" else m.convert(start, "absolute")
+    run = m.simulate(2.0, initial=start, t_eval=[0.0, 1.0, 2.0], rtol=rtol, atol=1e-13, coordinates=coordinates)
+    assert run.certificate.verdict == "holds"
+    # a few hundred steps, the estimate of each below a tolerance
+    assert run.energy.relative_balance < 100 * rtol
+    # one polynomial, one step, and some more where a turn is not seen to end on a sample at once
+    turned = 6.0 * 2.0 / (2.0 * np.pi) * samples
+    assert run.counters["steps"] < 3.0 * turned + 200
+
+
+def test_a_drive_by_a_table_does_the_work_it_should() -> None:
+    """Without gravity what the drive has done is what the rod has in motion."""
+    m = pt.Mechanism("rod", gravity=(0.0, 0.0, 0.0))
+    m.add_body("rod", mass=1.0, inertia=(0.1, 0.1, 0.1), com=(0.5, 0.0, 0.0))
+    m.add_revolute("A", "ground", "rod", point=(0, 0, 0))
+    times = np.linspace(0.0, 5.0, 91)
+    m.add_drive("A", position=(times, np.sin(2.0 * times)))
+    run = m.simulate(5.0, t_eval=np.linspace(0.0, 5.0, 11), rtol=1e-11, atol=1e-13)
+    assert run.success and run.energy.relative_balance < 10 * 1e-11
+    # the rate of the torque jumps at each sample: a step an interval at the least
+    assert 90 <= run.counters["steps"] <= 400
+
+
 def test_the_self_stress_of_the_plane_symmetric_loop_is_a_force_in_its_plane() -> None:
     """As drawn, along the plane's normal the force is unique, and at hinges in the plane moments in it are."""
     entry = pt.catalogue.entry("bricard-plane-symmetric")
@@ -71,6 +118,13 @@ def test_the_self_stress_of_the_plane_symmetric_loop_is_a_force_in_its_plane() -
         flags = result.joint(name).in_frame(along).determined_at[0]
         in_plane = name in "AD"
         assert flags.tolist() == [True, False, False, False, in_plane, in_plane], name
+
+
+def test_reports_say_nothing_false_of_what_rolls_or_meshes() -> None:
+    """A bicycle is locked sideways as it stands, not in any position; tooth forces go around without a joint."""
+    assert "in any position" not in str(pt.catalogue.load("whipple-bicycle").report())
+    words = " ".join(str(pt.catalogue.load("planetary-gear").report()).split())
+    assert "the efforts of couplings can balance one another" in words and "nothing can" not in words
 
 
 def test_truth_says_what_is_unique() -> None:

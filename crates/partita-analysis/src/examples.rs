@@ -2,6 +2,7 @@
 
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::place::Coordinates;
+use partita_model::spec::JointKind::{Prismatic, Revolute};
 use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION};
 use partita_model::value::NoFunctions;
 use partita_model::Model;
@@ -43,7 +44,7 @@ pub fn joint(name: &str, kind: JointKind, parent: &str, child: &str, point: [f64
 pub fn drive(name: &str, joint: &str) -> Drive {
     let coefficients = vec![[0.0, 0.0, 1.0, 0.0]];
     let table = partita_model::spec::Table { breaks: vec![0.0, 1.0], coefficients };
-    Drive { name: name.into(), measure: Measure::joint(joint, 0), motion: Value::Table(table), level: Level::Position }
+    Drive::new(name, Measure::joint(joint, 0), Value::Table(table), Level::Position)
 }
 
 /// Turn everything by the same generic rotation.
@@ -134,4 +135,18 @@ pub fn model(spec: Spec) -> Model {
 
 pub fn compiled(spec: Spec, coordinates: Coordinates) -> Model {
     Model::new(spec, Arc::new(NoFunctions), coordinates).unwrap()
+}
+
+/// A slider-crank stretched out: its slider stands still.
+pub fn stretched_slider_crank() -> Spec {
+    let mut spec = empty("slider-crank");
+    let (b, c) = ([1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);
+    spec.bodies = vec![body("crank", [0.0; 3], b), body("rod", b, c), body("slider", c, [3.5, 0.0, 0.0])];
+    spec.joints = vec![
+        joint("A", Revolute, "ground", "crank", [0.0; 3], Z),
+        joint("B", Revolute, "crank", "rod", b, Z),
+        joint("S", Prismatic, "ground", "slider", c, [1.0, 0.0, 0.0]),
+        joint("C", Revolute, "rod", "slider", c, Z),
+    ];
+    spec
 }

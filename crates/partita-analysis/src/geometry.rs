@@ -17,7 +17,7 @@ use partita_model::Model;
 use partita_system::drawing::EXACT;
 use partita_system::start::{Start, REDUNDANT};
 use partita_system::system::Tangent;
-use partita_system::{ConstrainedSystem, Size, SystemError};
+use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
 
 /// The mechanism with all closing rows in space, and its coordinates there.
 ///
@@ -170,6 +170,12 @@ impl ConstrainedSystem for Geometry<'_> {
     }
     fn drawing_tolerance(&self) -> f64 {
         self.model.drawing_tolerance()
+    }
+    fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        self.model.fit(t, q, tolerance)
+    }
+    fn travel(&self, v: &[f64]) -> f64 {
+        self.model.travel(v)
     }
     fn row_reach(&self, i: usize) -> Option<f64> {
         Some(self.row_reach[i])

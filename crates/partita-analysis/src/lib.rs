@@ -3,6 +3,7 @@
 
 pub mod cures;
 pub mod determined;
+pub mod doubtful;
 pub mod error;
 #[cfg(test)]
 mod examples;

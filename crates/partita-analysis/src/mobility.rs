@@ -97,7 +97,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
     if found.misfit == 0.0 {
-        if let Some(meant) = beyond(&released, t, &q)? {
+        if let Some(meant) = beyond(&released, t, &q, released.drawing_tolerance())? {
             let (rank, dropped, misfit) = (meant.rank, meant.dropped, meant.misfit);
             let meant = Start { rank, dropped, near: meant.near, misfit, ..Start::default() };
             let of_rows = stresses(&released, &pose, &meant, t, &q)?;

@@ -105,6 +105,13 @@ pub(crate) fn names<S: AsRef<str>>(names: &[S]) -> String {
 pub(crate) fn reason(pose: &Pose, stress: &Stress, misfits: bool) -> String {
     let joints: Vec<usize> = stress.joints.iter().map(|x| x.0).collect();
     let all: Vec<&str> = joints.iter().map(|&j| pose.model.spec.joints[j].name.as_str()).collect();
+    if all.is_empty() {
+        let who = if stress.drives.is_empty() { "couplings" } else { "drives" };
+        return format!(
+            "the efforts of {who} can balance one another without a load on any joint: with these ratios the row follows from the \
+             others, with slightly different ones it may lock the mechanism"
+        );
+    }
     let all = names(&all);
     let size = pose.model.placed.size;
     let parallel = if misfits { PARALLEL.max(bridged_gap(pose.model.drawing_tolerance())) } else { PARALLEL };

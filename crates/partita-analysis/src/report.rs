@@ -2,20 +2,18 @@
 
 use crate::cures::{cures, Cure};
 use crate::determined::determined;
+use crate::doubtful::{idle, spins_unfelt, suspicious, without_inertia, Idle};
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
-use partita_math::dense::Matrix;
-use partita_math::factor::symmetric_eigen;
 use partita_model::evaluator::DriveRow;
-use partita_model::spec::{Body, Force, JointKind, Measure, Value};
 use partita_model::Model;
 use partita_system::branching::{self, Branch};
 use partita_system::kinematics::assembly::move_to;
 use partita_system::reduction::Reduction;
 use partita_system::start::{choose_partition, rank_here};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{weight, ConstrainedSystem, SystemError};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
 
@@ -58,15 +56,6 @@ pub struct ReactionLine {
     pub joint: String,
     /// Force x, y, z and moment x, y, z, joint axes.
     pub determined: [bool; 6],
-}
-
-/// A body that can spin by itself and nothing else notices.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Idle {
-    /// The body.
-    pub body: String,
-    /// The ball joints that it spins between.
-    pub joints: Vec<String>,
 }
 
 /// Everything worth knowing about a mechanism at one position, at rest; names, not indices.
@@ -159,11 +148,23 @@ pub struct Singular {
 /// Measures and the choice at a position; none where a body that moves has no inertia.
 fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<Measured>, SystemError> {
     let mut r = Reduction::new(model, model.placed.nv - mobility);
-    match choose_partition(&mut r, t, q, None, None) {
+    if mobility == 0 {
+        // nothing to choose, however weak the conditions that hold it
+        r.position(t, q)?;
+        return match r.refresh_scales(t, q) {
+            Err(SystemError::Mass { .. }) => Ok(None),
+            Err(e) => Err(e),
+            Ok(()) => {
+                let (rho, scales) = (vec![0.0; model.placed.nv], r.scales().to_vec());
+                Ok(Some(Measured { rho, independent: Vec::new(), scales, sigma: 1.0, sqrt_mu: 1.0 }))
+            }
+        };
+    }
+    let rest = vec![0.0; r.k()];
+    match choose_partition(&mut r, t, q, None, None).and_then(|()| r.evaluate(t, q, &rest)) {
         Err(SystemError::Mass { .. }) => return Ok(None),
         other => other?,
     }
-    r.evaluate(t, q, &vec![0.0; r.k()])?;
     let mut rho = vec![0.0; model.placed.nv];
     r.measure(t, q, &mut rho)?;
     let quality = r.quality(t, q)?;
@@ -203,7 +204,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     };
     let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
     let way = |b: &Branch| Way {
-        rates: named(branching::rates(&joints, b)),
+        rates: named(branching::rates(&joints, b, &found.branches)),
         guess: named(branching::guess(&joints, q, b)),
         mobility: b.mobility,
     };
@@ -302,8 +303,19 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     let mut notes = notes(model, &found);
     let weightless = measured.is_none();
     if weightless {
-        notes.push(without_inertia(model, &idle));
+        let unfelt = weight::words(model, t, q, placed.nv - found.mobility)?;
+        let spins = spins_unfelt(model, &idle);
+        notes.push(match (unfelt, spins) {
+            (_, Some(words)) => words,
+            (Some((motion, bodies)), _) => format!(
+                "a freedom moves no mass: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or inertia in that \
+                 motion",
+                names(&bodies)
+            ),
+            (None, None) => without_inertia(model, &idle),
+        });
     }
+    notes.extend(model.held_words());
     let cures = cures(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
@@ -347,6 +359,10 @@ const NUDGE: f64 = 0.02;
 /// Coordinates that cannot move: in any position, and in this one alone.
 fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> (Vec<String>, Vec<String>) {
     let Some(m) = measured.filter(|_| mobility > 0) else { return Default::default() };
+    let size = model.size();
+    if (size.holonomic..size.rows).any(|i| !model.row_is_drive(i)) {
+        return Default::default(); // what rolls comes to any position by manoeuvres, one nearby tells nothing
+    }
     let driven: HashSet<usize> = model.drives.iter().filter_map(DriveRow::velocity).collect();
     let stands = |rho: &[f64], i: usize| rho[i] < STILL && !driven.contains(&i);
     let all: Vec<usize> = (0..m.rho.len()).filter(|&i| stands(&m.rho, i)).collect();
@@ -354,157 +370,23 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         return Default::default();
     }
     let nearby = || -> Option<Vec<f64>> {
-        let &i = m.independent.first()?;
-        let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
+        // all of them, by moves that have nothing in common
+        let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
+            let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.reach(i)))
+        });
+        let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();
-        move_to(model, t, &mut near, &[(c, q[c] + NUDGE * model.reach(i))], 1e-12).ok()?;
+        if moved.is_empty() {
+            return None;
+        }
+        move_to(model, t, &mut near, &moved, 1e-12).ok()?;
         Some(self::measured(model, t, &near, mobility).ok()??.rho)
     };
     let Some(there) = nearby() else { return Default::default() };
     let (locked, dead): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| stands(&there, i));
     let names = |which: Vec<usize>| which.into_iter().map(|i| model.placed.velocity_names[i].clone()).collect();
     (names(locked), names(dead))
-}
-
-/// Bodies held by ball joints in one line alone.
-fn idle(model: &Model) -> Vec<Idle> {
-    let mut found = Vec::new();
-    for (i, body) in model.spec.bodies.iter().enumerate() {
-        let holds: Vec<usize> = (0..model.placed.joints.len())
-            .filter(|&j| [model.placed.joints[j].parent, model.placed.joints[j].child].contains(&(i + 1)))
-            .filter(|&j| model.spec.joints[j].kind != JointKind::Free)
-            .collect();
-        if holds.len() < 2 || holds.iter().any(|&j| model.spec.joints[j].kind != JointKind::Spherical) {
-            continue;
-        }
-        let at = |j: usize| {
-            let p = &model.placed.joints[j];
-            if p.child == i + 1 {
-                p.child_point
-            } else {
-                p.parent_point
-            }
-        };
-        let first = at(holds[0]);
-        let far = holds.iter().map(|&j| at(j) - first).max_by(|a, b| a.norm().total_cmp(&b.norm()));
-        let Some(line) = far.and_then(|x| x.unit()) else { continue };
-        if holds.iter().all(|&j| (at(j) - first).cross(line).norm() < 1e-9 * model.placed.size) {
-            let joints = holds.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
-            found.push(Idle { body: body.name.clone(), joints });
-        }
-    }
-    found
-}
-
-/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
-/// all have both.
-pub fn weightless(model: &Model) -> Option<String> {
-    let light = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
-    model.spec.bodies.iter().any(light).then(|| without_inertia(model, &idle(model)))
-}
-
-/// Which body it is whose missing inertia leaves the motion open.
-fn without_inertia(model: &Model, idle: &[Idle]) -> String {
-    let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
-    let spins = idle.iter().filter(|x| number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
-    let said: Vec<String> =
-        spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
-    if !said.is_empty() {
-        return format!(
-            "no inertia: {} can spin but resists nothing; give it an axial inertia (add_body with the inertia of a round \
-             bar, m r^2 / 2 about its line), or a universal joint for one of the balls",
-            names(&said)
-        );
-    }
-    let light: Vec<&str> = model
-        .spec
-        .bodies
-        .iter()
-        .filter(|b| b.mass <= 0.0 || least_inertia(b) <= 0.0)
-        .map(|b| b.name.as_str())
-        .collect();
-    format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&light))
-}
-
-/// The smallest principal moment, zero where it is rounding.
-fn least_inertia(b: &Body) -> f64 {
-    let m = Matrix::from_vec(3, 3, b.inertia.concat());
-    let Ok((values, _)) = symmetric_eigen(&m) else { return 0.0 };
-    let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    if least <= 1e-12 * largest {
-        0.0
-    } else {
-        least
-    }
-}
-
-/// An angle beyond this many radians, and whole, is likely to be meant in degrees.
-const DEGREES: f64 = 10.0;
-/// A body so many times larger or smaller than the usual one is likely to have another unit.
-const FAR_OFF: f64 = 100.0;
-
-/// Data that are possible and unlikely.
-pub fn suspicious(model: &Model) -> Vec<String> {
-    let mut found = Vec::new();
-    let turns = |joint: &str, coordinate: usize| {
-        model.placed.joint_numbers.get(joint).is_some_and(|&j| model.placed.joints[j].shape.turns(coordinate))
-    };
-    let mut angle = |what: String, x: f64| {
-        if x.abs() >= DEGREES && x.fract() == 0.0 {
-            found.push(format!(
-                "{what} is {x} rad, {:.1} full turns; if {x} degrees are meant, that is {:.6} rad",
-                x / std::f64::consts::TAU,
-                x.to_radians()
-            ));
-        }
-    };
-    for d in model
-        .spec
-        .drives
-        .iter()
-        .filter(|d| matches!(&d.measure, Measure::Joint { joint, coordinate } if turns(joint, *coordinate)))
-    {
-        if let Value::Constant(x) = d.motion {
-            angle(format!("the position of {}", d.name), x);
-        }
-    }
-    for f in &model.spec.forces {
-        if let Force::TorsionSpring { name, joint, coordinate, angle: x, .. } = f {
-            if turns(joint, *coordinate) {
-                angle(format!("the free angle of {name}"), *x);
-            }
-        }
-    }
-    let extents: Vec<(usize, f64)> =
-        (0..model.spec.bodies.len()).filter_map(|i| extent(model, i).map(|x| (i, x))).collect();
-    let mut sizes: Vec<f64> = extents.iter().map(|x| x.1).collect();
-    sizes.sort_by(f64::total_cmp);
-    if let Some(&usual) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) {
-        for (i, x) in extents.iter().filter(|(_, x)| *x > FAR_OFF * usual || *x * FAR_OFF < usual) {
-            found.push(format!(
-                "{} reaches over {x:.3} m among bodies of some {usual:.3} m; if another unit is meant, see partita.units",
-                model.spec.bodies[*i].name
-            ));
-        }
-    }
-    found
-}
-
-/// The largest distance between two joints of a body.
-fn extent(model: &Model, i: usize) -> Option<f64> {
-    let points: Vec<_> = model
-        .placed
-        .joints
-        .iter()
-        .filter_map(|p| match (p.parent == i + 1, p.child == i + 1) {
-            (_, true) => Some(p.child_point),
-            (true, _) => Some(p.parent_point),
-            _ => None,
-        })
-        .collect();
-    let far = points.iter().flat_map(|a| points.iter().map(move |b| (*a - *b).norm())).fold(0.0, f64::max);
-    (far > 0.0).then_some(far)
 }
 
 fn joint_line(model: &Model, j: usize) -> JointLine {
@@ -614,7 +496,7 @@ mod tests {
     use crate::examples::*;
     use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::Revolute;
-    use partita_model::spec::{Drive, Spec};
+    use partita_model::spec::Spec;
 
     fn of(spec: Spec) -> Report {
         let m = model(spec);
@@ -725,14 +607,14 @@ mod tests {
     }
 
     #[test]
-    fn idle_spins_dead_positions_and_slips_of_the_pen() {
-        use partita_model::spec::JointKind::{Prismatic, Spherical};
+    fn idle_spins_and_dead_positions() {
+        use partita_model::spec::JointKind::Spherical;
         // a rod between balls, without inertia about its line
         let mut spec = four_bar([Revolute, Spherical, Spherical, Revolute]);
         let m = model(spec.clone());
         let r = report(&m, 0.0, &m.initial()).unwrap();
         assert_eq!((r.freedoms, r.gruebler), (2, 2));
-        assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()] }]);
+        assert_eq!(r.idle, [Idle { body: "coupler".into(), joints: vec!["B".into(), "C".into()], held: false }]);
         let line = [0, 1, 2].map(|i| spec.joints[2].point[i] - spec.joints[1].point[i]);
         let square: f64 = line.iter().map(|x| x * x).sum();
         spec.bodies[1].inertia = std::array::from_fn(|i| {
@@ -740,36 +622,11 @@ mod tests {
         });
         let m = model(spec);
         let r = report(&m, 0.0, &m.initial()).unwrap();
-        assert!(says(&r, "coupler about its own line between B and C"), "{:?}", r.notes);
-        assert!(r.coordinates.is_empty() && r.sigma.is_none());
-        // a slider-crank stretched out: the slider stands still
-        let mut spec = empty("slider-crank");
-        let (b, c) = ([1.0, 0.0, 0.0], [3.0, 0.0, 0.0]);
-        spec.bodies = vec![body("crank", [0.0; 3], b), body("rod", b, c), body("slider", c, [3.5, 0.0, 0.0])];
-        spec.joints = vec![
-            joint("A", Revolute, "ground", "crank", [0.0; 3], Z),
-            joint("B", Revolute, "crank", "rod", b, Z),
-            joint("S", Prismatic, "ground", "slider", c, [1.0, 0.0, 0.0]),
-            joint("C", Revolute, "rod", "slider", c, Z),
-        ];
-        let r = of(spec.clone());
+        assert!(says(&r, "coupler is held from spinning"), "{:?}", r.notes);
+        assert!(r.idle[0].held && !r.coordinates.is_empty() && r.sigma.is_some());
+        // stretched out, the slider stands still
+        let r = of(stretched_slider_crank());
         assert_eq!((r.dead, r.locked.len()), (vec!["S".to_string()], 0));
-        let mut turned = spec.clone();
-        turned.joints[1].kind = partita_model::spec::JointKind::Fixed;
-        turned.drives.push(Drive {
-            name: "motor".into(),
-            measure: Measure::joint("A", 0),
-            level: partita_model::spec::Level::Position,
-            motion: Value::Constant(90.0),
-        });
-        assert!(
-            suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; if 90 degrees are meant, that is 1.57")
-        );
-        spec.bodies.push(body("mast", [0.0; 3], [0.0, 300.0, 0.0]));
-        spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
-        spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));
-        let said = suspicious(&model(spec));
-        assert!(said.len() == 1 && said[0].starts_with("mast reaches over 600.000 m"), "{said:?}");
     }
 
     #[test]

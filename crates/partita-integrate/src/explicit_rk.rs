@@ -70,6 +70,8 @@ pub struct Stepper {
     t_end: f64,
     /// Length of the run.
     span: f64,
+    /// Where the next step is to end at the latest.
+    goal: Option<f64>,
     /// Lengths to try before a step is shortened, the last first.
     others: Vec<f64>,
     y_old: Vec<f64>,
@@ -113,6 +115,7 @@ impl Stepper {
             t_new: 0.0,
             t_end: 0.0,
             span: 0.0,
+            goal: None,
             others: Vec::new(),
             y_old: vector(),
             y_new: vector(),
@@ -290,7 +293,9 @@ impl Stepper {
 
     /// Signed step and its end: `t_end`, the next grid point or the next corner if within reach, so that they are met exactly.
     fn plan(&self) -> (f64, f64) {
-        let goal = self.grid.as_ref().map_or_else(|| self.next_corner().unwrap_or(self.t_end), FixedGrid::goal);
+        let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
+        let ahead = || self.goal.into_iter().chain(self.next_corner()).fold(self.t_end, first);
+        let goal = self.grid.as_ref().map_or_else(ahead, FixedGrid::goal);
         let rest = goal - self.t_old;
         if rest.abs() <= STRETCH * self.step {
             return (rest, goal);
@@ -466,6 +471,7 @@ impl Stepper {
         self.replaced = false;
         self.t_old = self.t_new;
         self.phase = Phase::Ready;
+        self.goal = None;
         self.counters.steps += 1;
         match &mut self.grid {
             Some(grid) => {
@@ -488,6 +494,17 @@ impl Stepper {
         debug_assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
         self.step = self.attempted_h.abs() * factor;
         self.controller.hold();
+        self.replaced = false;
+        self.dense.ready = false;
+        self.phase = Phase::Ready;
+        self.counters.rejected += 1;
+    }
+
+    /// Throw the concluded step away: it ends at `t` inside it, and is taken anew. Its length stays the one that is planned.
+    pub fn end_at(&mut self, t: f64) {
+        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        self.step = self.step.max(self.attempted_h.abs());
+        self.goal = Some(t);
         self.replaced = false;
         self.dense.ready = false;
         self.phase = Phase::Ready;

@@ -17,6 +17,7 @@ pub mod counters;
 mod dense_output;
 pub mod explicit_rk;
 pub mod failure;
+pub mod launch;
 pub mod ode;
 pub mod options;
 pub mod simulate;

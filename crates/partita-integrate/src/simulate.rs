@@ -126,6 +126,7 @@ pub fn simulate<F: Formulation>(
         next: 0,
         t_eval,
         stretch: stretch(settings.tableau),
+        tolerance: settings.options.rtol.max(FINEST),
     };
     let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
     let mut stepper = Stepper::new(settings.tableau, dim, options)
@@ -214,6 +215,8 @@ struct March<'t> {
     t_eval: &'t [f64],
     /// See [`Pace::stretch`].
     stretch: f64,
+    /// What knots may add to a step, in parts of the velocities.
+    tolerance: f64,
 }
 
 /// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a tenth of a
@@ -223,6 +226,9 @@ const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 /// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those to be
 /// exact, and so near that the polynomial through them is.
 const BESIDE: f64 = 1.0 / 80.0;
+
+/// Knots that add less than this to a step are round-off.
+const FINEST: f64 = 1e-14;
 
 type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
@@ -279,6 +285,10 @@ impl March<'_> {
                 self.commit(formulation, stepper, verdict, free)?;
                 continue;
             }
+            if let Some(t) = free.then(|| formulation.knot_within(self.tolerance)).flatten() {
+                stepper.end_at(t);
+                continue;
+            }
             match self.outputs(formulation, stepper, sink) {
                 Ok(()) => {}
                 Err(StepFailure::Interpolation { .. }) if stepper.may_shrink() => {
@@ -320,6 +330,7 @@ impl March<'_> {
                 // half a crossing step would end next to the position; others across it have their stages elsewhere
                 stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
             }
+            stepper.set_goal(formulation.knot_ahead(pace.next, self.tolerance));
         }
         Ok(())
     }

@@ -2,9 +2,9 @@
 //!
 //! Inward, the inertia felt at each link with everything it carries free to move; outward, the compliance `Y` of each
 //! link. `[M⁻¹]_ii = D_i⁻¹ + K_iᵀ Y_parent K_i` needs no column of M⁻¹. (Featherstone 2008; Kreutz-Delgado, Jain,
-//! Rodriguez 1992.)
+//! Rodriguez 1992.) Links without mass count here with the little that makes M a metric.
 
-use crate::tree::{LinkMotion, Tree, TreeScratch};
+use crate::tree::{LinkMotion, Tree, TreeScratch, Weight};
 use partita_math::dense;
 use partita_math::scalar::{Real, Scalar};
 use partita_math::spatial::{Space, Vec3};
@@ -56,6 +56,15 @@ fn congruence<S: Scalar>(x: &[S], m: &[S], d: usize, by_rows: bool, out: &mut [S
     }
 }
 
+/// Factor a pivot; what the free motion feels, against what it would feel with everything it carries locked.
+fn felt<S: Real>(v: usize, pivot: &mut [S], f: usize) -> Result<(), (usize, f64)> {
+    let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j].value()));
+    if largest <= 0.0 || largest.is_nan() || dense::cholesky(pivot, f).is_err() {
+        return Err((v, largest));
+    }
+    Ok(())
+}
+
 impl<G: Space> Tree<G> {
     fn freedoms(&self, i: usize) -> usize {
         if matches!(self.links[i].motion, LinkMotion::Ball) {
@@ -78,14 +87,15 @@ impl<G: Space> Tree<G> {
     where
         G::S: Real,
     {
-        self.sweep_inward(s, |v, pivot, f| {
-            // what the free motion feels, against what it would feel with everything it carries locked
-            let largest = (0..f).fold(0.0, |m: f64, j| m.max(pivot[j * f + j].value()));
-            if largest <= 0.0 || largest.is_nan() || dense::cholesky(pivot, f).is_err() {
-                return Err((v, largest));
-            }
-            Ok(())
-        })
+        self.sweep_inward(s, &self.light, felt)
+    }
+
+    /// The same with nothing but the masses drawn.
+    pub fn articulate_as_drawn(&self, s: &mut TreeScratch<G>) -> Result<(), (usize, f64)>
+    where
+        G::S: Real,
+    {
+        self.sweep_inward(s, &[], felt)
     }
 
     /// [`articulate`](Self::articulate) straight through, without a look at the pivots.
@@ -94,7 +104,7 @@ impl<G: Space> Tree<G> {
             dense::cholesky_straight(pivot, f);
             Ok::<(), Infallible>(())
         };
-        match self.sweep_inward(s, straight) {
+        match self.sweep_inward(s, &self.light, straight) {
             Ok(()) => {}
             Err(never) => match never {},
         }
@@ -104,6 +114,7 @@ impl<G: Space> Tree<G> {
     fn sweep_inward<E>(
         &self,
         s: &mut TreeScratch<G>,
+        light: &[Weight<G>],
         factor: impl Fn(usize, &mut [G::S], usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let (n, d) = (self.links.len(), G::DIM);
@@ -115,6 +126,10 @@ impl<G: Space> Tree<G> {
         a.inverse.resize(n * 9, o);
         for i in 0..n {
             G::inertia_matrix(&s.links[i].inertia, self.links[i].mass, &mut a.inertia[i * d * d..(i + 1) * d * d]);
+        }
+        for x in light {
+            let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
+            G::add_inertia(&inertia, x.mass, &mut a.inertia[x.link * d * d..(x.link + 1) * d * d]);
         }
         let mut failed = None;
         for i in (1..n).rev() {

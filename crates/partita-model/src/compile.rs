@@ -2,10 +2,10 @@
 
 use crate::joint::{LockedSlides, Motion};
 use crate::numbers::Numbers;
-use crate::place::{Placed, PlacedJoint};
+use crate::place::{Light, Placed, PlacedJoint};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
-use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree};
+use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree, Weight};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Planar, Space, Vec3};
 
@@ -29,6 +29,10 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         *inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - reference[p.link]));
         *mass += b.mass;
     }
+    for x in &placed.held {
+        let (_, inertia) = &mut carried[placed.bodies[x.body].link];
+        *inertia = inertia.add(&Mat3::from_f64(x.inertia.0));
+    }
     for ((i, l), &(mass, inertia)) in placed.links.iter().enumerate().zip(&carried).skip(1) {
         let point = numbers.links[i];
         links.push(Link {
@@ -51,6 +55,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     let mut tree = Tree {
         origins: origins.iter().map(|x| G::vec_in(*x)).collect(),
         links,
+        light: placed.light.iter().map(weighed).collect(),
         closings: Vec::new(),
         gravity: G::vec_in(numbers.gravity),
         idle: Vec::new(),
@@ -77,6 +82,11 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         tree.closings.push(closing);
     }
     (tree, names)
+}
+
+fn weighed<G: Space>(x: &Light) -> Weight<G> {
+    let inertia = G::inertia_in(&Mat3::from_f64(x.inertia.0));
+    Weight { link: x.link, mass: G::S::from_f64(x.mass), inertia }
 }
 
 /// Origin of the branch of each link.

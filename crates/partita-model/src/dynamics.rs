@@ -144,6 +144,37 @@ impl<G: Space> Tree<G> {
         s.partial = wrench;
     }
 
+    /// Add to a dense M what links without mass or inertia lack in a metric, at the last poses.
+    pub fn add_light(&self, s: &TreeScratch<G>, mass: &mut [G::S]) {
+        for x in &self.light {
+            let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
+            // the links that carry it, from the ground outwards, and its twist for each of their velocities
+            let mut path = vec![x.link];
+            while let Some(&first) = path.last().filter(|&&i| self.links[i].parent != 0) {
+                path.push(self.links[first].parent);
+            }
+            path.reverse();
+            let mut twists: Vec<(usize, G::Ang, G::Vec)> = Vec::new();
+            for &i in &path {
+                for (_, w, u) in &mut twists {
+                    (*w, *u) = self.carry(i, s, *w, *u, |_| G::S::zero());
+                }
+                let own = if matches!(self.links[i].motion, crate::tree::LinkMotion::Ball) { 3 } else { 1 };
+                for c in self.links[i].v..self.links[i].v + own {
+                    let one = |v: usize| if v == c { G::S::one() } else { G::S::zero() };
+                    let (w, u) = self.carry(i, s, G::Ang::default(), G::Vec::default(), one);
+                    twists.push((c, w, u));
+                }
+            }
+            for &(a, w, u) in &twists {
+                let (p, l) = (G::scale(u, x.mass), G::spin(&inertia, w));
+                for &(b, w2, u2) in &twists {
+                    mass[b * self.nv + a] += G::dot(u2, p) + G::dot_ang(w2, l);
+                }
+            }
+        }
+    }
+
     /// Dense M at the last poses and inertias, column by column: only what a coordinate carries moves.
     pub fn mass_matrix(&self, s: &mut TreeScratch<G>, mass: &mut [G::S]) {
         let (n, nv) = (self.links.len(), self.nv);

@@ -54,9 +54,10 @@ impl DriveRow {
 
 /// The tree in the space the evaluations run in.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one for each model: a box would cost every evaluation a step")]
 pub(crate) enum Engine<S: Scalar> {
     /// All motions in one plane: three numbers a twist.
-    Flat(Mechanics<Planar<S>>),
+    Flat(Box<Mechanics<Planar<S>>>),
     /// Six.
     Full,
 }
@@ -124,7 +125,7 @@ impl<S: Scalar> Evaluator<S> {
         }
         let (engine, rows) = if placed.planar {
             let (flat, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
-            (Engine::Flat(flat), rows)
+            (Engine::Flat(Box::new(flat)), rows)
         } else {
             (Engine::Full, full_rows.clone())
         };
@@ -345,6 +346,16 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
+    /// The power of the forces that have no potential alone, with the memory of the scratch.
+    pub(crate) fn power(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<S, SystemError> {
+        let instant = self.instant(t, q, v);
+        let [_, _, power] = match (&self.engine, &s.flat) {
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut s.flat_forces),
+            _ => self.full.energies(instant, &s.full, &mut s.full_forces),
+        }?;
+        Ok(power)
+    }
+
     /// Poses and twists in space at (q, v), for outputs and reactions; positions also of the plane's.
     pub fn look(&self, q: &[S], v: &[S], s: &mut Scratch<S>) {
         self.full.poses(q, &mut s.full);
@@ -424,7 +435,8 @@ fn mechanics<G: Space>(
     let conditions = coupling::all(spec, placed, numbers, &tree)?;
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
     let elements = Element::all(spec, placed, numbers, &tree)?;
-    Ok((Mechanics::new(tree, conditions, elements, massive), rows))
+    let sights = Element::sights(placed, numbers, &elements)?;
+    Ok((Mechanics::new(tree, conditions, elements, sights, massive), rows))
 }
 
 /// Links with mass or inertia.
@@ -433,6 +445,7 @@ fn massive(placed: &Placed) -> Vec<bool> {
     for b in &placed.bodies {
         massive[b.link] |= b.mass != 0.0 || b.inertia.0.concat().iter().any(|x| *x != 0.0);
     }
+    placed.held.iter().for_each(|x| massive[placed.bodies[x.body].link] = true);
     massive
 }
 

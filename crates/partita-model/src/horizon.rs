@@ -1,6 +1,7 @@
 //! How long a mechanism is described: to the end of the table that ends first.
 
-use crate::spec::{Force, Load, Spec, Table, Value, VectorValue};
+use crate::spec::{Force, Level, Load, Spec, Table, Turning, Value, VectorValue};
+use partita_system::knots::{Enters, Knots};
 
 fn tables(value: &VectorValue) -> Vec<&Value> {
     match value {
@@ -9,9 +10,15 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
     }
 }
 
-/// All tables of time, with what they belong to, in words.
-fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
-    let drives = spec.drives.iter().map(|d| (&d.motion, words(&d.name, "drive")));
+/// All tables of time, with what they belong to, in words, and how they enter.
+fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
+    let drives = spec.drives.iter().map(|d| {
+        let enters = match d.level {
+            Level::Position => Enters::Position,
+            Level::Velocity => Enters::Rate,
+        };
+        (&d.motion, words(&d.name, "drive"), enters)
+    });
     let forces = spec.forces.iter().flat_map(|f| {
         let values = match f {
             // a table over a coordinate has no end in time
@@ -21,17 +28,22 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String)> {
             Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
             other => other.load().map_or_else(Vec::new, Load::values),
         };
-        values.into_iter().map(|value| (value, words(f.name(), "force")))
+        values.into_iter().map(|value| (value, words(f.name(), "force"), Enters::Effort))
     });
-    drives.chain(forces).filter_map(|(value, what)| match value {
-        Value::Table(table) => Some((table, what)),
+    drives.chain(forces).filter_map(|(value, what, enters)| match value {
+        Value::Table(table) => Some((table, what, enters)),
         Value::Constant(_) | Value::Function(_) => None,
     })
 }
 
 /// The end of the table that ends first, and what it belongs to, in words.
 pub fn horizon(spec: &Spec) -> Option<(f64, String)> {
-    let ends = all(spec).filter_map(|(table, what)| Some((*table.breaks.last()?, what)));
+    // a turn begins anew in each interval: it has an end, but its knots are none of one curve
+    let turns = spec.drives.iter().filter_map(|d| match &d.turning {
+        Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
+        _ => None,
+    });
+    let ends = all(spec).chain(turns).filter_map(|(table, what, _)| Some((*table.breaks.last()?, what)));
     ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
 }
 
@@ -41,10 +53,17 @@ const CORNER: f64 = 1e-3;
 
 /// Ascending times at which a table turns a corner: a pulse has some, and a step that saw none of them would pass it unseen.
 pub fn corners(spec: &Spec) -> Vec<f64> {
-    let mut found: Vec<f64> = all(spec).flat_map(|(table, _)| corners_of(table)).collect();
+    let mut found: Vec<f64> = all(spec).flat_map(|(table, ..)| corners_of(table)).collect();
     found.sort_by(f64::total_cmp);
     found.dedup();
     found
+}
+
+/// The knots of all tables of time.
+pub fn knots(spec: &Spec) -> Vec<Knots> {
+    all(spec)
+        .filter_map(|(table, _, enters)| Knots::new(&table.breaks, &table.coefficients, enters, false, false))
+        .collect()
 }
 
 fn corners_of(table: &Table) -> Vec<f64> {

@@ -13,6 +13,8 @@ pub mod force;
 pub mod gauge;
 pub mod horizon;
 pub mod joint;
+mod knots;
+pub mod light;
 pub mod loop_closure;
 pub mod mechanics;
 pub mod memory;

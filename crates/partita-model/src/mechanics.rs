@@ -1,7 +1,7 @@
 //! The tree in one space with everything that acts on it: what an evaluation needs.
 
 use crate::coupling::Condition;
-use crate::force::{At, Element, Room};
+use crate::force::{At, Element, Reading, Room};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::Instant;
 use partita_math::scalar::Scalar;
@@ -17,6 +17,9 @@ pub struct Mechanics<G: Space> {
     pub elements: Vec<Element<G>>,
     /// Conditions that are no closings of joints, in the order of their rows.
     pub conditions: Vec<Condition<G>>,
+    /// Coordinates of joints that close loops, in the order of the joints: functions of the state see them behind those of
+    /// the tree. None where there is no such function.
+    pub(crate) sights: Vec<Reading<G>>,
 }
 
 impl<G: Space> Deref for Mechanics<G> {
@@ -32,6 +35,7 @@ impl<G: Space> Mechanics<G> {
         mut tree: Tree<G>,
         conditions: Vec<Condition<G>>,
         elements: Vec<Element<G>>,
+        sights: Vec<Reading<G>>,
         massive: &[bool],
     ) -> Self {
         tree.idle = massive.iter().map(|m| !m).collect();
@@ -43,7 +47,12 @@ impl<G: Space> Mechanics<G> {
         }
         tree.efforts.sort_unstable();
         tree.efforts.dedup();
-        Self { tree, elements, conditions }
+        Self { tree, elements, conditions, sights }
+    }
+
+    /// M is a metric as it is: let no link count with more than it has.
+    pub(crate) fn count_as_drawn(&mut self) {
+        self.tree.light.clear();
     }
 
     /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)
@@ -89,13 +98,41 @@ impl<G: Space> Mechanics<G> {
         room: &mut Room<G>,
     ) -> Result<(), SystemError> {
         self.clear_forces(s);
-        let Instant { t, q, v, callers } = instant;
+        let (mut q, mut v) = self.seen(&instant, s, room);
+        let Instant { t, callers, .. } = instant;
+        let (all_q, all_v) = if self.sights.is_empty() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         for e in &self.elements {
-            let instant = Instant { t, q, v, callers };
+            let instant = Instant { t, q: all_q, v: all_v, callers };
             let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
             self.add_effect(s, &effect, room);
         }
+        (room.q, room.v) = (std::mem::take(&mut q), std::mem::take(&mut v));
         Ok(())
+    }
+
+    /// Coordinates and velocities as functions see them, in the memory of the room; nothing where there is no more to see
+    /// than the tree's.
+    pub(crate) fn seen(
+        &self,
+        instant: &Instant<G::S>,
+        s: &TreeScratch<G>,
+        room: &mut Room<G>,
+    ) -> (Vec<G::S>, Vec<G::S>) {
+        let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
+        q.clear();
+        v.clear();
+        if !self.sights.is_empty() {
+            q.extend_from_slice(instant.q);
+            v.extend_from_slice(instant.v);
+            let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
+            let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
+            for sight in &self.sights {
+                let read = sight.read(&at);
+                q.push(read.value);
+                v.push(read.rate);
+            }
+        }
+        (q, v)
     }
 
     /// Kinetic and potential energy, and the power of what has no potential, at the last twists.
@@ -107,6 +144,11 @@ impl<G: Space> Mechanics<G> {
     ) -> Result<[G::S; 3], SystemError> {
         let (kinetic, gravity) = self.energy(s);
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
+        let (q, v) = self.seen(&instant, s, room);
+        let instant = match self.sights.is_empty() {
+            true => instant,
+            false => Instant { q: &q, v: &v, ..instant },
+        };
         let at = At { tree: &self.tree, s, instant };
         for e in &self.elements {
             let effect = e.wrench(&at, room)?;

@@ -4,10 +4,12 @@ use crate::clusters::{self, Preference};
 use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
-use crate::evaluator::{DriveRow, Engine, Evaluator, Scratch};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Scratch};
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
 use crate::joint::{Motion, Own};
+use crate::knots::Curves;
+use crate::light;
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
@@ -70,6 +72,8 @@ pub struct Model {
     pattern: Pattern,
     /// Where M is not zero, found when it is first asked for.
     mass_layout: OnceLock<MassLayout>,
+    /// Curves with knots, found when they are first asked for.
+    curves: OnceLock<Curves>,
     clusters: Clusters,
     preference: Preference,
     has_power: bool,
@@ -96,6 +100,7 @@ impl Deref for Model {
     }
 }
 
+mod fit;
 mod system;
 
 impl Model {
@@ -134,7 +139,8 @@ impl Model {
         allow_plane: bool,
     ) -> Result<Self, DescriptionError> {
         validate::validate(&spec, functions.count())?;
-        let placed = Placed::new(&spec, coordinates, allow_plane)?;
+        let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
+        light::weigh(&mut placed, &spec);
         if placed.nv == 0 {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
@@ -216,12 +222,50 @@ impl Model {
             out_of_plane,
             pattern,
             mass_layout: OnceLock::new(),
+            curves: OnceLock::new(),
             clusters,
             preference: Preference::default(),
             has_power,
         };
         model.dense_projection = model.dense_is_cheaper();
+        if !model.placed.light.is_empty() && !model.is_short_of_mass() {
+            model.count_as_drawn();
+        }
         Ok(model)
+    }
+
+    /// Does what light links count with in a metric make a difference, in the drawing or next to it?
+    fn is_short_of_mass(&self) -> bool {
+        let n = self.placed.nv;
+        let (mut s, mut near) = (self.own.scratch(), self.initial());
+        // an irregular position: axes that fall together in the drawing do not there
+        let step: Vec<f64> = (0..n).map(|i| self.reach[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
+        self.own.step(&mut near, &step);
+        let (mut drawn, mut counted) = (vec![0.0; n], vec![0.0; n]);
+        [self.initial(), near].iter().any(|q| {
+            with_engine!(self.own, s, |tree, x| {
+                tree.poses(q, x);
+                tree.inertias(x);
+                if tree.articulate_as_drawn(x).is_err() {
+                    return true;
+                }
+                tree.inverse_mass_diagonal(x, &mut drawn);
+                tree.articulate_straight(x);
+                tree.inverse_mass_diagonal(x, &mut counted);
+            });
+            drawn.iter().zip(&counted).any(|(d, c)| d.is_nan() || *d > LIGHTER * c)
+        })
+    }
+
+    /// M is a metric: nothing counts with more than it has.
+    fn count_as_drawn(&mut self) {
+        let mut placed = (*self.own.placed).clone();
+        placed.light.clear();
+        self.own.placed = Arc::new(placed);
+        self.own.full.count_as_drawn();
+        if let Engine::Flat(tree) = &mut self.own.engine {
+            tree.count_as_drawn();
+        }
     }
 
     /// The same mechanism over other numbers, all of them constants.
@@ -263,6 +307,10 @@ impl Model {
             Engine::Flat(tree) => MassLayout::new(tree),
             Engine::Full => MassLayout::new(&self.own.full),
         })
+    }
+
+    fn curves(&self) -> &Curves {
+        self.curves.get_or_init(|| Curves::new(&self.spec, &self.own))
     }
 
     /// Which coordinates the tree is made of.
@@ -310,10 +358,30 @@ impl Model {
         Ok((kinetic, potential))
     }
 
+    /// Which bodies are held from spinning, in a sentence.
+    pub fn held_words(&self) -> Option<String> {
+        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
+        let is = match names.len() {
+            0 => return None,
+            1 => "is",
+            _ => "are",
+        };
+        let more = if names.len() > 6 { ", ..." } else { "" };
+        let named = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "{named}{more} {is} held from spinning: without inertia about what the joints leave {} to turn about, nothing \
+             says how that would go, and nothing else depends on it",
+            if names.len() == 1 { "it" } else { "them" }
+        ))
+    }
+
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
         SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }
 }
+
+/// Some velocity is so many times as mobile as with the least masses that count: then they do.
+const LIGHTER: f64 = 2.0;
 
 /// What the links say of coordinates and velocities.
 struct Links {

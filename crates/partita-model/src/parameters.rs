@@ -13,6 +13,7 @@
 
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
+use crate::light;
 use crate::model::Model;
 use crate::numbers::{Described, Numbers};
 use crate::place::{body_length, typical_length, Placed};
@@ -197,6 +198,7 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
     }
     placed.size = typical_length(spec);
     placed.length = body_length(spec).unwrap_or(placed.size);
+    light::weigh(&mut placed, spec);
     placed
 }
 

@@ -47,6 +47,9 @@ impl Part {
         links.extend(nodes.iter().map(|&n| model.placed.link_of(n)));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].looks_at()));
+        if elements.iter().any(|&i| full.elements[i].sees_state()) {
+            links.extend(full.sights.iter().flat_map(|r| r.touches().1));
+        }
         for &k in &closings {
             links.extend(sides(k).map(|n| model.placed.link_of(n)));
             links.extend([full.closings[k].a.link, full.closings[k].b.link]);

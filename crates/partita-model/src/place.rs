@@ -90,6 +90,28 @@ pub struct PlacedJoint {
     pub reversed: bool,
 }
 
+/// What a link lacks.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Link.
+    pub link: usize,
+    /// Mass.
+    pub mass: f64,
+    /// Inertia about its reference point, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
+}
+
+/// A body whose spin is held.
+#[derive(Clone, Debug)]
+pub struct HeldSpin {
+    /// The body, by number.
+    pub body: usize,
+    /// The line it would spin about, mechanism axes in the zero position; none: any line.
+    pub line: Option<Vec3<f64>>,
+    /// Inertia that holds it, about the centre of mass, mechanism axes in the zero position.
+    pub inertia: Mat3<f64>,
+}
+
 /// The zero position.
 #[derive(Clone, Debug)]
 pub struct Placed {
@@ -122,6 +144,10 @@ pub struct Placed {
     pub size: f64,
     /// Characteristic length: the extent of a typical body, however many of them there are.
     pub length: f64,
+    /// What links without mass or inertia lack in a metric.
+    pub light: Vec<Light>,
+    /// Rods between balls whose spin is held.
+    pub held: Vec<HeldSpin>,
 }
 
 /// Names of the joints that are driven, coupled or loaded along a coordinate.
@@ -250,7 +276,15 @@ impl Placed {
             Coupling::Roll { .. } => true,
             c => c.terms().iter().any(|m| matches!(m, Measure::Cosine { .. })),
         };
-        let spatial = shapes.iter().any(Shape::is_always_cut) || spec.couplings.iter().any(leaves);
+        let numbers: HashMap<String, usize> = spec.joints.iter().map(|j| j.name.clone()).zip(0..).collect();
+        let spatial = shapes.iter().any(Shape::is_always_cut)
+            || spec.couplings.iter().any(leaves)
+            || spec.drives.iter().any(|d| match &d.measure {
+                Measure::Joint { joint, coordinate } => {
+                    numbers.get(joint).is_some_and(|&j| shapes[j].motion_of(*coordinate) == Some(Motion::Ball))
+                }
+                _ => false,
+            });
         let mut plane = if !allow_plane || floats || spatial { None } else { plane(&motions, &closers) };
         if let Some(basis) = plane {
             // closings must fit out of the plane too; if they do not, the spatial rows say so
@@ -282,6 +316,8 @@ impl Placed {
             velocity_names: Vec::new(),
             size,
             length: body_length(spec).unwrap_or(size),
+            light: Vec::new(),
+            held: Vec::new(),
         };
         for ((j, edge), shape) in spec.joints.iter().zip(&edges).zip(&shapes) {
             let (p, c) = closing_points(j, edge, &moved);
@@ -462,29 +498,25 @@ fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
     found
 }
 
-/// Diagonal of the box around all joints, held points and centres of mass; 1 for a mechanism in one point.
+/// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism in
+/// one point.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
-    let mut see = |p: [f64; 3]| {
-        for i in 0..3 {
-            low[i] = low[i].min(p[i]);
-            high[i] = high[i].max(p[i]);
-        }
-    };
-    for j in &spec.joints {
-        see(j.point);
-    }
-    held_points(spec).iter().for_each(|(_, p)| see(p.0));
-    for b in &spec.bodies {
-        see((Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))).0);
-    }
-    let d = (0..3).map(|i| (high[i] - low[i]).powi(2)).sum::<f64>().sqrt();
+    let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
+    points.extend(held_points(spec).iter().map(|(_, p)| *p));
+    points.extend(spec.bodies.iter().map(|b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))));
+    let d = diameter(&points);
     if d > 0.0 && d.is_finite() {
         d
     } else {
         1.0
     }
+}
+
+/// Twice the largest distance from the mean.
+fn diameter(points: &[Vec3<f64>]) -> f64 {
+    let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
+    let middle = sum.times(1.0 / points.len().max(1) as f64);
+    2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
 }
 
 /// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
@@ -508,13 +540,8 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
             points[i].push(point);
         }
     }
-    let extent = |points: &Vec<Vec3<f64>>| {
-        let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
-        let middle = sum.times(1.0 / points.len() as f64);
-        2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
-    };
     let least = POINT * typical_length(spec);
-    let mut extents: Vec<f64> = points.iter().map(extent).filter(|x| *x > least && x.is_finite()).collect();
+    let mut extents: Vec<f64> = points.iter().map(|x| diameter(x)).filter(|x| *x > least && x.is_finite()).collect();
     extents.sort_by(f64::total_cmp);
     extents.get(extents.len() / 2).copied()
 }

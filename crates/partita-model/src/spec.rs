@@ -321,6 +321,33 @@ pub struct Drive {
     /// Which of them.
     #[serde(default)]
     pub level: Level,
+    /// Of a joint that turns about all axes: the orientation of which its coordinate is a component, in place of `motion`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turning: Option<Turning>,
+}
+
+impl Drive {
+    /// A drive of a slide, an angle or whatever else is measured by one number.
+    pub fn new(name: impl Into<String>, measure: Measure, motion: Value, level: Level) -> Self {
+        Self { name: name.into(), measure, motion, level, turning: None }
+    }
+}
+
+/// An orientation over time: of the child seen from the parent, as the coordinates of the joint tell it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Turning {
+    /// The same at all times.
+    Held([[f64; 3]; 3]),
+    /// From break to break a rotation vector (three cubics over the same breaks), turned on from a quaternion (w, x, y, z).
+    Table {
+        /// The components of the vector.
+        vectors: [Table; 3],
+        /// Where each interval begins.
+        rotations: Vec<[f64; 4]>,
+    },
+    /// Function number i of those handed along.
+    Function(usize),
 }
 
 /// A condition between what is read off a mechanism.

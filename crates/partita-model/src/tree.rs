@@ -42,6 +42,17 @@ pub struct Link<G: Space> {
     pub inertia: G::Inertia,
 }
 
+/// Mass and inertia that a link counts with beside its own where a metric is wanted, not in any equation of motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Weight<G: Space> {
+    /// Link.
+    pub link: usize,
+    /// Mass.
+    pub mass: G::S,
+    /// Inertia about the reference point, own axes.
+    pub inertia: G::Inertia,
+}
+
 /// A point on a link, own axes, from the reference point.
 #[derive(Clone, Copy, Debug)]
 pub struct Anchor<G: Space> {
@@ -123,6 +134,8 @@ impl<G: Space> Closing<G> {
 pub struct Tree<G: Space> {
     /// Links, parents first; link 0 is the ground.
     pub links: Vec<Link<G>>,
+    /// What links without mass or inertia lack in a metric; nothing where M is one.
+    pub light: Vec<Weight<G>>,
     /// Closings.
     pub closings: Vec<Closing<G>>,
     /// Gravity.

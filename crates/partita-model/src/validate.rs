@@ -249,6 +249,9 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
     for d in &spec.drives {
         measure(&d.measure, "drive", &d.name)?;
         value::check(&d.motion, functions, "drive", &d.name)?;
+        if let Some(turning) = &d.turning {
+            value::check_turning(turning, functions, &d.name)?;
+        }
     }
     for f in &spec.forces {
         match f {

@@ -1,9 +1,9 @@
 //! Numbers, tables and functions of time and state.
 
 use crate::error::DescriptionError;
-use crate::spec::{Table, Value, VectorValue};
+use crate::spec::{Table, Turning, Value, VectorValue};
 use partita_math::scalar::{Arguments, Scalar};
-use partita_math::spatial::Vec3;
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -11,6 +11,9 @@ use std::sync::Arc;
 pub const READINGS: usize = 12;
 /// Numbers of a user's relation: F, F_t, F'', and the gradient.
 pub const RELATION: usize = 3 + READINGS;
+
+/// Numbers of a user's turning: a rotation row by row, its spin and the growth of that, in the axes it turns.
+pub const TURNING: usize = 15;
 
 /// The functions handed along with a description.
 pub trait Functions: Send + Sync {
@@ -28,6 +31,10 @@ pub trait Functions: Send + Sync {
     ) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
     /// Motion number `i` at t: position, velocity, acceleration.
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Box<dyn std::error::Error + Send + Sync>>;
+    /// Turning number `i` at t: the rotation row by row, its angular velocity and acceleration in the axes it turns.
+    fn turning(&self, i: usize, _t: f64) -> Result<[f64; TURNING], Box<dyn std::error::Error + Send + Sync>> {
+        Err(format!("function {i} is no turning in space").into())
+    }
     /// Law number `i` at t for what it sees: three forces and three moments for each point it acts on.
     fn law(
         &self,
@@ -255,6 +262,128 @@ pub(crate) fn motion_at<S: Scalar>(
             let x = callers.functions.motion(*i, t).map_err(|e| failed(what, e))?;
             finite(x, what, t)
         }),
+    }
+}
+
+/// A prescribed orientation at one time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turned<S> {
+    /// Rotation, row by row.
+    pub rotation: [[S; 3]; 3],
+    /// Angular velocity, in the axes that it turns.
+    pub spin: [S; 3],
+    /// Angular acceleration in these axes.
+    pub growth: [S; 3],
+}
+
+/// Terms of the series of a sine over its angle: a table turns by less than a turn from break to break, and
+/// of half of that the last one is 1e-20.
+const TERMS: i32 = 16;
+
+/// `cos √x`, `sin √x / √x` and the first two derivatives of the latter over x: even functions of an angle, by their series,
+/// without a root that has no slope at 0.
+fn sines<S: Scalar>(x: S) -> [S; 4] {
+    let mut sums = [S::zero(); 4];
+    for n in (0..TERMS).rev() {
+        let m = f64::from(n);
+        // 1 / (2n)! and the like, signs alternating, by Horner's rule on ratios of neighbours
+        let step = |first: f64| -1.0 / ((2.0 * m + first) * (2.0 * m + first + 1.0));
+        sums[0] = S::one() + x * sums[0].scale(step(1.0));
+        sums[1] = S::one() + x * sums[1].scale(step(2.0));
+    }
+    // derivatives of Σ c_n xⁿ, c_n = (−1)ⁿ / (2n + 1)!
+    let mut c = 1.0;
+    let coefficients: [f64; TERMS as usize] = std::array::from_fn(|n| {
+        let m = n as f64;
+        c *= if n == 0 { 1.0 } else { -1.0 / (2.0 * m * (2.0 * m + 1.0)) };
+        c
+    });
+    for (n, c) in coefficients.iter().enumerate().rev() {
+        let m = n as f64;
+        if n >= 1 {
+            sums[2] = sums[2] * x + S::from_f64(m * c);
+        }
+        if n >= 2 {
+            sums[3] = sums[3] * x + S::from_f64(m * (m - 1.0) * c);
+        }
+    }
+    sums
+}
+
+/// The orientation that is prescribed at t.
+pub(crate) fn turned_at<S: Scalar>(
+    turning: &Turning,
+    callers: &Callers,
+    t: S,
+    what: &str,
+    room: &mut Vec<f64>,
+) -> Result<Turned<S>, SystemError> {
+    let zero = [S::zero(); 3];
+    match turning {
+        Turning::Held(r) => Ok(Turned { rotation: r.map(|row| row.map(S::from_f64)), spin: zero, growth: zero }),
+        Turning::Function(i) => {
+            let arguments = Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] };
+            let x = S::call(arguments, room, |t, _, _| {
+                let x = callers.functions.turning(*i, t).map_err(|e| failed(what, e))?;
+                finite(x, what, t)
+            })?;
+            let three = |from: usize| [x[from], x[from + 1], x[from + 2]];
+            Ok(Turned { rotation: [three(0), three(3), three(6)], spin: three(9), growth: three(12) })
+        }
+        Turning::Table { vectors, rotations } => {
+            // half the rotation vector from the last break, and its derivatives
+            let mut half = [[S::zero(); 3]; 3];
+            for (i, vector) in vectors.iter().enumerate() {
+                let found = table_at(vector, t, what)?;
+                (0..3).for_each(|level| half[level][i] = found[level].scale(0.5));
+            }
+            let [h, h1, h2] = half.map(Vec3);
+            let (x, x1) = (h.dot(h), h.dot(h1).scale(2.0));
+            let x2 = (h1.dot(h1) + h.dot(h2)).scale(2.0);
+            let [c, s, s_x, s_xx] = sines(x);
+            let (s1, s2) = (s_x * x1, s_xx * x1 * x1 + s_x * x2);
+            // d cos √x / dx = −s / 2
+            let (c1, c2) = (-(s * x1).scale(0.5), -(s1 * x1 + s * x2).scale(0.5));
+            let quaternion = |w: S, v: Vec3<S>| Quaternion([w, v.0[0], v.0[1], v.0[2]]);
+            let p = quaternion(c, h.times(s));
+            let p1 = quaternion(c1, h.times(s1) + h1.times(s));
+            let p2 = quaternion(c2, h.times(s2) + h1.times(s1.scale(2.0)) + h2.times(s));
+            let back = quaternion(c, -h.times(s));
+            let twice = |q: Quaternion<S>| [1, 2, 3].map(|i| back.times(&q).0[i].scale(2.0));
+            let (_, first) = t.interval(&vectors[0].breaks, rotations);
+            Ok(Turned { rotation: Quaternion(first).times(&p).matrix().0, spin: twice(p1), growth: twice(p2) })
+        }
+    }
+}
+
+/// Refuse a turning that cannot be evaluated.
+pub fn check_turning(x: &Turning, functions: usize, name: &str) -> Result<(), DescriptionError> {
+    let fail = |m: String| Err(DescriptionError::new("drive", name, m));
+    let unit = |norm: f64| (norm - 1.0).abs() < 1e-6;
+    match x {
+        Turning::Held(r) => {
+            let m = Mat3(*r);
+            let rows =
+                (0..3).all(|i| unit(m.column(i).norm())) && unit(m.column(0).cross(m.column(1)).dot(m.column(2)));
+            match rows {
+                true => Ok(()),
+                false => {
+                    fail(format!("{r:?} is no rotation; give a matrix whose columns are unit axes at right angles"))
+                }
+            }
+        }
+        Turning::Function(i) => check(&Value::Function(*i), functions, "drive", name),
+        Turning::Table { vectors, rotations } => {
+            vectors.iter().try_for_each(|v| check(&Value::Table(v.clone()), functions, "drive", name))?;
+            let same = vectors.iter().all(|v| v.breaks == vectors[0].breaks);
+            if !same || rotations.len() + 1 != vectors[0].breaks.len() {
+                return fail("its table of turns needs the same breaks for all and one quaternion an interval".into());
+            }
+            match rotations.iter().all(|q| unit(q.iter().map(|x| x * x).sum::<f64>())) {
+                true => Ok(()),
+                false => fail("its table of turns needs unit quaternions".into()),
+            }
+        }
     }
 }
 

@@ -111,6 +111,9 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
                 [("t", t.into()), ("gap", by.into()), ("who", String::from(what).into()), ("whom", whom.into())];
             raise(py, "ContradictionError", &message, &fields)
         }
+        SystemError::Unfelt { .. } => {
+            raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", "".into())])
+        }
         SystemError::Mass { name, .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }

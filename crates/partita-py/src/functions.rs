@@ -2,7 +2,7 @@
 
 use crate::arrays::entries;
 use numpy::ToPyArray;
-use partita_model::value::{Functions, RELATION};
+use partita_model::value::{Functions, RELATION, TURNING};
 use pyo3::prelude::*;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
@@ -73,6 +73,17 @@ impl Functions for Callables {
         }
         out.copy_from_slice(&x);
         Ok(())
+    }
+    fn turning(&self, i: usize, t: f64) -> Result<[f64; TURNING], Fault> {
+        let x = Python::attach(|py| {
+            let x = self.0[i].bind(py).call1((t,))?;
+            match entries(&x) {
+                Some(x) => Ok(x),
+                None => x.extract::<Vec<f64>>(),
+            }
+        })
+        .map_err(|e: PyErr| Box::new(e) as Fault)?;
+        x.try_into().map_err(|x: Vec<f64>| format!("an orientation has {TURNING} numbers, {} came", x.len()).into())
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {

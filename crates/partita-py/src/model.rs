@@ -569,12 +569,12 @@ impl Model {
 
     /// Data that are possible and unlikely, in sentences.
     fn suspicious(&self) -> Vec<String> {
-        analysis::report::suspicious(&self.inner)
+        analysis::doubtful::suspicious(&self.inner)
     }
 
     /// Which body lacks mass or inertia, in a sentence.
     fn weightless(&self) -> Option<String> {
-        analysis::report::weightless(&self.inner)
+        analysis::doubtful::weightless(&self.inner)
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {

@@ -4,6 +4,7 @@ use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
 use partita_analysis::instant;
+use partita_system::branching::ways::{self, Asked};
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -42,7 +43,18 @@ pub fn assemble<S: ConstrainedSystem>(
     let v = if rates.is_empty() && !system.rheonomic() && near.iter().all(|v| *v == 0.0) {
         vec![0.0; system.size().nv]
     } else {
-        velocity::near_with_rates(&mut chosen(system, t, &q)?, t, &q, near, rates)?
+        match chosen(system, t, &q) {
+            Err(e @ SystemError::SingularStart { .. }) => {
+                let n = system.size().nv;
+                let asked = |&(i, rate): &(usize, f64)| {
+                    let row = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
+                    Asked { name: system.velocity_name(i), row, reach: system.reach(i), rate }
+                };
+                let asked: Vec<Asked> = rates.iter().map(asked).collect();
+                ways::singled_out(system, (t, &q, near), &asked, e)?
+            }
+            found => velocity::near_with_rates(&mut found?, t, &q, near, rates)?,
+        }
     };
     let said = serde_json::json!({
         "iterations": iterations, "residual": residual, "target_steps": steps, "explicit": false

@@ -5,6 +5,8 @@
 //! at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few degrees and closed there
 //! with all its rows: what does not close is no motion, and the rank there is that of the branch.
 
+pub mod ways;
+
 use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -364,9 +366,10 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }
 
-/// The rates along one branch, of all coordinates that go.
-pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch) -> Vec<(String, f64)> {
-    let moving = branch.rates.iter().enumerate().filter(|x| *x.1 != 0.0);
+/// The rates along one of all branches, of all coordinates that go on any: one that stands tells it from others, too.
+pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch, all: &[Branch]) -> Vec<(String, f64)> {
+    let goes = |i: usize| all.iter().chain([branch]).any(|b| b.rates[i] != 0.0);
+    let moving = branch.rates.iter().enumerate().filter(|x| goes(x.0));
     moving.map(|(i, &rate)| (system.velocity_name(i), rate)).collect()
 }
 
@@ -427,7 +430,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
         let list = |x: &[(String, f64)]| -> String {
             x.iter().map(|(name, x)| format!("\"{name}\": {}", digits(*x))).collect::<Vec<_>>().join(", ")
         };
-        let (rates, guess) = (rates(system, b), guess(system, q, b));
+        let (rates, guess) = (rates(system, b, &found.branches), guess(system, q, b));
         match rates.len().max(guess.len()) <= WRITTEN {
             true => format!("rates as {{{}}}, to be had by assemble(guess={{{}}})", list(&rates), list(&guess)),
             false => format!("rates and guess as report().to_dict()[\"singular\"][\"branches\"][{n}] has them"),

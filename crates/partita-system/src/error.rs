@@ -32,6 +32,20 @@ pub enum SystemError {
         /// The pivot.
         pivot: f64,
     },
+    /// A freedom that moves no mass.
+    #[error(
+        "a freedom of the mechanism moves no mass at t = {t}: {motion} (rad/s, m/s) takes along {}, and nothing of it has mass or \
+         inertia in that motion, so no force says how it goes; give one of them a mass or a moment of inertia, or drive it",
+        names(bodies)
+    )]
+    Unfelt {
+        /// Time.
+        t: f64,
+        /// Its velocities.
+        motion: String,
+        /// Bodies that move in it.
+        bodies: Vec<String>,
+    },
     /// A number that is not finite.
     #[error("{what} is not finite at t = {t}; look at the forces and functions that enter it")]
     NotFinite {
@@ -367,5 +381,17 @@ impl SystemError {
                 | Self::Choice { .. }
                 | Self::Jump { .. }
         )
+    }
+}
+
+/// Names in a sentence.
+fn names(of: &[String]) -> String {
+    match of {
+        [] => "nothing".into(),
+        [one] => format!("\"{one}\""),
+        [rest @ .., last] => {
+            let first: Vec<String> = rest.iter().map(|x| format!("\"{x}\"")).collect();
+            format!("{} and \"{last}\"", first.join(", "))
+        }
     }
 }

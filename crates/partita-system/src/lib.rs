@@ -9,6 +9,7 @@ pub mod equations;
 pub mod error;
 pub mod formulation;
 pub mod kinematics;
+pub mod knots;
 pub mod options;
 pub mod partition;
 pub mod positions;
@@ -18,6 +19,7 @@ pub mod singular;
 pub mod start;
 pub mod system;
 pub mod tangent;
+pub mod weight;
 
 pub use partition::Partition;
-pub use system::{ConstrainedSystem, Size, SystemError};
+pub use system::{ConstrainedSystem, Fit, Size, SystemError};

@@ -71,7 +71,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     }
     if system.drawing_tolerance() > 0.0 {
         // what misfits by more than the tolerance is a condition of its own, however weak: the drawing is another mechanism
-        if let Some(b) = drawing::beyond(system, t, q)? {
+        if let Some(b) = drawing::beyond(system, t, q, system.drawing_tolerance())? {
             return Ok(as_drawn(&b, system));
         }
     }

@@ -3,8 +3,23 @@
 use crate::closing::Closing;
 use crate::clusters::Clusters;
 pub use crate::error::SystemError;
+use crate::knots::{Knots, Reading};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
+
+/// A drawing that does not fit exactly: what was meant, and what is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// Degrees of freedom as it was meant, drives released.
+    pub freedoms: usize,
+    /// The same as it is drawn, every digit taken at its word.
+    pub drawn: usize,
+    /// What the joints together open by at the least (root of the sum of squares of angles and of displacements over their
+    /// sizes) when the mechanism is moved by a tenth of its reach.
+    pub misfit: f64,
+    /// Within the tolerance?
+    pub within: bool,
+}
 
 /// Sizes of a system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -198,6 +213,24 @@ pub trait ConstrainedSystem: Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
+    /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
+    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations of motion are those of M.
+    fn lacks_mass(&self) -> bool {
+        false
+    }
+    /// Make a dense M (nv x nv) the metric, after `position`.
+    fn add_metric(&self, _s: &mut Self::Scratch, _mass: &mut [f64]) {}
+    /// Names of the bodies that move at these velocities.
+    fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
+        Vec::new()
+    }
+    /// What is to be said of a start with these velocities, or against it.
+    ///
+    /// # Errors
+    /// Velocities that nothing carries on.
+    fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
+        Ok(Vec::new())
+    }
     /// `s_i² = [M⁻¹]_ii` after `position`: the squared lengths |k_i|².                     (19)
     fn inverse_mass_diagonal(
         &self,
@@ -275,9 +308,24 @@ pub trait ConstrainedSystem: Sync {
     fn corners(&self) -> Vec<f64> {
         Vec::new()
     }
+    /// Curves with knots: steps are to end where what they are read at passes one that matters.
+    fn knots(&self) -> Vec<Knots> {
+        Vec::new()
+    }
+    /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
+    fn knot_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
     /// How far the drawing may be off: what is redundant but for so much (radians, parts of sizes) is taken as redundant.
     fn drawing_tolerance(&self) -> f64 {
         0.0
+    }
+    /// Whether the drawing fits, judged on a form of the mechanism in which nothing is a matter of choice: no tree, no cut. None
+    /// where this system is that form.
+    fn fit(&self, _t: f64, _q: &[f64], _tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        Ok(None)
+    }
+    /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
+    fn travel(&self, v: &[f64]) -> f64 {
+        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.reach(i)))
     }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {

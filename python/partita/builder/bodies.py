@@ -70,13 +70,13 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
     Its frame has the origin at `start` and x towards `end`. z stays as near to the world's z as possible, so
     that a rod drawn in the x-y plane turns about its own z; only for rods within 26 degrees of the world's z
     does y stay near the world's y instead. Inertia about the centre: (0, m L^2/12, m L^2/12), none about the
-    rod itself; where a rod may spin about its axis (two spherical joints), use `add_body` with a small axial
-    inertia.
+    rod itself. A rod between two balls is therefore held from spinning about its line, unless a force, a drive or a
+    coupling sees the spin; where the spin itself matters, use `add_body` with the axial inertia.
 
     Args:
         name: unique among the bodies.
         start, end: two different points in the world [m].
-        mass: [kg], not negative. Zero makes a massless link, which must be held by others that have mass.
+        mass: [kg], not negative. Zero makes a link without mass: every motion must move mass elsewhere.
         gravity: False: gravity leaves this rod alone.
 
     Raises:

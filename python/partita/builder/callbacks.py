@@ -26,7 +26,10 @@ class Callback:
         it."""
 
         def call(t: float, q: Array, v: Array) -> Any:
-            return self._result(t, self.function(t, StateView(t, q, v, layout)))
+            # behind those of the state stand the coordinates of joints that close loops
+            n, m = len(layout.names), len(layout.velocity_names)
+            state = StateView(t, q[:n], v[:m], layout, (q[n:], v[m:]))
+            return self._result(t, self.function(t, state))
 
         return call
 

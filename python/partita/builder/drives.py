@@ -8,12 +8,15 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from .bodies import resolve
 from .checks import Element, name_of, number
 from .drawing import Drawing
 from .forces import free_name
+from .joints import add_free, coordinate_of, joint_record, scalars, speeds
 from .measures import Measure, measure
 from .motion import Motion
-from .records import Drive, DriveRecord, Joint
+from .poses import pose_value
+from .records import Body, Drive, DriveRecord, Joint
 from .values import Function, scalar
 
 Course = float | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
@@ -21,36 +24,47 @@ Course = float | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
 def add_drive(
     self: Drawing,
-    joint: Joint | str | Measure,
+    joint: Joint | str | Body | Measure,
     position: Course | None = None,
     velocity: Course | None = None,
     acceleration: Course | None = None,
     *,
+    pose: Any = None,
     coordinate: int = 0,
     rate: float = 0.0,
     name: str | None = None,
 ) -> Drive:
-    """Prescribe a motion over time: of one joint coordinate, a distance, a displacement; the effort it takes is part of
-    the joint's reaction.
+    """Prescribe a motion over time: of one joint coordinate, a distance, a displacement, the whole pose of a body; the
+    effort it takes is part of the joint's reaction.
 
     Give the position, or the velocity alone, or the acceleration alone. A drive of velocity or acceleration prescribes
-    rates: it starts wherever the mechanism is.
+    rates: it starts wherever the mechanism is. A joint that turns about all axes is driven by its pose. What shall
+    follow another coordinate in place of time is coupled to it: `add_cam`.
 
     Args:
         joint: the joint or its name (in the tree, closing a loop, or in absolute coordinates); the coordinate must be a
-            slide or an angle, not part of a quaternion. Or `pt.Distance`, `pt.Along`, `pt.Cosine`.
+            slide or an angle; of a turn in space its three angular velocities can be driven, in child axes [rad/s]. Or
+            `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose also a body: a free joint "pose of ..." from the ground
+            is added for it, whose `force`, `moment` and `drive` are what the drive exerts.
         position: [m] or [rad], measured from the drawn position (distances and displacements as they are): a number
             (it is held there), a table (times, values) joined by a twice differentiable cubic spline (two points make
             a straight line, three a parabola), or f(t).
         velocity, acceleration: beside a position that is a function, its derivatives as functions of t; alone, what is
             prescribed, as number, table or f(t). A table of accelerations is joined by straight lines.
+        pose: (position, orientation), held; a table (times, positions, orientations), positions joined by a twice
+            differentiable cubic spline, orientations by a curve of rotations with continuous angular acceleration; or
+            f(t) that returns (position, orientation). Of a joint its coordinates, zero as drawn: as many slides [m] as
+            it has (none: the orientation alone), and how the child is turned. Of a body its position and orientation in
+            the world. Orientations are rotation vectors [rad], quaternions (w, x, y, z), matrices or a SciPy
+            `Rotation`; any angle goes, by any number of turns.
         coordinate: which coordinate of the joint, from 0.
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
         name: None: made from the joint's name.
 
     Where derivatives of a function are not given, they are found exactly by evaluating f on a number that carries its
     derivatives; f may use arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central
-    differences of order 8 take their place, and a note in the result says so with their accuracy.
+    differences of order 8 take their place, and a note in the result says so with their accuracy. The same holds of a
+    pose; there rotation vector, quaternion and matrix are exact, a SciPy `Rotation` is not.
 
     Raises:
         DescriptionError: the coordinate does not exist or is driven already; a derivative contradicts the
@@ -65,19 +79,23 @@ def add_drive(
     >>> slide = m.add_prismatic("S", m.ground, table, axis=(0, 1, 0))
     >>> m.add_drive(slide, position=lambda t: 0.01 * np.sin(20.0 * t)).name
     'drive of S'
+    >>> half = lambda t: ((0, 0, 0.1 * np.sin(t)), (0, 0, np.pi * t))
+    >>> m.add_drive(m.add_body("disc", mass=1.0, inertia=(1, 1, 1)), pose=half).name
+    'drive of pose of disc'
     """
+    if pose is not None:
+        return _drive_pose(self, joint, pose, (position, velocity, acceleration), coordinate, rate, name)
     drives = self._description.drives
     what = joint if isinstance(joint, Joint | str) else type(joint).__name__.lower()
     element = name_of("drive", name if name is not None else free_name(self, f"drive of {what}", drives), drives)
+    level, course = _level(element, position, velocity, acceleration)
     if isinstance(joint, Joint | str):
-        found = measure(self, element, {"of": "joint", "joint": joint, "coordinate": coordinate})
+        found = _coordinate(self, element, joint, coordinate, level)
+    elif isinstance(joint, Body):
+        element.fail("a body has no single coordinate; give its pose (pose=...), or drive a joint or a measure of it")
     else:
         found = measure(self, element, joint)
-    key = json.dumps(found, sort_keys=True)
-    if (other := self._description.driven.get(key)) is not None:
-        said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
-        element.fail(f'{said} is driven already by "{other}"; remove one of the two')
-    level, course = _level(element, position, velocity, acceleration)
+    _alone(self, element, found)
     start = number(element, "rate", rate)
     if start != 0.0 and level != "acceleration":
         element.fail("rate is where an acceleration begins; positions and velocities have their own")
@@ -88,8 +106,79 @@ def add_drive(
 
     motion = scalar(element, level, course, "smooth", wrap)
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
-    self._description.driven[key] = element.name
+    self._description.driven[_key(found)] = element.name
     return Drive(element.name, self)
+
+
+def _drive_pose(
+    mechanism: Drawing,
+    joint: Any,
+    pose: Any,
+    others: tuple[Any, ...],
+    coordinate: int,
+    rate: float,
+    name: str | None,
+) -> Drive:
+    """A drive of all slides and of the turn in space of a joint, or of a body seen from the ground."""
+    d = mechanism._description
+    is_body = isinstance(joint, Body) or (isinstance(joint, str) and joint in d.bodies and joint not in d.joints)
+    what = f"pose of {joint}" if is_body else joint if isinstance(joint, Joint | str) else type(joint).__name__.lower()
+    default = free_name(mechanism, f"drive of {what}", d.drives)
+    element = name_of("drive", default if name is None else name, d.drives)
+    if any(x is not None for x in others) or coordinate != 0 or rate != 0.0:
+        element.fail(
+            "a pose is all coordinates at all times; leave position, velocity, acceleration, coordinate, rate out"
+        )
+    if is_body:
+        body = resolve(mechanism, element, "the body", joint, ground=False)
+        record = d.bodies[body]
+        value = pose_value(element, pose, 3, (record.position, record.rotation))
+        carrier = free_name(mechanism, f"pose of {body}", d.joints)
+        found, slides = add_free(mechanism, carrier, mechanism.ground, body).name, 3
+    elif isinstance(joint, Joint | str):
+        driven = joint_record(mechanism, element, joint)
+        slides = scalars(driven)
+        if speeds(driven) != slides + 3 or any(item.startswith("r") for item in driven.free[:slides]):
+            element.fail(
+                f'the {driven.kind} joint "{driven.name}" does not turn about all axes; a pose is for joints that do '
+                f"(free, spherical, ...): drive its {speeds(driven)} coordinates one by one (coordinate=...)"
+            )
+        found = driven.name
+        for i in range(slides + 3):
+            _alone(mechanism, element, {"of": "joint", "joint": found, "coordinate": i})
+        value = pose_value(element, pose, slides, None)
+    else:
+        element.fail(f"a pose is that of a joint or of a body, not of {what}")
+    measures = [{"of": "joint", "joint": found, "coordinate": i} for i in range(slides + 3)]
+    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides))
+    d.driven.update({_key(each): element.name for each in measures})
+    return Drive(element.name, mechanism)
+
+
+def _key(found: dict[str, Any]) -> str:
+    return json.dumps(found, sort_keys=True)
+
+
+def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
+    """Refuse what is driven already."""
+    if (other := mechanism._description.driven.get(_key(found))) is not None:
+        said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
+        element.fail(f'{said} is driven already by "{other}"; remove one of the two')
+
+
+def _coordinate(
+    mechanism: Drawing, element: Element, joint: Joint | str, coordinate: Any, level: str
+) -> dict[str, Any]:
+    """A coordinate; of a turn in space a position is none, but its angular velocities can be driven."""
+    found = joint_record(mechanism, element, joint)
+    single = scalars(found)
+    if level == "position" and single < speeds(found) and not (isinstance(coordinate, int) and coordinate < single):
+        element.fail(
+            f'the {found.kind} joint "{found.name}" turns about all axes there, which no single coordinate says; give '
+            "its pose (pose=...), or drive its angular velocities (velocity=, acceleration=)"
+        )
+    number = coordinate_of(element, found, coordinate, speeds(found))
+    return {"of": "joint", "joint": found.name, "coordinate": number}
 
 
 def _level(element: Element, position: Any, velocity: Any, acceleration: Any) -> tuple[str, Any]:

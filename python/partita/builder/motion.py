@@ -160,8 +160,9 @@ def _as_jet(value: Any) -> Jet:
     return value if isinstance(value, Jet) else Jet(one_number(value))
 
 
-def differences(f: Callable[[float], float], t: float) -> tuple[float, float, float, float]:
-    """f, f', f'' at `t` and the estimated error of f''. Costs 49 evaluations.
+def differences(f: Callable[[float], float], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:
+    """f, f', f'' at `t` and the estimated error of f''. Costs 49 evaluations. `scale`: numbers of this size were
+    subtracted to make f, so that it carries their round-off.
 
     Six step sizes, from the finest on. A coarser one is taken for its smaller error, but only if its answer lies within
     the error of the finer one: a fast oscillation seen through a coarse step looks like a slow one, perfectly smooth.
@@ -173,7 +174,7 @@ def differences(f: Callable[[float], float], t: float) -> tuple[float, float, fl
         ahead, behind = [f(t + i * h) for i in range(1, 5)], [f(t - i * h) for i in range(1, 5)]
         odd = [(a - b) / h for a, b in zip(ahead, behind, strict=True)]
         even = [value / h**2 for value in (middle, *(a + b for a, b in zip(ahead, behind, strict=True)))]
-        size = max(map(abs, [*ahead, *behind, middle])) + abs(t) * max(map(abs, odd))
+        size = max(scale, *map(abs, [*ahead, *behind, middle])) + abs(t) * max(map(abs, odd))
         noise = 4.0 * np.finfo(float).eps * size  # round-off of f and of its argument
         slope.offer(_dot(_FIRST_8, odd), _dot(_FIRST_6, odd), noise / h)
         bend.offer(_dot(_SECOND_8, even), _dot(_SECOND_6, even), noise / h**2)

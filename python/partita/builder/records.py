@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from .checks import Array
+from .poses import PoseValue
 from .values import Function, Value
 
 GROUND = "ground"
@@ -92,13 +93,14 @@ class JointRecord:
 @dataclass(frozen=True)
 class DriveRecord:
     """Prescribed motion of a measure: its position, velocity or acceleration, as `level` says; `rate` is where an
-    acceleration begins."""
+    acceleration begins. Or the pose of a joint, with so many slides before its turn in space."""
 
     name: str
     measure: Mapping[str, Any]
-    motion: Value
+    motion: Value | PoseValue
     level: str = "position"
     rate: float = 0.0
+    slides: int = 0
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
+from .poses import Held, PoseFunction, PoseTable, PoseValue, slide_of, turning_of
 from .records import (
     GROUND,
     BodyRecord,
@@ -66,7 +67,7 @@ class Writer:
             "bodies": map(_body, d.bodies.values()),
             "joints": map(self._joint, d.joints.values()),
             "couplings": map(self._coupling, d.couplings.values()),
-            "drives": map(self._drive, d.drives.values()),
+            "drives": chain.from_iterable(map(self._drive, d.drives.values())),
             "forces": chain(map(self._force, d.forces.values()), self._gravity()),
         }
 
@@ -108,14 +109,31 @@ class Writer:
         said = {} if record.kind == "roll" else {"word": record.word, "terms": [dict(term) for term in record.terms]}
         return {"kind": record.kind, "name": record.name, **said, **data}
 
-    def _drive(self, record: DriveRecord) -> dict[str, Any]:
-        is_rate = record.level == "acceleration"
-        return {
+    def _drive(self, record: DriveRecord) -> Iterator[dict[str, Any]]:
+        """One drive of the core for each coordinate that is driven."""
+        motion = record.motion
+        if isinstance(motion, Held | PoseTable | PoseFunction):
+            yield from self._pose(record, motion)
+            return
+        yield {
             "name": record.name,
             "measure": dict(record.measure),
-            "motion": self._value(rate_of(record.motion, record.rate) if is_rate else record.motion),
+            "motion": self._value(rate_of(motion, record.rate) if record.level == "acceleration" else motion),
             "level": "position" if record.level == "position" else "velocity",
         }
+
+    def _pose(self, record: DriveRecord, pose: PoseValue) -> Iterator[dict[str, Any]]:
+        """The slides, then the three turns, each a component of the same orientation."""
+        found = turning_of(pose)
+        turning = self._value(found) if isinstance(found, Function) else found
+        for i in range(record.slides + 3):
+            yield {
+                "name": f"{record.name}, {'slide' if i < record.slides else 'turn'} {i}",
+                "measure": {**record.measure, "coordinate": i},
+                "motion": self._value(slide_of(pose, i) if i < record.slides else Constant(0.0)),
+                "level": "position",
+                **({"turning": turning} if i >= record.slides else {}),
+            }
 
     def _gravity(self) -> Iterator[dict[str, Any]]:
         """What the core counts among the forces: gravity that changes, and bodies without any."""

@@ -170,7 +170,7 @@ def _argument(value: Any) -> Any:
     """A table {times, values} or {x, y} as the pair that the builder takes; all else as it is."""
     if isinstance(value, dict):
         for first, second in (("times", "values"), ("x", "y")):
-            if first in value:
+            if first in value and second in value:
                 return value[first], value[second]
         return {key: _argument(item) for key, item in value.items()}
     return [_argument(item) for item in value] if isinstance(value, list) else value

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array, Element
+from ..builder.poses import Held, PoseFunction, PoseTable
 from ..builder.records import (
     DRAWING_TOLERANCE,
     BodyRecord,
@@ -111,7 +112,23 @@ def _drive(record: DriveRecord) -> Entries:
     if what["of"] == "joint":
         said = {"joint": what["joint"], "coordinate": what["coordinate"] or None}
     rate = record.rate or None
+    if isinstance(record.motion, Held | PoseTable | PoseFunction):
+        return {"name": record.name, "joint": what["joint"], "pose": _pose(element, record)}
     return {"name": record.name, **said, record.level: _value(element, record.motion), "rate": rate}
+
+
+def _pose(element: Element, record: DriveRecord) -> Entries:
+    """A pose that is held, or a table; a Python function cannot be written."""
+    match record.motion:
+        case Held(slides, matrix):
+            return {**({"position": slides} if record.slides else {}), "orientation": matrix}
+        case PoseTable(times, slides, matrices):
+            places = {"positions": slides} if record.slides else {}
+            return {"times": times, **places, "orientations": matrices}
+    element.fail(
+        "its pose is a Python function, which a file cannot hold; sample it into a table (times, positions, "
+        "orientations) before saving"
+    )
 
 
 def _coupling(record: CouplingRecord) -> str:

@@ -79,7 +79,8 @@ def assemblies(
 
     Loops are solved one after the other in closed form where they can be ordered: planar dyads of turning and
     sliding joints, spatial loops with a ball joint or two (a characteristic pair). Each has up to two
-    solutions, its branches. What cannot be ordered is solved by iteration, near the given position only.
+    solutions, its branches. Gears, racks, screws and cams lead from one loop to the next. What cannot be
+    ordered is solved by iteration, near the given position only.
 
     Args:
         targets, rates, near, t: where the inputs stand and how they move, as in `assemble`.
@@ -89,8 +90,8 @@ def assemblies(
         The assemblies, that of `assemble(targets, rates, near)` first.
 
     Raises:
-        ArgumentError: the inputs do not determine the other coordinates, or there are more than 4096
-            combinations. AssemblyError as in `assemble`.
+        ArgumentError: the inputs do not determine the other coordinates, there are more than 4096
+            combinations, or a coupling or drive holds rates alone. AssemblyError as in `assemble`.
 
     >>> import partita as pt
     >>> m = pt.catalogue.load("four-bar")

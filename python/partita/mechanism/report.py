@@ -159,7 +159,7 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         spins = [f"{item['body']} spins about its own line between {_named(item['joints'])}" for item in idle]
         more = general - len(idle)
         lines.append(
-            f"{_freedoms(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else; "
+            f"{_freedoms(len(idle), 'Of these ')} idle: {_named(spins)}, which moves nothing else{_held(idle)}; "
             f"{_freedoms(more)} {'is' if more == 1 else 'are'} left to the rest."
         )
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
@@ -178,6 +178,18 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
             "driven from it in this position."
         )
     return _Section("Mobility", lines)
+
+
+def _held(idle: list[dict[str, Any]]) -> str:
+    """Which of the idle spins are held."""
+    held = [item["body"] for item in idle if item["held"]]
+    if not held:
+        return ""
+    if len(held) == len(idle):
+        which = "it is" if len(idle) == 1 else "all are"
+    else:
+        which = f"{_named(held)} {'is' if len(held) == 1 else 'are'}"
+    return f" ({which} held, without inertia about that line)"
 
 
 def _structure(found: dict[str, Any]) -> _Section:

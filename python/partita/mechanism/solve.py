@@ -49,7 +49,10 @@ def assemble(
             near as the earlier ones let them, in the sense of least squares (angles in radians, lengths in parts of
             the mechanism's).
         rates: the same for velocities of joints [rad/s or m/s]. What is not given stays as near to rest (to `near`) as
-            it can.
+            it can. In a change point, where branches meet, they are completed on the branch that they single out; they
+            may miss it by 2e-3 (digits as refusals print them), and what comes out lies on it. Where drives leave no
+            freedom (a slider driven out of its dead centre) a rate tells the way alone: it is taken for the way whose
+            rate lies between half and twice of it, and the drive says its value.
         near: where to start, for another branch; None: the drawing at rest.
         fixed: joints (or coordinates) that keep their position in the start, drawn or guessed, while loops are closed
             and targets met.
@@ -70,6 +73,7 @@ def assemble(
         AssemblyError: the lengths cannot close, or not with these targets: which contradict each other, where a joint
             ends, what length is missing.
         UnknownNameError: a key is no joint and no coordinate. ArgumentError: a value does not fit its joint.
+        SingularityError: rates in a change point that single out no branch; which there are.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")
@@ -284,7 +288,7 @@ def simulate(
         t_eval: increasing times of the outputs (nt,) inside the run; None: 201 evenly spaced ones. Outputs
             satisfy the constraints whatever their spacing and do not change the steps.
         initial: state to start from, as `assemble` returns it, in whatever coordinates; None: the drawing,
-            assembled, at rest.
+            assembled, at rest. In a change point its velocities say along which branch it goes; a note tells.
         rtol, atol: tolerances of the step control on each integrated quantity. `atol` is in radians for angles and in
             parts of the characteristic length (the extent of a typical body) for displacements; the same per second
             for velocities.
@@ -375,8 +379,10 @@ def simulate(
     try:
         raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     except DescriptionError as error:
-        who = model.core.weightless() if "mass matrix" in error.message else None
-        if who is None:
+        short = any(words in error.message for words in ("mass matrix", "moves no mass"))
+        who = model.core.weightless() if short else None
+        # a motion already named needs no more than the rod that spins
+        if who is None or ("moves no mass" in error.message and not who.startswith("no inertia")):
             raise
         raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
     if raw["status"] in _OF_A_POSITION:

@@ -1,5 +1,6 @@
 """`python -m zoo`: the whole zoo for ten seconds; `python -m zoo bennett delta`: some of it."""
 
+import argparse
 import os
 import sys
 from multiprocessing import Pool
@@ -7,10 +8,16 @@ from multiprocessing import Pool
 from .study import done, tasks
 
 
-def main(names: list[str]) -> int:
+def main(arguments: list[str]) -> int:
     """Print what was wrong and the largest differences; 1 if anything was wrong."""
-    todo = [task for task in tasks() if not names or task[1] in names]
-    with Pool(os.cpu_count() or 1) as pool:
+    said = argparse.ArgumentParser(prog="python -m zoo", description="the whole zoo for ten seconds, or some of it")
+    said.add_argument("names", nargs="*", help="mechanisms; all, if none")
+    said.add_argument(
+        "--processes", type=int, default=os.cpu_count() or 1, help="at a time; all processors, if not said"
+    )
+    options = said.parse_args(arguments)
+    todo = [task for task in tasks() if not options.names or task[1] in options.names]
+    with Pool(options.processes) as pool:
         found = pool.map(done, todo, chunksize=1)
     wrong = [judged for judged in found if judged.wrong]
     for judged in wrong:

@@ -95,12 +95,7 @@ def tasks() -> list[tuple[str, str, float | None]]:
     """Everything there is to do: what, of which mechanism, at which tolerance."""
     found: list[tuple[str, str, float | None]] = [("long", name, None) for name in zoo.ENTRIES]
     found += [("long", name, rtol) for name in MANY_TOLERANCES for rtol in TOLERANCES]
-    return found + [("both", name, None) for name in zoo.ENTRIES if not along_coordinates(name)]
-
-
-def along_coordinates(name: str) -> bool:
-    """Whether springs act along coordinates of joints, which there are in relative coordinates alone."""
-    return any(force["kind"] == "torsion_spring" for force in pt.catalogue.load(name).to_spec()["forces"])
+    return found + [("both", name, None) for name in zoo.ENTRIES]
 
 
 def done(task: tuple[str, str, float | None]) -> Judged:

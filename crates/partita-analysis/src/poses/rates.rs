@@ -4,8 +4,10 @@ use super::goal::Target;
 use partita_math::dense;
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
+use partita_model::model::ModelScratch;
 use partita_model::Model;
-use partita_system::kinematics::velocity::near_with_rates;
+use partita_system::branching::ways::{self, Asked};
+use partita_system::kinematics::velocity::{momentum, near_with_rates, pushed_with_rates};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
@@ -13,6 +15,35 @@ use partita_system::{start, ConstrainedSystem, SystemError};
 const MET: f64 = 1e-9;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-10;
+
+/// How the rate of a goal follows from velocities (n).
+fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {
+    let mut g = vec![0.0; model.size().nv];
+    let mut at = x.velocities.iter();
+    x.gradient(model, q, room, s, |value| {
+        if let Some(&i) = at.next() {
+            g[i] = value;
+        }
+    });
+    g
+}
+
+/// All rates as readings of velocities.
+fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)]) -> Vec<Asked> {
+    let n = model.size().nv;
+    let (mut s, mut room) = (model.scratch(), vec![0.0; n]);
+    let of_own = own.iter().map(|&(i, rate)| {
+        let mut row = vec![0.0; n];
+        row[i] = 1.0;
+        Asked { name: model.velocity_name(i), row, reach: model.reach(i), rate }
+    });
+    let mut all: Vec<Asked> = of_own.collect();
+    for (x, rate) in others {
+        let row = gradient(model, q, x, &mut room, &mut s);
+        all.push(Asked { name: x.name.clone(), row, reach: x.reach, rate: *rate });
+    }
+    all
+}
 
 /// Velocities that satisfy S4 with `v_i = rate` for the pairs `own` and these rates of goals, otherwise as near to `near` as
 /// they can be in the mass metric.
@@ -27,7 +58,12 @@ pub fn with_rates(
     own: &[(usize, f64)],
     others: &[(Target, f64)],
 ) -> Result<Vec<f64>, SystemError> {
-    let found = start::analyse(model, t, q)?;
+    let found = match start::analyse(model, t, q) {
+        Err(e @ SystemError::SingularStart { .. }) => {
+            return ways::singled_out(model, (t, q, near), &asked(model, q, own, others), e);
+        }
+        found => found?,
+    };
     let mut r = Reduction::new(model, found.rank);
     start::choose_partition(&mut r, t, q, None, None)?;
     let mut own = own.to_vec();
@@ -43,22 +79,18 @@ pub fn with_rates(
         return Ok(v);
     }
     let (n, mut s, mut room) = (v.len(), model.scratch(), vec![0.0; v.len()]);
-    let gradients: Vec<Vec<f64>> = rows
-        .iter()
-        .map(|(x, _)| {
-            let mut g = vec![0.0; n];
-            let mut at = x.velocities.iter();
-            x.gradient(model, q, &mut room, &mut s, |value| {
-                if let Some(&i) = at.next() {
-                    g[i] = value;
-                }
-            });
-            g
-        })
-        .collect();
+    let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut room, &mut s)).collect();
     // what an impulse along each of them does: the projection of M^-1 g
     let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for ((x, _), g) in rows.iter().zip(&gradients) {
+        if model.lacks_mass() {
+            // what takes no momentum to move can still be pushed
+            let mut push = momentum(&mut r, t, q, near)?;
+            push.iter_mut().zip(g).for_each(|(p, g)| *p += g);
+            let moved = pushed_with_rates(&mut r, t, q, &push, &own)?;
+            moves.push(moved.iter().zip(&v).map(|(a, b)| a - b).collect());
+            continue;
+        }
         let (mut phi, mut c, mut a) =
             (vec![0.0; model.size().holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; model.size().rows]);
         model.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;

@@ -1,6 +1,7 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
 pub mod cost;
+mod departure;
 mod inconsistent;
 mod journal;
 mod request;
@@ -12,13 +13,14 @@ pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome, Status};
+use partita_system::drawing;
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Gaps, Output};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
-use partita_system::ConstrainedSystem;
+use partita_system::{weight, ConstrainedSystem, SystemError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -74,6 +76,27 @@ fn note_of_passages(outcome: &Outcome) -> String {
     )
 }
 
+/// A run of a structure: it is no motion, and no failure either.
+const CANNOT_MOVE: &str =
+    "the mechanism cannot move: its joints make a structure of the bodies, with no degree of freedom; the run \
+     holds it where it is, and its reactions are those at rest";
+
+/// What a structure is told whose conditions are too weak for its reactions to be computed.
+fn no_reactions<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<AnalysisError, SystemError> {
+    let beyond = drawing::beyond(system, t, q, system.drawing_tolerance())?;
+    let rows: Vec<usize> = beyond.iter().flat_map(|x| &x.near).map(|x| x.0).collect();
+    let weak = match rows.is_empty() {
+        true => String::new(),
+        false => format!(", such as {}", some(&rows, |&i| system.row_words(i))),
+    };
+    let message = format!(
+        "the mechanism cannot move: it is held by conditions so weak{weak} that what they carry is lost in rounding; draw its \
+         joints exactly as they are meant, or give a drawing_tolerance (now {:.0e}) for the play they have",
+        system.drawing_tolerance()
+    );
+    Ok(AnalysisError::Argument { argument: "drawing_tolerance", message })
+}
+
 /// March `system` from `(q, v)` as asked, with outputs at `t_eval`; `watch` is asked after every step whether to go on.
 ///
 /// # Errors
@@ -99,25 +122,55 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if !unread.is_empty() {
         notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
     }
-    let found = start::analyse(system, request.t0, q)?;
+    let (found, mut launched) = match start::analyse(system, request.t0, q) {
+        Err(e @ SystemError::SingularStart { .. }) => {
+            let end = settings.options.corners.iter().copied().find(|t| *t > request.t0);
+            let end = end.map_or(settings.t_end, |corner| corner.min(settings.t_end));
+            let departure = departure::depart(system, (request.t0, q, v), (end, request.rtol), e)?;
+            (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
+        }
+        found => (found?, None),
+    };
+    let (t, q_start, v_start) = match &launched {
+        Some(x) => (x.launch.t, x.launch.q.clone(), x.launch.v.clone()),
+        None => (request.t0, q.to_vec(), v.to_vec()),
+    };
+    let (q_start, v_start) = (&q_start[..], &v_start[..]);
     if found.misfit > 0.0 {
         options.misfit = bridged_gap(system.drawing_tolerance());
         limits.misfit = options.misfit;
     }
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
-        consistency::check(system, &found, (request.t0, q, v), request.t_end - request.t0)?;
+        consistency::check(system, &found, (t, q_start, v_start), request.t_end - t)?;
     }
-    inconsistent::refuse(system, found.rank, request.t0, q)?;
+    inconsistent::refuse(system, found.rank, t, q_start)?;
+    let rigid = found.rank == system.size().nv && !(0..system.size().rows).any(|i| system.row_is_drive(i));
+    if rigid && !system.rheonomic() {
+        notes.push(CANNOT_MOVE.to_string());
+    }
+    weight::refuse(system, t, q_start, found.rank)?;
+    notes.extend(system.start_notes(q_start, v_start)?);
     let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
         .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
+    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
+    let done = match &mut launched {
+        Some(departure) => departure.outputs(reached, &mut outputs)?,
+        None => 0,
+    };
+    let work = launched.as_ref().map_or(0.0, |x| x.launch.work);
     let mut sink = |output: &Output| {
-        outputs.push(output.clone());
+        outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
-    let mut outcome = simulate(&mut f, request.t0, q, v, reached, &settings, &mut sink, watch)?;
+    let mut outcome = match simulate(&mut f, t, q_start, v_start, &reached[done..], &settings, &mut sink, watch) {
+        Err(SystemError::Singular { .. }) if rigid => return Err(no_reactions(system, request.t0, q)?),
+        outcome => outcome?,
+    };
+    if let Some(departure) = &launched {
+        departure.tell(&mut outcome, &mut notes);
+    }
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
         outcome.status = Status::EvaluationFailed;
         outcome.message = format!(

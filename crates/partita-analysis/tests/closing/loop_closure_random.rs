@@ -1,16 +1,13 @@
 //! Explicit closing of mechanisms drawn by chance: whatever closes in closed form does it rightly, the rest implicitly.
 
 use crate::linkages::{assert_tangent, branches, position};
-use crate::mechanisms::{between, on_random_mechanisms, Moment, Wishes};
+use crate::mechanisms::{between, on_coupled_mechanisms, on_random_mechanisms, Moment, Wishes};
 use partita_model::Model;
 use partita_system::closing::Closing;
 use partita_system::{start, ConstrainedSystem};
 
 /// Close near a closed position, for inputs chosen freely; returns (explicit, implicit) velocities.
 fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {
-    if model.drives.iter().any(|d| d.tree.is_none()) {
-        return (0, 0); // a drive of a cut joint has no place in closed forms, which say so
-    }
     let mut closing = match model.loop_closing(m.t, &m.q, None) {
         Ok(closing) => closing,
         Err(e) => panic!("{e}\n{:?}", model.spec.joints.iter().map(|j| (&j.name, j.kind)).collect::<Vec<_>>()),
@@ -68,6 +65,33 @@ fn spatial_mechanisms() {
     let wishes = Wishes { planar: false, bound: true, drives: true };
     on_random_mechanisms(72, 60, wishes, |rng, model, m| {
         check(rng, model, m);
+    });
+}
+
+/// Gears of two and three coordinates, a cam by its curve, a function, a distance, a displacement.
+#[test]
+fn coupled_mechanisms() {
+    for planar in [true, false] {
+        let wishes = Wishes { planar, bound: true, drives: true };
+        let mut seen = 0;
+        on_coupled_mechanisms(74, 30, wishes, &[0, 1, 2, 3, 4, 5], |rng, model, m| {
+            // angles of two cut joints whose factors have no common part are held by their rates
+            if model.full.conditions.iter().all(|c| c.holonomic) {
+                check(rng, model, m);
+                seen += 1;
+            }
+        });
+        assert!(seen > 20, "{seen}");
+    }
+}
+
+/// Conditions on rates leave positions open.
+#[test]
+fn conditions_on_rates_are_refused() {
+    let wishes = Wishes { planar: true, bound: true, drives: false };
+    on_coupled_mechanisms(75, 4, wishes, &[7, 8], |_, model, m| {
+        let refused = model.loop_closing(m.t, &m.q, None).err().unwrap().to_string();
+        assert!(refused.contains("holds rates alone") && refused.contains("projective"), "{refused}");
     });
 }
 

@@ -1,7 +1,9 @@
 //! Inverse kinematics of loops over every scalar: derivatives by inputs, time and lengths, eight closings at once, and a
 //! recording of a closing.
 
-use crate::mechanisms::{apart, between, derivative, drawing, on_random_mechanisms, Moment, Wishes, STEP};
+use crate::mechanisms::{
+    apart, between, couple, derivative, drawing, on_coupled_mechanisms, on_random_mechanisms, Moment, Wishes, STEP,
+};
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::loop_closure::LoopClosing;
 use partita_model::place::Coordinates;
@@ -15,6 +17,8 @@ use std::sync::Arc;
 const KINDS: [Wishes; 2] =
     [Wishes { planar: false, bound: true, drives: true }, Wishes { planar: true, bound: true, drives: true }];
 const COUNT: usize = 30;
+/// Couplings of positions that need no function: gears, a curve, a distance, a displacement.
+const COUPLED: [usize; 5] = [0, 1, 2, 4, 5];
 /// Blocks with pivots above this lose one digit, and a derivative two.
 const HEALTHY: f64 = 0.1;
 
@@ -28,9 +32,9 @@ fn closed_over<S: Scalar>(c: &LoopClosing, e: &Evaluator<S>, t: S, q: &[S]) -> (
 fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Moment, &mut LoopClosing, &[f64], &[f64])) {
     for (i, wishes) in KINDS.into_iter().enumerate() {
         let (mut explicit, mut implicit) = (0, 0);
-        on_random_mechanisms(seed + i as u64, COUNT, wishes, |rng, model, m| {
-            if model.drives.iter().any(|d| d.tree.is_none()) {
-                return; // a drive of a cut joint has no place in closed forms, which say so
+        let mut see = |rng: &mut fastrand::Rng, model: &Model, m: &Moment| {
+            if model.full.conditions.iter().any(|c| !c.holonomic) {
+                return; // angles of two cut joints without a common period: their rates alone are held
             }
             let mut closing = model.loop_closing(m.t, &m.q, None).unwrap();
             let mut q = m.q.clone();
@@ -45,7 +49,9 @@ fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Mome
             ConstrainedSystem::rate(model, &here, &dv, &mut along);
             *if closing.is_explicit() { &mut explicit } else { &mut implicit } += 1;
             check(rng, model, m, &mut closing, &here, &along);
-        });
+        };
+        on_random_mechanisms(seed + i as u64, COUNT, wishes, &mut see);
+        on_coupled_mechanisms(seed + i as u64, COUNT / 2, wishes, &COUPLED, &mut see);
         // the right inputs leave dyads in the plane
         let enough = explicit > COUNT / 6 && (wishes.planar || implicit > COUNT / 6);
         assert!(enough, "{explicit} explicit, {implicit} implicit");
@@ -138,6 +144,9 @@ fn a_recorded_closing() {
     let mut done = 0;
     while done < COUNT {
         let mut spec = drawing(&mut rng, KINDS[done % 2]);
+        if done % 3 == 0 && !couple(&mut rng, &mut spec, KINDS[done % 2].planar, COUPLED[done % 5]) {
+            continue;
+        }
         let plain = |v: &mut Value| *v = Value::Constant(0.2);
         spec.drives.iter_mut().for_each(|d| plain(&mut d.motion));
         for f in &mut spec.forces {

@@ -12,6 +12,7 @@ mod mechanisms;
 mod assembly;
 mod explicit_closing_runs;
 mod loop_closure_allocations;
+mod loop_closure_couplings;
 mod loop_closure_networks;
 mod loop_closure_plane;
 mod loop_closure_random;

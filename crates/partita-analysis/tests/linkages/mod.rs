@@ -92,7 +92,7 @@ impl Drawing {
     }
     pub fn drive(mut self, joint: &str, motion: Value) -> Self {
         let (name, measure) = (format!("drive of {joint}"), Measure::joint(joint, 0));
-        self.0.drives.push(Drive { name, measure, motion, level: Level::Position });
+        self.0.drives.push(Drive::new(name, measure, motion, Level::Position));
         self
     }
     /// Without gravity.

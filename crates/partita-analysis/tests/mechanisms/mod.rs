@@ -5,10 +5,10 @@ use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::observe::BodyState;
 use partita_model::place::Coordinates;
 use partita_model::spec::{
-    Axes, Body, Bushing, Contact, Cut, Drive, Force, Friction, Gravity, Joint, JointKind, Law, Level, Measure, Sight,
-    Spec, Spot, Stop, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
+    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, Gravity, Joint, JointKind, Law, Level,
+    Measure, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
 };
-use partita_model::value::Functions;
+use partita_model::value::{Functions, RELATION};
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::reduction::Reduction;
@@ -38,6 +38,20 @@ impl Functions for OfTime {
         law(i, t, seen, out);
         Ok(())
     }
+    fn relation(&self, _: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Failed> {
+        Ok(relation(t, x, rates))
+    }
+}
+
+/// `x_0 + 0.4 x_1 + 0.2 sin(x_0 − x_1) − 0.1 sin t` with its derivatives, as couplings ask for them.
+pub fn relation(t: f64, x: &[f64], rates: &[f64]) -> [f64; RELATION] {
+    let (apart, rate) = (x[0] - x[1], rates[0] - rates[1]);
+    let mut found = [0.0; RELATION];
+    found[0] = x[0] + 0.4 * x[1] + 0.2 * apart.sin() - 0.1 * t.sin();
+    found[1] = -0.1 * t.cos();
+    found[2] = -0.2 * apart.sin() * rate * rate + 0.1 * t.sin();
+    (found[3], found[4]) = (1.0 + 0.2 * apart.cos(), 0.4 - 0.2 * apart.cos());
+    found
 }
 
 /// A smooth function of all that a law sees.
@@ -279,6 +293,7 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
                 measure: Measure::joint(name, rng.usize(0..motions)),
                 motion,
                 level: Level::Position,
+                turning: None,
             });
         }
     }
@@ -399,6 +414,89 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
     spec.forces.extend(all);
 }
 
+/// Kinds of [`couple`]; what rolls leaves the plane.
+pub const COUPLINGS: usize = 9;
+pub const ROLLS: usize = 6;
+
+/// A coupling, or a drive, of each kind between what is drawn, in the plane of the drawing if it has one; true if the
+/// drawing has what it needs.
+pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usize) -> bool {
+    let count = spec.bodies.len();
+    let mut coordinates: Vec<Measure> = Vec::new();
+    for j in &spec.joints {
+        coordinates.extend((0..scalar_motions(j)).map(|i| Measure::joint(&j.name, i)));
+    }
+    rng.shuffle(&mut coordinates);
+    let name = |node: usize| if node == 0 { "ground".to_string() } else { format!("body{node}") };
+    let a = rng.usize(1..=count);
+    let b = (a + rng.usize(1..=count)) % (count + 1);
+    let (body1, body2, point1, point2) = (name(a), name(b), point(rng, 0.5), point(rng, 0.5));
+    let (word, terms_of) = ("coupling".to_string(), |n: usize| coordinates[..n].to_vec());
+    let (first, second) = (between(rng, 0.5, 2.0), between(rng, -2.0, -0.5));
+    let plane = spec.joints.iter().find(|j| planar && j.kind != JointKind::Prismatic).and_then(|j| j.axis);
+    if coordinates.len() < 3 || planar != plane.is_some() || planar && kind == ROLLS {
+        return false;
+    }
+    let axes = |node: usize| if node == 0 { Mat3::identity() } else { Mat3(spec.bodies[node - 1].orientation) };
+    let place = |node: usize, p: [f64; 3]| {
+        let origin = if node == 0 { [0.0; 3] } else { spec.bodies[node - 1].position };
+        Vec3(origin) + axes(node).apply(Vec3(p))
+    };
+    let gap = place(b, point2) - place(a, point1);
+    let flat = |x: Vec3<f64>| match plane.and_then(|n| Vec3(n).unit()) {
+        Some(n) => x - n.times(n.dot(x)),
+        None => x,
+    };
+    let linear = |terms: Vec<Measure>, factors: Vec<f64>, offset: f64| Coupling::Linear {
+        name: "linear".into(),
+        word: word.clone(),
+        terms,
+        factors,
+        offset,
+    };
+    let coupling = match kind % COUPLINGS {
+        0 => linear(terms_of(2), vec![first, second], 0.0),
+        1 => linear(terms_of(3), vec![first, second, 0.7], 0.1),
+        2 => {
+            // one cubic through the origin, written twice
+            let ([a, b, c], end) = ([0; 3].map(|_| between(rng, -0.1, 0.1)), 4.0);
+            let from = |x: f64| [a, 3.0 * a * x + b, (3.0 * a * x + 2.0 * b) * x + c, ((a * x + b) * x + c) * x];
+            let curve = Table { breaks: vec![-end, 0.0, end], coefficients: vec![from(-end), from(0.0)] };
+            Coupling::Curve { name: "curve".into(), word, terms: terms_of(2), curve, periodic: false }
+        }
+        3 | 7 => {
+            let level = if kind % COUPLINGS == 3 { Level::Position } else { Level::Velocity };
+            let (function, like) = (0, None);
+            Coupling::Function { name: "function".into(), word, terms: terms_of(2), function, level, like }
+        }
+        4 => linear(vec![Measure::Distance { body1, point1, body2, point2 }], vec![1.0], gap.norm()),
+        5 => {
+            let world = flat(Vec3(point(rng, 1.0))).unit().unwrap();
+            let axis = axes(a).apply_transposed(world).0;
+            let along = Measure::Along { body1, point1, axis, body2, point2 };
+            linear(vec![along, coordinates[0].clone()], vec![1.0, 0.4 * second], world.dot(gap))
+        }
+        ROLLS => {
+            // a disc or a ball on a plane of another body: as large as it is drawn high
+            let (down, disc) = (gap.unit().unwrap(), Vec3(point(rng, 1.0)).unit().unwrap());
+            let axis = rng.bool().then(|| axes(a).apply_transposed(disc).0);
+            let lean = axis.map_or(0.0, |_| disc.dot(down));
+            let radius = gap.norm() / (1.0 - lean * lean).sqrt();
+            let normal = axes(b).apply_transposed(down.times(-1.0)).0;
+            let (body, center, on, point, slips) = (body1, point1, body2, point2, rng.bool());
+            Coupling::Roll { name: "roll".into(), body, center, axis, radius, on, point, normal, slips }
+        }
+        _ => {
+            let (name, measure) = ("rate".to_string(), coordinates[0].clone());
+            spec.drives.retain(|d| d.measure != measure);
+            spec.drives.push(Drive { name, measure, motion: Value::Function(0), level: Level::Velocity, turning: None });
+            return true;
+        }
+    };
+    spec.couplings.push(coupling);
+    true
+}
+
 pub fn compile(spec: &Spec, coordinates: Coordinates) -> Option<Model> {
     Model::new(spec.clone(), Arc::new(OfTime), coordinates).ok()
 }
@@ -472,6 +570,30 @@ pub fn on_random_mechanisms(
     seed: u64,
     count: usize,
     wishes: Wishes,
+    check: impl FnMut(&mut fastrand::Rng, &Model, &Moment),
+) {
+    on_mechanisms(seed, count, wishes, |_, _, _| true, check);
+}
+
+/// The same with a coupling or a drive of every one of these kinds in turn.
+pub fn on_coupled_mechanisms(
+    seed: u64,
+    count: usize,
+    wishes: Wishes,
+    kinds: &[usize],
+    check: impl FnMut(&mut fastrand::Rng, &Model, &Moment),
+) {
+    let coupled = |rng: &mut fastrand::Rng, spec: &mut Spec, done: usize| {
+        couple(rng, spec, wishes.planar, kinds[done % kinds.len()])
+    };
+    on_mechanisms(seed, count, wishes, coupled, check);
+}
+
+fn on_mechanisms(
+    seed: u64,
+    count: usize,
+    wishes: Wishes,
+    mut more: impl FnMut(&mut fastrand::Rng, &mut Spec, usize) -> bool,
     mut check: impl FnMut(&mut fastrand::Rng, &Model, &Moment),
 ) {
     let mut rng = fastrand::Rng::with_seed(seed);
@@ -481,6 +603,9 @@ pub fn on_random_mechanisms(
         assert!(drawn < 100 * count, "only {done} of {drawn} drawings could be used");
         let mut spec = drawing(&mut rng, wishes);
         loads(&mut fastrand::Rng::with_seed(seed + drawn as u64), &mut spec);
+        if !more(&mut rng, &mut spec, done) {
+            continue;
+        }
         let Some(model) = compile(&spec, Coordinates::Relative) else { continue };
         if model.is_planar() != wishes.planar {
             continue;

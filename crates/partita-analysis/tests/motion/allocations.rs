@@ -1,7 +1,7 @@
 //! After the first call an evaluation of a mechanism allocates nothing, whichever way its equations are projected.
 
 use crate::counting::allocations;
-use crate::mechanisms::{body, compile, empty, joint};
+use crate::mechanisms::{body, compile, couple, drawing, empty, joint, loads, Moment, Wishes, COUPLINGS, ROLLS};
 use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::Model;
@@ -172,5 +172,61 @@ fn evaluations_allocate_nothing() {
     }
     for model in [four_bar(), chain(20), in_space(), rank_and_file(JointKind::Revolute)] {
         count_named("explicit-closing", &compiled(model));
+    }
+}
+
+/// Evaluations of a mechanism that moves, by one formulation; of the projective one the ends of steps as well.
+fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
+    let options = FormulationOptions { baumgarte: Some((5.0, 5.0)), ..FormulationOptions::default() };
+    let mut f = registry::by_name(name, model, m.rank, &options).unwrap();
+    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    f.start(m.t, &m.q, &m.v, &mut y).unwrap();
+    f.derivative(m.t, &y, &mut dy).unwrap();
+    let (start, slope, mut turns) = (y.clone(), dy.clone(), vec![0; m.q.len()]);
+    let holonomic = model.full.conditions.iter().all(|c| c.holonomic);
+    let mut around = |count: i32| {
+        for i in 0..count {
+            // along the motion, as stages of a step are
+            let h = 1e-5 * f64::from(i);
+            y.iter_mut().zip(start.iter().zip(&slope)).for_each(|(y, (s, d))| *y = s + h * d);
+            f.derivative(m.t + h, &y, &mut dy).unwrap();
+            // where rates alone are held, the end of a step is corrected in all velocities, with matrices of its own
+            if name == "projective" && holonomic {
+                f.trial_end(m.t + h, &mut y, &mut dy, true).unwrap();
+                let mut step = Step { t: m.t + h, y: &mut y, dy: &mut dy, turns: &mut turns, pace: None };
+                f.commit(Verdict::Keep, &mut step).unwrap();
+            }
+        }
+    };
+    around(1);
+    let ((), counted) = allocations(|| around(20));
+    assert_eq!(counted, 0, "{what}, {name}: {counted} allocations");
+}
+
+/// Bushings, contacts, a tyre, friction, stops, laws and functions, with every kind of coupling and drive.
+#[test]
+fn loads_and_couplings_allocate_nothing() {
+    let mut rng = fastrand::Rng::with_seed(61);
+    for planar in [false, true] {
+        for kind in (0..COUPLINGS).filter(|&kind| !planar || kind != ROLLS) {
+            let wishes = Wishes { planar, bound: true, drives: true };
+            let found = (0..400).find_map(|_| {
+                let mut spec = drawing(&mut rng, wishes);
+                loads(&mut rng, &mut spec);
+                let drawn = couple(&mut rng, &mut spec, planar, kind);
+                let model = compile(&spec, Coordinates::Relative).filter(|m| drawn && m.is_planar() == planar)?;
+                let moment = Moment::random(&mut rng, &model)?;
+                Some((model, moment))
+            });
+            let (model, moment) = found.expect("a mechanism that moves");
+            let what = format!("coupling {kind}, planar {planar}");
+            for name in ["projective", "multipliers", "range-space"] {
+                count_moving(name, &model, &moment, &what);
+            }
+            if model.full.conditions.iter().all(|c| c.holonomic) {
+                count_moving("wehage-haug", &model, &moment, &what);
+                count_moving("explicit-closing", &model, &moment, &what);
+            }
+        }
     }
 }

@@ -113,6 +113,7 @@ fn driven_four_bar(loose: bool) -> Spec {
         measure: Measure::joint("A", 0),
         motion: Value::Function(0),
         level: Level::Position,
+        turning: None,
     });
     spec
 }

@@ -1,14 +1,18 @@
 //! Everything an evaluation gives, over every scalar: dual numbers against differences, eight lanes against eight calls,
 //! a recording against what was recorded, on mechanisms drawn by chance with every joint and every force.
 
-use crate::mechanisms::{apart, between, derivative, drawing, law, loads, Moment, Wishes, STEP};
+use crate::mechanisms::{
+    apart, between, couple, derivative, drawing, law, loads, relation, Moment, Wishes, COUPLINGS, ROLLS, STEP,
+};
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::clusters::{Plan, Preference};
+use partita_model::coupling::{Contact, Law, Says};
 use partita_model::force::Element;
+use partita_model::gauge::Quantity;
 use partita_model::place::Coordinates;
 use partita_model::reduced::Reduced;
 use partita_model::spec::{Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
-use partita_model::value::{table_at, Functions};
+use partita_model::value::{table_at, Functions, RELATION};
 use partita_model::{Evaluator, Model};
 use partita_system::reduction::Reduction;
 use partita_system::start;
@@ -52,6 +56,9 @@ impl Functions for OfState {
         law(i, t, seen, out);
         Ok(())
     }
+    fn relation(&self, _: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Failed> {
+        Ok(relation(t, x, rates))
+    }
 }
 
 /// A smooth table: one cubic, written twice.
@@ -87,7 +94,7 @@ fn with_tables(rng: &mut fastrand::Rng, spec: &mut Spec, all: bool) {
 /// Run `check` on `COUNT` mechanisms of each kind with a state each; `plain`: no functions.
 fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Moment)) {
     let mut rng = fastrand::Rng::with_seed(seed);
-    let (mut kinds, mut elements) = (BTreeSet::new(), BTreeSet::new());
+    let (mut kinds, mut elements, mut conditions) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
     for wishes in [SPATIAL, PLANAR] {
         let (mut done, mut drawn) = (0, 0);
         while done < COUNT {
@@ -96,6 +103,13 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
             let mut spec = drawing(&mut rng, wishes);
             loads(&mut rng, &mut spec);
             spec.forces.retain(|f| !plain || !matches!(f, Force::Law(_)));
+            // every kind of coupling in turn; one in ten has none
+            let kind = done % (COUPLINGS + 1);
+            let calls = kind == 3 || kind == 7;
+            let left_out = plain && calls || wishes.planar && kind == ROLLS || kind == COUPLINGS;
+            if !left_out && !couple(&mut rng, &mut spec, wishes.planar, kind) {
+                continue;
+            }
             with_tables(&mut rng, &mut spec, plain);
             let Ok(model) = Model::new(spec, Arc::new(OfState), Coordinates::Relative) else { continue };
             let Some(moment) = Moment::random(&mut rng, &model).filter(|_| model.is_planar() == wishes.planar) else {
@@ -120,10 +134,38 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Weightless(_) => "weightless",
                 Element::Gravity(_) => "gravity",
             }));
+            conditions.extend(model.full.conditions.iter().map(|c| {
+                let said = match &c.says {
+                    Says::Law(law, readings) => match (law, &readings[0].quantity) {
+                        (Law::Linear { .. }, Quantity::Coordinate { .. }) => "coordinates",
+                        (Law::Linear { .. }, Quantity::Distance(..)) => "distance",
+                        (Law::Linear { .. }, Quantity::Along(..)) => "displacement",
+                        (Law::Linear { .. }, _) => "angle of a cut joint",
+                        (Law::Curve { .. }, _) => "curve",
+                        (Law::Motion { .. }, _) => "motion",
+                        (Law::Rate(_), _) => "rate",
+                        (Law::Function(_), _) => "function",
+                    },
+                    Says::Turning(_) => "turn",
+                    Says::Rolling(_, Contact::Touches) => "touch",
+                    Says::Rolling(_, Contact::Rolls) => "roll",
+                };
+                (wishes.planar, said, c.holonomic)
+            }));
             check(&mut rng, &model, &moment);
             done += 1;
         }
     }
+    for planar in [false, true] {
+        for said in ["coordinates", "distance", "displacement", "curve", "motion"] {
+            assert!(conditions.contains(&(planar, said, true)), "no {said} ({planar}): {conditions:?}");
+        }
+        assert!(conditions.contains(&(planar, "rate", false)), "{conditions:?}");
+        for holonomic in [false, true] {
+            assert!(plain || conditions.contains(&(planar, "function", holonomic)), "{conditions:?}");
+        }
+    }
+    assert!(conditions.contains(&(false, "touch", true)) && conditions.contains(&(false, "roll", false)));
     use JointKind::{Cylindrical, Fixed, Free, Generic, Planar, Prismatic, Revolute, Spherical, Universal};
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");

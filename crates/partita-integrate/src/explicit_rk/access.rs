@@ -94,6 +94,11 @@ impl Stepper {
         self.others.extend(lengths);
     }
 
+    /// The next step is to end at `t` if it would go beyond.
+    pub fn set_goal(&mut self, t: Option<f64>) {
+        self.goal = t;
+    }
+
     /// Until told otherwise: take no tolerance for smaller than `floor` (0 is the rule), and accept errors up to `limit`
     /// tolerances (1 is the rule). For where the estimate is known to be round-off, so that shorter steps would not
     /// lower it. Steps that the tolerances themselves would have refused are counted.

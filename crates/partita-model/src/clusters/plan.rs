@@ -156,12 +156,13 @@ impl Plan {
         for &r in kept {
             rows_of[clusters.of_row[r] as usize].push(r);
         }
-        let by_range = Self::with_ways(tree, pattern, &links_of, &rows_of, |c| {
-            if rows_of[c].is_empty() {
-                Way::Free
-            } else {
-                Way::RangeSpace
-            }
+        // range space wants inertia on each joint with the loops open, D on what they leave
+        let mut short = vec![false; clusters.count];
+        tree.light.iter().for_each(|x| short[clusters.of_velocity[tree.links[x.link].v] as usize] = true);
+        let by_range = Self::with_ways(tree, pattern, &links_of, &rows_of, |c| match () {
+            () if rows_of[c].is_empty() => Way::Free,
+            () if short[c] => Way::PartialVelocities,
+            () => Way::RangeSpace,
         });
         if preference == Preference::RangeSpace {
             return by_range;
@@ -172,7 +173,7 @@ impl Plan {
             let at_ground = links_of[c].first().is_some_and(|&i| tree.links[i].parent == 0);
             match () {
                 () if rows_of[c].is_empty() => Way::Free,
-                () if preference == Preference::PartialVelocities => Way::PartialVelocities,
+                () if preference == Preference::PartialVelocities || short[c] => Way::PartialVelocities,
                 () if k <= FEW || few_cost::<G>(n, k, rows_of[c].len(), at_ground) <= range_cost[c] => {
                     Way::PartialVelocities
                 }

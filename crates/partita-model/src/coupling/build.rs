@@ -1,13 +1,13 @@
 //! The conditions of a description.
 
-use super::{order, Condition, Contact, Law, Place, Rolling, Says, MOST};
+use super::{order, Condition, Contact, Law, Orientation, Place, Rolling, Says, MOST};
 use crate::error::DescriptionError;
 use crate::gauge::{Maker, Mover, Quantity, Reading};
 use crate::joint::Own;
 use crate::numbers::Numbers;
 use crate::place::Placed;
 use crate::rows::Owner;
-use crate::spec::{Coupling, Level, Measure, Spec};
+use crate::spec::{Coupling, Drive, Level, Measure, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
@@ -34,11 +34,13 @@ pub(crate) fn all<G: Space>(
             }
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
-                let law = match d.level {
-                    Level::Position => Law::Motion { motion: d.motion.clone(), period: place.period },
-                    Level::Velocity => Law::Rate(d.motion.clone()),
+                let law = |law| Ok(Says::Law(law, vec![gauges.driven(d)?]));
+                let says = match (&d.turning, d.level) {
+                    (Some(turning), _) => orientation(turning, d, placed, &gauges)?,
+                    (None, Level::Position) => law(Law::Motion { motion: d.motion.clone(), period: place.period })?,
+                    (None, Level::Velocity) => law(Law::Rate(d.motion.clone()))?,
                 };
-                (d.name.clone(), Says::Law(law, vec![gauges.reading(&d.measure, "drive", &d.name)?]))
+                (d.name.clone(), says)
             }
         };
         let mut c =
@@ -59,6 +61,22 @@ fn own<G: Space>(j: usize, placed: &Placed, place: &Place, gauges: &Maker<G>) ->
         }
         Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()]), vec![gauges.twist(j)]),
     }
+}
+
+/// One component of a prescribed orientation.
+fn orientation<G: Space>(
+    turning: &Turning,
+    d: &Drive,
+    placed: &Placed,
+    gauges: &Maker<G>,
+) -> Result<Says<G>, DescriptionError> {
+    let fail = || DescriptionError::new("drive", &d.name, "an orientation is prescribed of a turn in space alone");
+    let Measure::Joint { joint, coordinate } = &d.measure else { return Err(fail()) };
+    let (j, component) = gauges.turn_in_space(joint, *coordinate, &d.name)?.ok_or_else(fail)?;
+    let p = &placed.joints[j];
+    let (on_a, on_b) = (gauges.axes(&p.on_parent), gauges.axes(&p.on_child));
+    let Reading { links, nodes, movers, .. } = gauges.spin(p, component);
+    Ok(Says::Turning(Box::new(Orientation { on_a, on_b, component, turning: turning.clone(), links, nodes, movers })))
 }
 
 fn coupling<G: Space>(
@@ -118,11 +136,12 @@ fn coupling<G: Space>(
 
 impl<G: Space> Condition<G> {
     fn movers_mut(&mut self) -> impl Iterator<Item = &mut Mover> {
-        let (readings, rolling) = match &mut self.says {
+        let (readings, own) = match &mut self.says {
             Says::Law(_, readings) => (readings.as_mut_slice(), None),
-            Says::Rolling(rolling, _) => (&mut [][..], Some(rolling)),
+            Says::Rolling(rolling, _) => (&mut [][..], Some(&mut rolling.movers)),
+            Says::Turning(orientation) => (&mut [][..], Some(&mut orientation.movers)),
         };
-        readings.iter_mut().flat_map(|r| &mut r.movers).chain(rolling.into_iter().flat_map(|r| &mut r.movers))
+        readings.iter_mut().flat_map(|r| &mut r.movers).chain(own.into_iter().flatten())
     }
 
     /// Give every link that moves it its columns.
@@ -146,6 +165,7 @@ impl<G: Space> Condition<G> {
         let movers: Vec<&Mover> = match &self.says {
             Says::Law(_, readings) => readings.iter().flat_map(|r| &r.movers).collect(),
             Says::Rolling(rolling, _) => rolling.movers.iter().collect(),
+            Says::Turning(orientation) => orientation.movers.iter().collect(),
         };
         let mut links: Vec<usize> = movers.iter().map(|m| m.link).collect();
         links.sort_unstable();

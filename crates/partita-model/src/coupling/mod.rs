@@ -12,14 +12,16 @@
 mod build;
 mod law;
 mod order;
+mod orientation;
 mod rolling;
 
 pub(crate) use build::all;
 pub use law::{Law, MOST};
 pub use order::{order, Place};
+pub use orientation::Orientation;
 pub use rolling::{Contact, Rolling};
 
-use crate::gauge::{Reading, Unit};
+use crate::gauge::{power_columns, Mover, Quantity, Reading, Unit};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Tree, TreeScratch};
@@ -28,6 +30,9 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
+/// Nodes of what acts along velocities of the tree.
+const IN_TREE: [usize; 2] = [0, 0];
+
 /// What a condition says.
 #[derive(Clone, Debug)]
 pub enum Says<G: Space> {
@@ -35,6 +40,8 @@ pub enum Says<G: Space> {
     Law(Law<G::S>, Vec<Reading<G>>),
     /// A disc or a ball touches a plane, or rolls on it.
     Rolling(Rolling<G>, Contact),
+    /// A component of a prescribed orientation.
+    Turning(Box<Orientation<G>>),
 }
 
 /// One condition: one row of C, or two.
@@ -68,7 +75,7 @@ impl<G: Space> Condition<G> {
     /// Rows of C.
     pub fn rows(&self) -> usize {
         match &self.says {
-            Says::Law(..) => 1,
+            Says::Law(..) | Says::Turning(_) => 1,
             Says::Rolling(_, contact) => contact.rows(),
         }
     }
@@ -104,6 +111,11 @@ impl<G: Space> Condition<G> {
                     phi[self.row] = rolling.height(tree, s);
                 }
             }
+            Says::Turning(orientation) => {
+                let found = orientation.position(tree, s, at, &self.name, room)?;
+                orientation.columns(&found.unit, tree, s, rows);
+                (phi[self.row], a[self.row]) = (found.value, found.rate);
+            }
         }
         Ok(())
     }
@@ -122,6 +134,7 @@ impl<G: Space> Condition<G> {
                 b[self.row] = law.velocity(tree, s, at, readings, &self.name, room)?;
             }
             Says::Rolling(rolling, contact) => rolling.bias(*contact, tree, s, &mut b[self.row..]),
+            Says::Turning(orientation) => b[self.row] = orientation.bias(s, at, &self.name, room)?,
         }
         Ok(())
     }
@@ -143,8 +156,11 @@ impl<G: Space> Condition<G> {
                 for (reading, factor) in readings.iter().zip(found.gradient) {
                     let effort = lambda[0] * factor;
                     match (reading.unit(tree, s), &reading.quantity) {
+                        (Some(unit), Quantity::Spin(_)) if reading.nodes == IN_TREE => {
+                            self.act_along(&reading.movers, &unit, effort, tree, s, &mut along);
+                        }
                         (Some(unit), _) => put(effort, &Pushed { nodes: reading.nodes, unit }),
-                        (None, crate::gauge::Quantity::Coordinate { v, .. }) => along(*v, effort),
+                        (None, Quantity::Coordinate { v, .. }) => along(*v, effort),
                         (None, _) => {}
                     }
                 }
@@ -154,8 +170,30 @@ impl<G: Space> Condition<G> {
                     put(lambda[i], &Pushed { nodes: rolling.nodes, unit: *unit });
                 }
             }
+            Says::Turning(x) => {
+                let unit = x.pushes(tree, s, at, &self.name)?;
+                match x.nodes == IN_TREE {
+                    true => self.act_along(&x.movers, &unit, lambda[0], tree, s, &mut along),
+                    false => put(lambda[0], &Pushed { nodes: x.nodes, unit }),
+                }
+            }
         }
         Ok(())
+    }
+
+    /// A moment in a turn in space of the tree, as efforts along its velocities.
+    fn act_along(
+        &self,
+        movers: &[Mover],
+        unit: &Unit<G>,
+        effort: G::S,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        along: &mut impl FnMut(usize, G::S),
+    ) {
+        let mut row = [G::S::zero(); 3];
+        power_columns(movers, unit, tree, s, &mut row);
+        self.columns.iter().zip(row).for_each(|(&v, x)| along(v, effort * x));
     }
 
     /// Its rows as people see them.
@@ -175,27 +213,37 @@ impl<G: Space> Condition<G> {
 
     /// Does it depend on time by itself?
     pub fn is_rheonomic(&self) -> bool {
-        matches!(&self.says, Says::Law(law, _) if law.is_rheonomic())
+        match &self.says {
+            Says::Law(law, _) => law.is_rheonomic(),
+            Says::Turning(orientation) => orientation.is_rheonomic(),
+            Says::Rolling(..) => false,
+        }
     }
 
     /// Does it call a function of the user's?
     pub fn calls(&self) -> bool {
-        matches!(&self.says, Says::Law(law, _) if law.calls())
+        match &self.says {
+            Says::Law(law, _) => law.calls(),
+            Says::Turning(orientation) => orientation.calls(),
+            Says::Rolling(..) => false,
+        }
     }
 
     /// Pairs of nodes that it pushes.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let rolling = match &self.says {
+        let own = match &self.says {
             Says::Rolling(rolling, _) => Some(rolling.nodes),
+            Says::Turning(orientation) => Some(orientation.nodes),
             Says::Law(..) => None,
         };
-        self.readings().iter().map(|r| r.nodes).chain(rolling)
+        self.readings().iter().map(|r| r.nodes).chain(own)
     }
 
     /// Links that it looks at.
     pub(crate) fn links(&self) -> Vec<usize> {
         match &self.says {
             Says::Rolling(rolling, _) => rolling.links.to_vec(),
+            Says::Turning(orientation) => orientation.links.to_vec(),
             Says::Law(_, readings) => readings.iter().flat_map(|r| r.links).collect(),
         }
     }
@@ -204,7 +252,7 @@ impl<G: Space> Condition<G> {
     pub fn readings(&self) -> &[Reading<G>] {
         match &self.says {
             Says::Law(_, readings) => readings,
-            Says::Rolling(..) => &[],
+            Says::Rolling(..) | Says::Turning(_) => &[],
         }
     }
 }

@@ -99,7 +99,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
         }
     }
     for (i, d) in spec.drives.iter().enumerate() {
-        gauge::known(&d.measure, placed, "drive", &d.name)?;
+        gauge::drivable(d, placed)?;
         let period = wraps(placed, &d.measure).then_some(turn);
         places.push(Place { owner: Owner::Drive(i), holonomic: d.level == Level::Position, rows: 1, period });
     }

@@ -110,7 +110,8 @@ impl<G: Space> Rolling<G> {
     /// Its rows of C.
     pub fn columns(&self, contact: Contact, tree: &Tree<G>, s: &TreeScratch<G>, width: usize, rows: &mut [G::S]) {
         let units = self.units(contact, tree, s);
-        for (row, unit) in rows.chunks_mut(width).zip(&units) {
+        // between parts of one rigid body nothing moves it
+        for (row, unit) in rows.chunks_mut(width.max(1)).zip(&units) {
             power_columns(&self.movers, unit, tree, s, row);
         }
     }

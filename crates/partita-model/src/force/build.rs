@@ -23,6 +23,30 @@ struct Maker<'a, S> {
 }
 
 impl<G: Space> Element<G> {
+    /// What functions of the state see besides the coordinates of the tree: those of joints that close loops, but for turns
+    /// in space.
+    pub(crate) fn sights(
+        placed: &Placed,
+        numbers: &Numbers<G::S>,
+        elements: &[Self],
+    ) -> Result<Vec<Reading<G>>, DescriptionError> {
+        if !elements.iter().any(Self::sees_state) {
+            return Ok(Vec::new());
+        }
+        let mut names: Vec<(&String, usize)> = placed.joint_numbers.iter().map(|(name, j)| (name, *j)).collect();
+        names.sort_unstable_by_key(|(_, j)| *j);
+        let mut sights = Vec::new();
+        for (name, j) in names {
+            let p = &placed.joints[j];
+            if p.links.is_none() && !p.shape.motions.contains(&Motion::Ball) {
+                for i in 0..p.shape.freedoms() {
+                    sights.push(Reading::new(placed, numbers, name, (name, i), G::S::zero())?);
+                }
+            }
+        }
+        Ok(sights)
+    }
+
     /// All forces of a description, springs between points first.
     pub fn all(
         spec: &Spec,

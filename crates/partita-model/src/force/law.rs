@@ -51,7 +51,7 @@ pub struct Law<G: Space> {
 impl<G: Space> Law<G> {
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         let world = |x: Vec3<G::S>| self.out.apply(x).0;
-        let Room { plain, seen, answers, pushes } = room;
+        let Room { plain, seen, answers, pushes, .. } = room;
         seen.clear();
         for sight in &self.sees {
             match sight {

@@ -98,11 +98,21 @@ pub struct Room<G: Space> {
     answers: Vec<G::S>,
     /// Wrenches of an element that has many: see [`Acts::Listed`].
     pub(crate) pushes: Vec<Push<G>>,
+    /// Coordinates and velocities as functions see them.
+    pub(crate) q: Vec<G::S>,
+    pub(crate) v: Vec<G::S>,
 }
 
 impl<G: Space> Default for Room<G> {
     fn default() -> Self {
-        Self { plain: Vec::new(), seen: Vec::new(), answers: Vec::new(), pushes: Vec::new() }
+        Self {
+            plain: Vec::new(),
+            seen: Vec::new(),
+            answers: Vec::new(),
+            pushes: Vec::new(),
+            q: Vec::new(),
+            v: Vec::new(),
+        }
     }
 }
 
@@ -259,6 +269,11 @@ impl<G: Space> Element<G> {
 
     fn calls_function(&self) -> bool {
         matches!(self, Self::Law(_)) || self.sources().iter().any(|s| matches!(s, Source::Function(_)))
+    }
+
+    /// Does it call a function of the whole state?
+    pub(crate) fn sees_state(&self) -> bool {
+        self.sources().iter().any(|s| matches!(s, Source::Function(_)))
     }
 
     /// The name of the element if it calls a function of the user's.

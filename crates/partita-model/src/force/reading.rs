@@ -3,6 +3,7 @@
 use super::build::{joint_index, tree_coordinate, unit};
 use super::{Acts, At, Place, Push, Unit};
 use crate::error::DescriptionError;
+use crate::gauge;
 use crate::joint::Motion;
 use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
@@ -109,7 +110,7 @@ impl<G: Space> Reading<G> {
         let (parent_point, child_point) = numbers.joints[j];
         let value = match motion {
             Motion::Slide(_) | Motion::Ball => Value::Slide,
-            Motion::Turn(axis) if placed.planar => Value::Sum(in_plane(placed, p, axis)),
+            Motion::Turn(axis) if placed.planar => Value::Sum(gauge::in_plane(placed, p, axis)),
             Motion::Turn(axis) => angle(p, axis, middle),
         };
         Ok(Self::Cut(Box::new(Cut {
@@ -205,28 +206,6 @@ impl<G: Space> Cut<G> {
         };
         Read { value, rate, held: Some(Held { back, arm, axis, direction }) }
     }
-}
-
-/// Turns of the tree between the two sides of a joint of a planar mechanism.
-fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
-    let sign = p.on_parent.apply(axis).0[2].signum();
-    let mut all: Vec<(usize, f64)> = Vec::new();
-    for (node, sign) in [(p.child, sign), (p.parent, -sign)] {
-        let mut link = placed.link_of(node);
-        while link != 0 {
-            let l = &placed.links[link];
-            if let Motion::Turn(a) = l.motion {
-                let x = sign * a.0[2].signum();
-                match all.iter().position(|(q, _)| *q == l.q) {
-                    // what both sides ride on
-                    Some(i) => drop(all.swap_remove(i)),
-                    None => all.push((l.q, x)),
-                }
-            }
-            link = l.parent;
-        }
-    }
-    all
 }
 
 /// The angle of a turn read off the pose: the first of two turns takes the other's axis along, which the second starts

@@ -6,7 +6,7 @@ use crate::error::DescriptionError;
 use crate::joint::Motion;
 use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
-use crate::spec::{Measure, Spec};
+use crate::spec::{Drive, Level, Measure, Spec};
 use crate::tree::{Link, LinkMotion, Tree};
 use crate::validate;
 use partita_math::spatial::{Mat3, Space, Vec3};
@@ -30,6 +30,28 @@ pub fn known(m: &Measure, placed: &Placed, element: &'static str, name: &str) ->
     motion_of(&placed.joints[j], *coordinate, joint, element, name).map(|_| ())
 }
 
+/// Refuse drives of what cannot be driven as they say.
+pub fn drivable(d: &Drive, placed: &Placed) -> Result<(), DescriptionError> {
+    let in_space = |(j, i): (usize, usize)| placed.joints[j].shape.motions[i] == Motion::Ball;
+    let of_joint = match &d.measure {
+        Measure::Joint { joint, coordinate } => match placed.joint_numbers.get(joint) {
+            Some(&j) => Some((j, any_motion(&placed.joints[j], *coordinate, joint, "drive", &d.name)?.0)),
+            None => None,
+        },
+        _ => None,
+    };
+    let turns = of_joint.is_some_and(in_space);
+    match (&d.turning, d.level) {
+        (Some(_), Level::Position) if turns => Ok(()),
+        (Some(_), _) => {
+            let message = "an orientation is prescribed of the positions of a turn in space, and of nothing else";
+            Err(DescriptionError::new("drive", &d.name, message))
+        }
+        (None, Level::Velocity) if turns => Ok(()),
+        (None, _) => known(&d.measure, placed, "drive", &d.name),
+    }
+}
+
 /// The motion whose coordinate is number `coordinate` of a joint: a slide or a turn, and its place among the motions.
 fn motion_of(
     p: &PlacedJoint,
@@ -38,17 +60,29 @@ fn motion_of(
     element: &'static str,
     name: &str,
 ) -> Result<usize, DescriptionError> {
+    let (motion, _) = any_motion(p, coordinate, joint, element, name)?;
+    if p.shape.motions[motion] == Motion::Ball {
+        let message = format!(
+            "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number measures; \
+             drive the joint by its pose, use joints with one axis in its place, or points of the bodies"
+        );
+        return Err(DescriptionError::new(element, name, message));
+    }
+    Ok(motion)
+}
+
+/// The motion whose velocity is number `coordinate` of a joint, and which of its velocities.
+fn any_motion(
+    p: &PlacedJoint,
+    coordinate: usize,
+    joint: &str,
+    element: &'static str,
+    name: &str,
+) -> Result<(usize, usize), DescriptionError> {
     let mut left = coordinate;
     for (i, m) in p.shape.motions.iter().enumerate() {
         if left < m.velocities() {
-            if *m == Motion::Ball {
-                let message = format!(
-                    "coordinate {coordinate} of joint \"{joint}\" is part of a turn in space, which no single number \
-                     measures; use joints with one axis in its place, or points of the bodies"
-                );
-                return Err(DescriptionError::new(element, name, message));
-            }
-            return Ok(i);
+            return Ok((i, left));
         }
         left -= m.velocities();
     }
@@ -104,6 +138,46 @@ impl<'a, G: Space> Maker<'a, G> {
         }
     }
 
+    /// What a drive reads: also a rate of turning in space, which is the rate of no position.
+    pub fn driven(&self, d: &Drive) -> Result<Reading<G>, DescriptionError> {
+        let Measure::Joint { joint, coordinate } = &d.measure else {
+            return self.reading(&d.measure, "drive", &d.name);
+        };
+        let (j, component) = match self.turn_in_space(joint, *coordinate, &d.name)? {
+            Some(found) => found,
+            None => return self.reading(&d.measure, "drive", &d.name),
+        };
+        let p = &self.placed.joints[j];
+        Ok(self.spin(p, component))
+    }
+
+    /// The rate of turning about an axis of the child, of a joint that turns in space.
+    pub(crate) fn spin(&self, p: &PlacedJoint, component: usize) -> Reading<G> {
+        let mut reading = self.between([p.parent, p.child], Quantity::Spin(self.axes(&p.on_child)[component]));
+        if p.links.is_some() {
+            reading.nodes = [0, 0];
+        }
+        reading
+    }
+
+    /// Axes of the drawing as a side of a joint carries them.
+    pub(crate) fn axes(&self, r: &Mat3<f64>) -> [G::Ang; 3] {
+        [0, 1, 2].map(|i| G::ang_from(r.column(i).0))
+    }
+
+    /// The joint and the component, if a velocity is part of a turn in space.
+    pub(crate) fn turn_in_space(
+        &self,
+        joint: &str,
+        coordinate: usize,
+        name: &str,
+    ) -> Result<Option<(usize, usize)>, DescriptionError> {
+        let Some(&j) = self.placed.joint_numbers.get(joint) else { return Ok(None) };
+        let p = &self.placed.joints[j];
+        let (motion, component) = any_motion(p, coordinate, joint, "drive", name)?;
+        Ok((p.shape.motions[motion] == Motion::Ball).then_some((j, component)))
+    }
+
     /// How much the child of joint `j` is twisted about z of the joint's axes.
     pub fn twist(&self, j: usize) -> Reading<G> {
         let p = &self.placed.joints[j];
@@ -118,7 +192,7 @@ impl<'a, G: Space> Maker<'a, G> {
             let link = &self.placed.links[links[motion]];
             let movers = vec![Mover { link: links[motion], on_b: true, column: 0 }];
             let quantity = Quantity::Coordinate { q: link.q, v: link.v };
-            return Reading { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false };
+            return Reading { quantity, links: [0, 0], nodes: [0, 0], movers, wraps: false, adds_up: Vec::new() };
         }
         let nodes = [p.parent, p.child];
         match p.shape.motions[motion] {
@@ -127,7 +201,13 @@ impl<'a, G: Space> Maker<'a, G> {
                 let ends = self.ends(nodes, [parent_point, child_point]);
                 self.between(nodes, Quantity::Along(ends, G::vec_from(p.on_parent.apply(a).0)))
             }
-            Motion::Turn(a) => self.between(nodes, Quantity::Turn(turn(p, a))),
+            Motion::Turn(a) => {
+                let mut reading = self.between(nodes, Quantity::Turn(turn(p, a)));
+                if self.placed.planar {
+                    reading.adds_up = in_plane(self.placed, p, a);
+                }
+                reading
+            }
             // nothing asks for one: `motion_of` refuses it
             Motion::Ball => self.twist(j),
         }
@@ -182,14 +262,37 @@ impl<'a, G: Space> Maker<'a, G> {
             movers.push(Mover { link: *end, on_b: is_b, column: 0 });
             *end = self.links[*end].parent;
         }
-        let turns = matches!(quantity, Quantity::Turn(_) | Quantity::Twist { .. } | Quantity::Cosine(..));
+        let turns = matches!(quantity, Quantity::Turn(_) | Quantity::Twist { .. } | Quantity::Cosine(..))
+            || matches!(quantity, Quantity::Spin(_));
         if turns {
             movers.retain(|m| !matches!(self.links[m.link].motion, LinkMotion::Slide(_)));
         }
         // in the plane angles are counted
         let wraps = matches!(quantity, Quantity::Turn(_)) && G::LENGTHS == 3;
-        Reading { quantity, links, nodes, movers, wraps }
+        Reading { quantity, links, nodes, movers, wraps, adds_up: Vec::new() }
     }
+}
+
+/// Turns of the tree between the two sides of a joint of a planar mechanism.
+pub(crate) fn in_plane(placed: &Placed, p: &PlacedJoint, axis: Vec3<f64>) -> Vec<(usize, f64)> {
+    let sign = p.on_parent.apply(axis).0[2].signum();
+    let mut all: Vec<(usize, f64)> = Vec::new();
+    for (node, sign) in [(p.child, sign), (p.parent, -sign)] {
+        let mut link = placed.link_of(node);
+        while link != 0 {
+            let l = &placed.links[link];
+            if let Motion::Turn(a) = l.motion {
+                let x = sign * a.0[2].signum();
+                match all.iter().position(|(q, _)| *q == l.q) {
+                    // what both sides ride on
+                    Some(i) => drop(all.swap_remove(i)),
+                    None => all.push((l.q, x)),
+                }
+            }
+            link = l.parent;
+        }
+    }
+    all
 }
 
 /// The turn about axis `a` of a joint that closes a loop.
@@ -233,7 +336,7 @@ pub fn is_angle(placed: &Placed, m: &Measure) -> bool {
             let mut left = *coordinate;
             for motion in &placed.joints[j].shape.motions {
                 if left < motion.velocities() {
-                    return matches!(motion, Motion::Turn(_));
+                    return !matches!(motion, Motion::Slide(_));
                 }
                 left -= motion.velocities();
             }

@@ -12,7 +12,8 @@
 
 mod build;
 
-pub use build::{is_angle, known, Maker};
+pub(crate) use build::in_plane;
+pub use build::{drivable, is_angle, known, Maker};
 
 use crate::tree::{Anchor, LinkMotion, Tree, TreeScratch};
 use partita_math::spatial::Space;
@@ -66,6 +67,8 @@ pub enum Quantity<G: Space> {
     },
     /// `u · w`, u on A and w on B.
     Cosine(G::Ang, G::Ang),
+    /// The rate of turning about an axis of B: of no position, which is read as 0.
+    Spin(G::Ang),
 }
 
 /// A turn of B seen from A.
@@ -88,12 +91,14 @@ pub struct Reading<G: Space> {
     pub quantity: Quantity<G>,
     /// Links of A and B; 0 for a coordinate of the tree.
     pub links: [usize; 2],
-    /// Nodes of A and B; 0 for a coordinate of the tree.
+    /// Nodes of A and B; 0 for what the tree does by itself.
     pub nodes: [usize; 2],
     /// Links between A and B.
     pub movers: Vec<Mover>,
     /// Is it known up to whole turns only?
     pub wraps: bool,
+    /// Turns of the tree with their signs, whose sum an angle in the plane is, whole turns included and in either space.
+    pub adds_up: Vec<(usize, f64)>,
 }
 
 /// A wrench on B, its opposite on A at the same point of space.
@@ -164,6 +169,10 @@ impl<G: Space> Reading<G> {
             Quantity::Coordinate { q: i, .. } => q[*i],
             Quantity::Along(ends, axis) => G::dot(G::rotate(a, *axis), ends.now(tree, s).2),
             Quantity::Distance(ends, out) => length::<G>(ends.now(tree, s).2, *out),
+            Quantity::Turn(_) if !self.adds_up.is_empty() => self
+                .adds_up
+                .iter()
+                .fold(G::S::default(), |x, (i, sign)| x + partita_math::scalar::Scalar::scale(q[*i], *sign)),
             Quantity::Turn(turn) => {
                 let axis = G::rotate_ang(if turn.about_b { b } else { a }, turn.axis);
                 G::turned(axis, turn.probe, a, b)
@@ -173,6 +182,7 @@ impl<G: Space> Reading<G> {
                 half_of::<G>(G::dot_ang(ya, xb) - G::dot_ang(xa, yb))
             }
             Quantity::Cosine(u, w) => G::dot_ang(G::rotate_ang(a, *u), G::rotate_ang(b, *w)),
+            Quantity::Spin(_) => G::S::default(),
         }
     }
 
@@ -206,6 +216,7 @@ impl<G: Space> Reading<G> {
             }
             Quantity::Twist { on_a, on_b } => Some(turn(twist_axes::<G>(on_a, on_b, a, b).1)),
             Quantity::Cosine(u, w) => Some(turn(G::cross_ang(G::rotate_ang(b, *w), G::rotate_ang(a, *u)))),
+            Quantity::Spin(axis) => Some(turn(G::rotate_ang(b, *axis))),
         }
     }
 
@@ -260,6 +271,10 @@ impl<G: Space> Reading<G> {
                 let (u, v) = (G::rotate_ang(&xa.rot, *u), G::rotate_ang(&xb.rot, *v));
                 let moved = G::cross_ang(G::cross_ang(xb.w, v), u) + G::cross_ang(v, G::cross_ang(xa.w, u));
                 G::dot_ang(G::cross_ang(v, u), alpha) + G::dot_ang(moved, w)
+            }
+            Quantity::Spin(axis) => {
+                let axis = G::rotate_ang(&xb.rot, *axis);
+                G::dot_ang(axis, alpha) + G::dot_ang(G::cross_ang(xb.w, axis), w)
             }
         }
     }

@@ -108,6 +108,10 @@ impl Shape {
     pub fn freedoms(&self) -> usize {
         self.motions.iter().map(Motion::velocities).sum()
     }
+    /// The motion that velocity `i` belongs to.
+    pub fn motion_of(&self, i: usize) -> Option<Motion> {
+        self.motions.iter().flat_map(|m| std::iter::repeat_n(*m, m.velocities())).nth(i)
+    }
     /// Is velocity `i` a turn?
     pub fn turns(&self, i: usize) -> bool {
         let each = self.motions.iter().flat_map(|m| std::iter::repeat_n(m, m.velocities()));

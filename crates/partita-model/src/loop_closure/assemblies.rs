@@ -2,10 +2,7 @@
 
 use super::instant::Instant;
 use super::{inputs, LoopClosing, Work};
-use crate::evaluator::DriveRow;
 use crate::model::Model;
-use crate::rows::Owner;
-use crate::spec::Level;
 use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -64,7 +61,7 @@ impl Model {
     /// Inputs: as many velocities as degrees of freedom, or `None` for those that order the most loops and stand best.
     /// Fails for absolute coordinates, open positions and inputs that do not determine the others here.
     pub fn loop_closing(&self, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<LoopClosing<'_>, SystemError> {
-        self.refuse_conditions()?;
+        self.refuse_rates()?;
         let at = Instant::new(self, t, q)?;
         let Some(inputs) = inputs else { return inputs::choose(&at, t, q) };
         let mut sorted = inputs.to_vec();
@@ -82,17 +79,14 @@ impl Model {
         Ok(plan)
     }
 
-    /// Closing by inverse kinematics knows joints and drives of coordinates, no other conditions.
-    fn refuse_conditions(&self) -> Result<(), SystemError> {
-        let given = |d: &DriveRow| d.tree.is_some() && d.level == Level::Position;
-        let is_given =
-            |owner| matches!(owner, Owner::Drive(i) if self.drives.iter().any(|d| d.number == i && given(d)));
-        match self.full.conditions.iter().find(|c| !is_given(c.owner)) {
+    /// Conditions on rates alone leave the positions open.
+    fn refuse_rates(&self) -> Result<(), SystemError> {
+        match self.full.conditions.iter().find(|c| !c.holonomic) {
             None => Ok(()),
             Some(c) => {
                 let message = format!(
-                    "{} is no joint whose position follows from inverse kinematics: loops with it are closed by Newton's \
-                     method; use another formulation (\"projective\")",
+                    "{} holds rates alone, from which no position follows: inverse kinematics cannot close loops for the \
+                     other coordinates; use another formulation (\"projective\")",
                     c.owner.words(&self.spec)
                 );
                 Err(SystemError::argument("formulation", message))

@@ -30,6 +30,19 @@ impl LoopClosing<'_> {
         Some((first.iter().map(|&i| row_of[i]).collect(), first.iter().map(|&i| unknown[i]).collect()))
     }
 
+    /// Other rows that the unknowns of an implicit block close, all else being known by then, if they say exactly what
+    /// its own
+    /// say: what follows only within the drawing tolerance is left open.
+    pub(super) fn that_follow(&self, at: &Instant, missing: &[usize], rows: &[usize], unknown: &[usize]) -> Vec<usize> {
+        let all: Vec<usize> = missing.iter().flat_map(|&e| self.graph.edges[e].velocities()).collect();
+        let later = |v: &usize| all.contains(v) && !unknown.contains(v) && self.inputs.binary_search(v).is_err();
+        let columns = |r: usize| at.pattern.row(r).map(|e| at.pattern.col_idx[e]);
+        let others = (0..self.model.size().holonomic).filter(|&r| {
+            !rows.contains(&r) && columns(r).any(|v| unknown.contains(&v)) && !columns(r).any(|v| later(&v))
+        });
+        at.that_follow_exactly(rows, others)
+    }
+
     /// Rows and unknowns of C for the steps: block triangular, steps that C cannot tell apart in one block.
     pub(super) fn plan_blocks(&mut self, at: &Instant, rows: &[usize]) -> Result<(), SystemError> {
         let nv = self.model.size().nv;

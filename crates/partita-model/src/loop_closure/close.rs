@@ -100,6 +100,14 @@ impl LoopClosing<'_> {
                 }
                 return Ok(());
             }
+            Work::Law(law) => {
+                let x = law.value(self.model, q)?;
+                if !x.is_finite() {
+                    return Err(SystemError::NotFinite { what: self.steps[i].words.clone(), t });
+                }
+                (self.pose.x[law.edge], q[law.coordinate()]) = (x, x);
+                return Ok(());
+            }
             Work::Implicit(block) => {
                 let mut field = Field {
                     model: self.model,
@@ -139,6 +147,25 @@ impl LoopClosing<'_> {
         Ok(())
     }
 
+    /// All steps, with the whole turns that they agree on.
+    fn advance_all(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
+        // a coupling hands whole turns on as parts of turns: what is corrected before it counts behind it
+        for _ in 0..=self.steps.len() {
+            for i in 0..self.steps.len() {
+                self.advance(i, t, q)?;
+            }
+            if !self.whole_turns(q)? || !self.counts() {
+                return Ok(());
+            }
+        }
+        Err(contradiction())
+    }
+
+    /// Does a coupling count whole turns?
+    fn counts(&self) -> bool {
+        !self.model.full.conditions.is_empty()
+    }
+
     /// The closed form of step i for the coordinates known so far.
     pub(super) fn solve(&mut self, i: usize) -> Result<(), Shortfall> {
         let step = &mut self.steps[i];
@@ -170,15 +197,15 @@ impl LoopClosing<'_> {
                 found.write(&mut self.pose);
                 step.pivots = found.pivots;
             }
-            Work::Drive(..) | Work::Implicit(_) => {}
+            Work::Drive(..) | Work::Law(_) | Work::Implicit(_) => {}
         }
         Ok(())
     }
 
     /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is
-    /// given to the angle that has moved the most.
-    fn whole_turns(&self, q: &mut [f64]) -> Result<(), SystemError> {
-        let Engine::Flat(tree) = &self.model.engine else { return Ok(()) };
+    /// given to the angle that has moved the most. True if q changed.
+    fn whole_turns(&self, q: &mut [f64]) -> Result<bool, SystemError> {
+        let Engine::Flat(tree) = &self.model.engine else { return Ok(false) };
         let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());
         let missing = |k: &CutJoint<Planar<f64>>, q: &[f64]| {
             let mut angle = -k.locks[0];
@@ -191,6 +218,7 @@ impl LoopClosing<'_> {
         };
         // a correction of one closing may open another through a shared angle: as many passes as closings suffice for
         // any order
+        let mut moved = false;
         for _ in 0..=tree.closings.len() {
             let mut changed = false;
             for k in locked() {
@@ -202,9 +230,7 @@ impl LoopClosing<'_> {
                 for p in &k.path {
                     let link = &tree.links[p.link];
                     let LinkMotion::Turn(axis) = link.motion else { continue };
-                    if self.inputs.binary_search(&link.v).is_ok()
-                        || self.model.drives.iter().any(|d| d.velocity() == Some(link.v))
-                    {
+                    if self.counted[link.v] {
                         continue;
                     }
                     let by = turns * if p.on_b { axis } else { -axis };
@@ -218,15 +244,18 @@ impl LoopClosing<'_> {
                 changed = true;
             }
             if !changed {
-                return Ok(());
+                return Ok(moved);
             }
+            moved = true;
         }
-        Err(SystemError::argument("q",
-            "the whole turns of the joints between slides contradict each other; give inputs within a turn of a closed \
-             position"
-                .into(),
-        ))
+        Err(contradiction())
     }
+}
+
+fn contradiction() -> SystemError {
+    let message = "the whole turns of the joints between slides contradict each other; give inputs within a turn of a \
+                   closed position";
+    SystemError::argument("q", message.into())
 }
 
 /// Side k of a polygon in its plane.
@@ -274,10 +303,7 @@ impl Closing for LoopClosing<'_> {
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
         self.old.copy_from_slice(q);
         self.given.iter().for_each(|&i| self.pose.read(&self.graph, i, q));
-        for i in 0..self.steps.len() {
-            self.advance(i, t, q)?;
-        }
-        self.whole_turns(q)?;
+        self.advance_all(t, q)?;
         self.tell();
         Ok(())
     }
@@ -292,7 +318,9 @@ impl Closing for LoopClosing<'_> {
             }
             self.advance(i, t, q)?;
         }
-        self.whole_turns(q)?;
+        if self.whole_turns(q)? && self.counts() {
+            self.advance_all(t, q)?;
+        }
         self.tell();
         Ok(doubt)
     }

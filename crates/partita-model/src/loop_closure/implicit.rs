@@ -1,4 +1,8 @@
 //! Blocks without a closed form: Newton's method with the block's own Jacobian, from where q stands.        (34)
+//!
+//! Rows that say what others say are solved for along with them, by least squares: any choice of rows loses rank
+//! somewhere on
+//! the way of an overconstrained loop, and Newton's method goes astray there, while all of them together do not.
 
 use super::instant::Instant;
 use super::planar::Fit;
@@ -15,7 +19,8 @@ const LAST_MOVE: f64 = 1e-9;
 /// More iterations than any start within a turn needs with moves of [`LARGEST_MOVE`].
 const ITERATIONS: usize = 60;
 
-/// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative follows
+/// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
+/// follows
 /// one iteration behind.
 const STRAIGHT: usize = 7;
 
@@ -24,7 +29,9 @@ const STRAIGHT: usize = 7;
 pub(super) struct Implicit {
     pub rows: Vec<usize>,
     pub unknown: Vec<usize>,
-    /// Row and column in the block, place in the values of C.
+    /// All rows that are closed: those, and behind them others that follow from them.
+    closed: Vec<usize>,
+    /// Row and column in the block, place in the values of C; row by row.
     places: Vec<(usize, usize, usize)>,
     /// Exchanges of rows where the plan was made.
     exchanges: Vec<usize>,
@@ -69,9 +76,10 @@ pub(super) struct Field<'a> {
 }
 
 impl Implicit {
-    pub fn new(at: &Instant, rows: Vec<usize>, unknown: Vec<usize>) -> Self {
+    pub fn new(at: &Instant, rows: Vec<usize>, unknown: Vec<usize>, others: &[usize]) -> Self {
         let mut places = Vec::new();
-        for (i, &r) in rows.iter().enumerate() {
+        let closed = [&rows[..], others].concat();
+        for (i, &r) in closed.iter().enumerate() {
             for e in at.pattern.row(r) {
                 if let Some(j) = unknown.iter().position(|&u| u == at.pattern.col_idx[e]) {
                     places.push((i, j, e));
@@ -79,7 +87,10 @@ impl Implicit {
             }
         }
         let n = rows.len();
-        let mut block = Self { rows, unknown, places, exchanges: (0..n).collect() };
+        let mut block = Self { rows, unknown, closed, places, exchanges: (0..n).collect() };
+        if !others.is_empty() {
+            return block; // least squares exchange no rows
+        }
         let (mut jacobian, mut exchanges) = (vec![0.0; n * n], vec![0; n]);
         block.jacobian(at.model, &at.c, &mut jacobian);
         if lu(&mut jacobian, n, &mut exchanges).is_ok() {
@@ -98,7 +109,32 @@ impl Implicit {
         }
     }
 
-    /// The same straight through, over any scalar: a fixed number of iterations with the exchanges of the plan, from near
+    /// Matrix and right-hand side of one move: of Newton's method, or of Gauss' where rows follow from others.
+    fn equations<S: Scalar>(&self, model: &Model, c: &[S], phi: &[S], matrix: &mut [S], x: &mut [S]) {
+        let size = |row: usize| S::from_f64(model.row_reach(row).unwrap_or(1.0));
+        if self.closed.len() == self.rows.len() {
+            self.jacobian(model, c, matrix);
+            for (x, &r) in x.iter_mut().zip(&self.rows) {
+                *x = -phi[r] / size(r);
+            }
+            return;
+        }
+        let n = self.rows.len();
+        matrix.fill(S::zero());
+        x.fill(S::zero());
+        for row in self.places.chunk_by(|a, b| a.0 == b.0) {
+            let r = self.closed[row[0].0];
+            let entry = |&(_, j, e): &(usize, usize, usize)| c[e].scale(model.reach(self.unknown[j])) / size(r);
+            for one in row {
+                let value = entry(one);
+                x[one.1] -= value * phi[r] / size(r);
+                row.iter().for_each(|other| matrix[one.1 * n + other.1] += value * entry(other));
+            }
+        }
+    }
+
+    /// The same straight through, over any scalar: a fixed number of iterations with the exchanges of the plan, from
+    /// near
     /// by. How far the last move was from being the last one.
     pub fn solve_straight<S: Scalar>(
         &self,
@@ -112,10 +148,7 @@ impl Implicit {
         for _ in 0..STRAIGHT {
             e.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
             let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
-            self.jacobian(model, &room.c, jacobian);
-            for (x, &r) in x.iter_mut().zip(&self.rows) {
-                *x = -room.phi[r] / S::from_f64(model.row_reach(r).unwrap_or(1.0));
-            }
+            self.equations(model, &room.c, &room.phi, jacobian, x);
             lu_in_order(jacobian, n, &self.exchanges);
             lu_solve(jacobian, n, &self.exchanges, x);
             largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
@@ -139,13 +172,11 @@ impl Implicit {
             model.position(t, q, f.scratch, f.phi, f.c, f.a)?;
             let jacobian = &mut f.room.jacobian[..n * n];
             let (x, pivots) = (&mut f.room.x[..n], &mut f.room.pivots[..n]);
-            self.jacobian(model, f.c, jacobian);
-            let size = |row: usize| model.row_reach(row).unwrap_or(1.0);
-            let mut open = 0.0f64;
-            for (x, &r) in x.iter_mut().zip(&self.rows) {
-                *x = -f.phi[r] / size(r);
-                open = open.max(f.phi[r].abs());
-            }
+            self.equations(model, f.c, f.phi, jacobian, x);
+            let open =
+                self.closed
+                    .iter()
+                    .fold(0.0f64, |m, &r| if f.phi[r].is_nan() { f64::NAN } else { m.max(f.phi[r].abs()) });
             if !open.is_finite() {
                 return Err(SystemError::NotFinite { what: words.into(), t });
             }
@@ -167,7 +198,8 @@ impl Implicit {
             model.step(q, f.dv);
             model.normalise(q);
             if largest <= LAST_MOVE {
-                return Ok(lu_pivot_ratio(jacobian, n));
+                let ratio = lu_pivot_ratio(jacobian, n);
+                return Ok(if self.closed.len() == n { ratio } else { ratio.sqrt() });
             }
         }
         Err(SystemError::Limit { block: words.into(), t, shortfall: least })

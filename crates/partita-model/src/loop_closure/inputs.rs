@@ -2,6 +2,7 @@
 
 use super::graph::{Graph, Kind};
 use super::instant::Instant;
+use super::laws::TreeLaw;
 use super::order::Order;
 use super::plan::Task;
 use super::LoopClosing;
@@ -71,10 +72,10 @@ fn each_set(from: &[usize], k: usize, set: &mut Vec<usize>, put: &mut impl FnMut
 }
 
 /// How many velocities are left to implicit blocks (those found after them included).
-fn implicit_count(model: &Model, graph: &Graph, inputs: &[usize]) -> usize {
+fn implicit_count(model: &Model, graph: &Graph, laws: &[TreeLaw], inputs: &[usize]) -> usize {
     let task = Task::new(model, graph, inputs);
-    let mut order = Order::new(graph, model.is_planar(), &task.given, &task.ball_inputs);
-    while order.next_polygon().is_some() {}
+    let mut order = Order::new(graph, laws, model.is_planar(), &task.given, &task.ball_inputs);
+    while order.next().is_some() {}
     let missing = graph.edges.iter().enumerate().filter(|(i, e)| e.in_tree() && !order.is_known(*i));
     missing.map(|(_, e)| e.velocities().filter(|v| inputs.binary_search(v).is_err()).count()).sum()
 }
@@ -85,7 +86,8 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
     let model = at.model;
     let mut r = Reduction::dense(model, model.size().nv - k);
     start::choose_partition(&mut r, t, q, None, None).ok()?;
-    let mut best = (implicit_count(model, graph, &r.partition.independent), r.partition.independent.clone());
+    let laws = TreeLaw::all(model, graph);
+    let mut best = (implicit_count(model, graph, &laws, &r.partition.independent), r.partition.independent.clone());
     while best.0 > 0 && budget > 0 {
         let mut better = None;
         'search: for (i, &enters) in r.partition.dependent.iter().enumerate() {
@@ -97,7 +99,7 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
                 let mut next = r.partition.independent.clone();
                 next[j] = enters;
                 next.sort_unstable();
-                let count = implicit_count(model, graph, &next);
+                let count = implicit_count(model, graph, &laws, &next);
                 budget -= 1;
                 if count < best.0 {
                     better = Some((count, next));
@@ -122,6 +124,7 @@ fn by_exchange(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
 pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClosing<'m>, SystemError> {
     let model = at.model;
     let graph = Graph::new(model);
+    let laws = TreeLaw::all(model, &graph);
     let k = at.mobility();
     let all = candidates(model, &graph);
     let edges = graph.edges.len().max(SMALL);
@@ -131,12 +134,12 @@ pub(super) fn choose<'m>(at: &Instant<'m>, t: f64, q: &[f64]) -> Result<LoopClos
     let complete = each_set(&all, k, &mut Vec::new(), &mut |set| {
         let mut inputs = set.to_vec();
         inputs.sort_unstable();
-        ranked.push((implicit_count(model, &graph, &inputs), inputs));
+        ranked.push((implicit_count(model, &graph, &laws, &inputs), inputs));
         ranked.len() < budget
     });
     if !complete {
         if let Some(inputs) = by_exchange(at, t, q, k, &graph, budget) {
-            ranked.insert(0, (implicit_count(model, &graph, &inputs), inputs));
+            ranked.insert(0, (implicit_count(model, &graph, &laws, &inputs), inputs));
         }
     }
     // equal counts stay in the order of preference

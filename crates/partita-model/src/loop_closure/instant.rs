@@ -3,14 +3,21 @@
 use super::btf;
 use crate::model::Model;
 use crate::place::Coordinates;
+use partita_math::dense::dot;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_system::start::REDUNDANT;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Closing residual (in reaches) up to which an explicit closing can be planned at a position: far below the angles by which
+/// Closing residual (in reaches) up to which an explicit closing can be planned at a position: far below the angles by
+/// which
 /// branches differ, far above what an assembly leaves.
 pub(super) const NEARLY_CLOSED: f64 = 1e-6;
+
+/// Rows that stand out of the span of others by less than this, in natural sizes, follow from them; a closed position
+/// leaves
+/// round-off, a drawing that misfits by what matters some thousand times this.
+const EXACT: f64 = 1e-10;
 
 /// C at a position.
 pub(super) struct Instant<'m> {
@@ -69,6 +76,41 @@ impl<'m> Instant<'m> {
         let mut rows = independent_rows(self.pattern, &c, &scale, REDUNDANT).kept;
         rows.sort_unstable();
         rows
+    }
+
+    /// Those of `others` that are combinations of `rows`, up to round-off.
+    pub fn that_follow_exactly(&self, rows: &[usize], others: impl Iterator<Item = usize>) -> Vec<usize> {
+        let n = self.model.size().nv;
+        let natural = |r: usize| {
+            let mut row = vec![0.0; n];
+            let size = self.model.row_reach(r).unwrap_or(1.0);
+            for e in self.pattern.row(r) {
+                let v = self.pattern.col_idx[e];
+                row[v] = self.c[e] * self.model.reach(v) / size;
+            }
+            row
+        };
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        let rest = |basis: &[Vec<f64>], mut row: Vec<f64>| {
+            for _ in 0..2 {
+                for unit in basis {
+                    let along = dot(unit, &row);
+                    row.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
+                }
+            }
+            row
+        };
+        for &r in rows {
+            let mut row = rest(&basis, natural(r));
+            let length = dot(&row, &row).sqrt();
+            row.iter_mut().for_each(|x| *x /= length.max(f64::MIN_POSITIVE));
+            basis.push(row);
+        }
+        let follows = |&r: &usize| {
+            let row = rest(&basis, natural(r));
+            dot(&row, &row).sqrt() < EXACT
+        };
+        others.filter(follows).collect()
     }
 
     /// Degrees of freedom here.

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! The mechanism is a graph of elementary motions (`graph`). Rigid clusters of bodies grow by polygons that close in
-//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). What
-//! cannot be ordered is solved in the smallest implicit blocks there are (`blocks`, `btf`, `implicit`). The order
+//! closed form (`order`, `polygon`): dyads in the plane (`planar`), characteristic pairs in space (`spatial`). Couplings
+//! of coordinates lead from one loop to another (`laws`). What cannot be ordered is solved in the smallest implicit blocks there are (`blocks`, `btf`, `implicit`). The order
 //! depends on the inputs alone; it is found once (`plan`) and then followed without searching and without allocation
 //! (`close`).
 //!
@@ -28,6 +28,7 @@ mod graph;
 mod implicit;
 mod inputs;
 mod instant;
+mod laws;
 mod order;
 mod over;
 mod plan;
@@ -42,6 +43,7 @@ use crate::model::{Model, ModelScratch};
 use arm::{FlatArm, Pose, Walk};
 use graph::Graph;
 use implicit::Implicit;
+use laws::SolvedLaw;
 use partita_system::closing::{Block, BlockState};
 use planar::FlatJoint;
 use polygon::Polygon;
@@ -55,6 +57,8 @@ enum Work {
     Plane(Polygon, Vec<FlatJoint>),
     /// A characteristic pair.
     Space(Polygon),
+    /// A coupling that gives one coordinate from others.
+    Law(SolvedLaw),
     /// Newton's method.
     Implicit(Implicit),
 }
@@ -89,6 +93,8 @@ pub struct LoopClosing<'m> {
     entries: Vec<(usize, usize)>,
     /// Edges of the tree but for those that a polygon in a plane finds, whose old coordinates nothing reads.
     given: Vec<usize>,
+    /// Velocities whose coordinates come with their whole turns: inputs, driven ones, those that a coupling gives.
+    counted: Vec<bool>,
     /// Largest mismatch (m) a redundant loop may show.
     tolerance: f64,
     // scratch

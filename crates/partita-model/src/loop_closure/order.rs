@@ -7,12 +7,22 @@
 //! blocks, after each of which further triangles may be found.
 
 use super::graph::{Graph, Kind};
+use super::laws::{SolvedLaw, TreeLaw};
 use super::polygon::{Freedom, Polygon, Unknown};
 use std::collections::VecDeque;
+
+/// What can be found next in closed form.
+pub(super) enum Next {
+    /// The joints of a polygon.
+    Polygon(Polygon),
+    /// A coordinate that a coupling gives.
+    Law(SolvedLaw),
+}
 
 /// The clusters while they grow.
 pub(super) struct Order<'g> {
     pub(super) graph: &'g Graph,
+    laws: &'g [TreeLaw],
     pub(super) planar: bool,
     pub(super) joints: Vec<Unknown>,
     settled: Vec<bool>,
@@ -31,9 +41,10 @@ pub(super) struct Order<'g> {
 
 impl<'g> Order<'g> {
     /// With the edges whose coordinates are given, and the inputs among the velocities of balls, one bit each.
-    pub fn new(graph: &'g Graph, planar: bool, given: &[bool], ball_inputs: &[u8]) -> Self {
+    pub fn new(graph: &'g Graph, laws: &'g [TreeLaw], planar: bool, given: &[bool], ball_inputs: &[u8]) -> Self {
         let mut order = Self {
             graph,
+            laws,
             planar,
             joints: Vec::new(),
             settled: Vec::new(),
@@ -73,15 +84,12 @@ impl<'g> Order<'g> {
                 continue;
             }
             let pair = if self.planar || given.get(e + 1) != Some(&false) { None } else { pair_of(g, e) };
-            let freedom = pair.unwrap_or(match edge.kind {
-                Kind::Slide => Freedom::Slide,
-                Kind::Ball => Freedom::Ball { inputs: ball_inputs[e] },
-                _ => Freedom::Turn,
-            });
-            let edges: Vec<usize> = if pair.is_some() { vec![e, e + 1] } else { vec![e] };
-            let last = edges[edges.len() - 1];
-            e = last + 1;
-            self.joints.push(Unknown { ends: (g.edges[edges[0]].from, g.edges[last].to), edges, freedom });
+            let joint = match pair {
+                Some(freedom) => Unknown { ends: (edge.from, g.edges[e + 1].to), edges: vec![e, e + 1], freedom },
+                None => single(g, e, ball_inputs[e]),
+            };
+            e += joint.edges.len();
+            self.joints.push(joint);
         }
     }
 
@@ -136,8 +144,14 @@ impl<'g> Order<'g> {
     /// Edges whose coordinates were found by other means.
     pub fn learned(&mut self, edges: &[usize]) {
         for j in 0..self.joints.len() {
-            if !self.settled[j] && self.joints[j].edges.iter().all(|e| edges.contains(e)) {
-                self.settle(j);
+            if self.settled[j] || !self.joints[j].edges.iter().any(|e| edges.contains(e)) {
+                continue;
+            }
+            let rest: Vec<usize> = self.joints[j].edges.iter().copied().filter(|e| !edges.contains(e)).collect();
+            match rest[..] {
+                // of a joint taken as one the other motion is left by itself
+                [e] => self.joints[j] = single(self.graph, e, 0),
+                _ => self.settle(j),
             }
         }
         edges.iter().for_each(|&e| self.learn(e));
@@ -148,8 +162,18 @@ impl<'g> Order<'g> {
         self.known[e]
     }
 
+    /// What closes next in closed form.
+    pub fn next(&mut self) -> Option<Next> {
+        if let Some(found) = self.next_polygon() {
+            return Some(Next::Polygon(found));
+        }
+        let found = self.laws.iter().find_map(|law| law.solved(|e| self.known[e]))?;
+        self.learned(&[found.edge]);
+        Some(Next::Law(found))
+    }
+
     /// The next polygon that closes in closed form.
-    pub fn next_polygon(&mut self) -> Option<Polygon> {
+    fn next_polygon(&mut self) -> Option<Polygon> {
         while let Some(j) = self.queue.pop_front() {
             if self.settled[j] {
                 continue;
@@ -269,6 +293,17 @@ impl<'g> Order<'g> {
             || self.keeps_parallel(&found);
         first_order.then_some(found)
     }
+}
+
+/// Edge e as a joint of its own, with these inputs among the velocities of a ball.
+fn single(g: &Graph, e: usize, inputs: u8) -> Unknown {
+    let edge = &g.edges[e];
+    let freedom = match edge.kind {
+        Kind::Slide => Freedom::Slide,
+        Kind::Ball => Freedom::Ball { inputs },
+        _ => Freedom::Turn,
+    };
+    Unknown { ends: (edge.from, edge.to), edges: vec![e], freedom }
 }
 
 /// Are edge e and the next one a universal or a cylindrical joint, with nothing else on the part between them?

@@ -90,6 +90,11 @@ impl LoopClosing<'_> {
                     found.write(pose);
                     fit = fit.or(found.fit);
                 }
+                Work::Law(law) => {
+                    pose.x[law.edge] = law.value(e, q)?;
+                    q[law.coordinate()] = pose.x[law.edge];
+                    continue;
+                }
                 Work::Implicit(block) => {
                     fit = fit.or(block.solve_straight((self.model, e), t, q, straight)?);
                     step.edges.iter().for_each(|&i| pose.read(&self.graph, i, q));

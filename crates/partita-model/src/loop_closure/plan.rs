@@ -5,7 +5,8 @@ use super::close::{flat_joints, planar_side};
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
 use super::instant::{Instant, NEARLY_CLOSED};
-use super::order::Order;
+use super::laws::{SolvedLaw, TreeLaw};
+use super::order::{Next, Order};
 use super::polygon::{Freedom, Polygon};
 use super::{planar, LoopClosing, Step, Work};
 use crate::evaluator::DriveRow;
@@ -25,8 +26,8 @@ pub(super) struct Task {
     pub given: Vec<bool>,
     /// Inputs among the velocities of each ball, one bit each.
     pub ball_inputs: Vec<u8>,
-    /// Edge of each drive.
-    pub drives: Vec<usize>,
+    /// Drives of coordinates of the tree, and their edges.
+    pub drives: Vec<(usize, usize)>,
 }
 
 impl Task {
@@ -47,7 +48,9 @@ impl Task {
             })
             .collect();
         let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
-        Self { given, ball_inputs, drives: model.drives.iter().filter_map(DriveRow::velocity).map(edge_of).collect() }
+        let drives = model.drives.iter().enumerate();
+        let drives = drives.filter_map(|(i, d)| Some((i, edge_of(d.velocity()?)))).collect();
+        Self { given, ball_inputs, drives }
     }
 }
 
@@ -97,6 +100,10 @@ impl<'m> LoopClosing<'m> {
         let flat = closing.steps.iter().filter(|s| matches!(s.work, Work::Plane(..)));
         flat.flat_map(|s| &s.edges).for_each(|&e| found[e] = true);
         closing.given = (0..found.len()).filter(|&e| !found[e] && closing.graph.edges[e].in_tree()).collect();
+        closing.counted = (0..size.nv).map(|v| !dependent[v]).collect();
+        for s in closing.steps.iter().filter(|s| matches!(s.work, Work::Drive(..) | Work::Law(_))) {
+            s.edges.iter().for_each(|&e| closing.graph.edges[e].velocities().for_each(|v| closing.counted[v] = true));
+        }
         closing.plan_blocks(at, &rows)?;
         closing.old.copy_from_slice(q);
         Ok(closing)
@@ -113,6 +120,7 @@ impl<'m> LoopClosing<'m> {
             states: Vec::new(),
             entries: Vec::new(),
             given: Vec::new(),
+            counted: Vec::new(),
             tolerance: NEARLY_CLOSED * 1e-3 * model.placed.size,
             pose: Pose::new(&graph, &model.numbers),
             old: q.to_vec(),
@@ -168,17 +176,23 @@ impl<'m> LoopClosing<'m> {
     fn plan_steps(&mut self, at: &Instant, task: &Task, closed_forms: bool) -> Result<bool, SystemError> {
         let model = self.model;
         self.steps.clear();
-        for (d, drive) in model.drives.iter().enumerate() {
-            let words = format!("drive \"{}\"", drive.name);
-            self.push(Work::Drive(d, task.drives[d]), words, vec![task.drives[d]], 0);
+        for &(d, edge) in &task.drives {
+            let words = format!("drive \"{}\"", model.drives[d].name);
+            self.push(Work::Drive(d, edge), words, vec![edge], 0);
         }
         let graph = self.graph.clone();
-        let mut order = Order::new(&graph, model.is_planar(), &task.given, &task.ball_inputs);
+        let laws = TreeLaw::all(model, &graph);
+        let mut order = Order::new(&graph, &laws, model.is_planar(), &task.given, &task.ball_inputs);
         loop {
             if closed_forms {
-                while let Some(p) = order.next_polygon() {
-                    if !self.push_polygon(p) {
-                        return Ok(false);
+                while let Some(next) = order.next() {
+                    match next {
+                        Next::Law(law) => self.push_law(law),
+                        Next::Polygon(p) => {
+                            if !self.push_polygon(p) {
+                                return Ok(false);
+                            }
+                        }
                     }
                 }
             }
@@ -188,16 +202,25 @@ impl<'m> LoopClosing<'m> {
                 break;
             }
             let Some((rows, unknown)) = self.next_implicit(at, &missing) else { return Ok(false) };
+            let others = self.that_follow(at, &missing, &rows, &unknown);
             let solved: Vec<usize> =
                 missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
             order.learned(&solved);
             let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
             let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
-            self.push(Work::Implicit(Implicit::new(at, rows, unknown)), words, solved, 0);
+            self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
         self.newton = Room::new(largest.max().unwrap_or(0));
         Ok(true)
+    }
+
+    fn push_law(&mut self, law: SolvedLaw) {
+        let (words, edge, pivot) = (law.words(self.model), law.edge, law.pivot);
+        self.push(Work::Law(law), words, vec![edge], 0);
+        if let Some(step) = self.steps.last_mut() {
+            step.pivots[0] = pivot;
+        }
     }
 
     fn push(&mut self, work: Work, words: String, edges: Vec<usize>, signs: usize) {

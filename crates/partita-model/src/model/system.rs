@@ -12,8 +12,9 @@ use partita_math::elimination::Pattern;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
+use partita_system::knots::{Knots, Reading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::{ConstrainedSystem, Size, SystemError};
+use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
 
 /// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
@@ -21,6 +22,9 @@ const FEW_FREEDOMS: usize = 6;
 fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
     Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
 }
+
+/// A spin below this part of the fastest turn is what closing and choosing leave of none.
+const SPINS: f64 = 1e-7;
 
 impl Model {
     /// Is what the recursion found a motion? Otherwise some velocity moves no inertia.
@@ -80,8 +84,32 @@ impl ConstrainedSystem for Model {
     fn corners(&self) -> Vec<f64> {
         crate::horizon::corners(&self.spec)
     }
+    fn knots(&self) -> Vec<Knots> {
+        self.curves().knots.clone()
+    }
+    fn knot_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
+        self.curves().read(&self.own, t, (q, v), s, out);
+    }
     fn drawing_tolerance(&self) -> f64 {
         self.spec.drawing_tolerance
+    }
+    fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        self.judged_by_bodies(t, q, tolerance)
+    }
+    fn travel(&self, v: &[f64]) -> f64 {
+        let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
+        for l in self.placed.links.iter().skip(1) {
+            // slides of one body or joint follow each other: together they are one displacement, whatever the axes
+            match l.motion {
+                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.reach[l.v]).powi(2),
+                Motion::Slide(_) => slide = (v[l.v] / self.reach[l.v]).powi(2),
+                Motion::Turn(_) => fastest = fastest.max(v[l.v].abs()),
+                Motion::Ball => fastest = fastest.max(v[l.v..l.v + 3].iter().map(|x| x * x).sum::<f64>().sqrt()),
+            }
+            slides = if matches!(l.motion, Motion::Slide(_)) { slides + 1 } else { 0 };
+            fastest = fastest.max(slide.sqrt());
+        }
+        fastest
     }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))
@@ -255,6 +283,51 @@ impl ConstrainedSystem for Model {
         self.own.inverse_dynamics(t, q, v, vdot, s, out)
     }
 
+    fn lacks_mass(&self) -> bool {
+        !self.placed.light.is_empty()
+    }
+
+    fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
+        with_engine!(self, s, |tree, x| tree.add_light(x, mass));
+    }
+
+    fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let speed = |link: usize| {
+            let x = &s.full.links[link];
+            x.w.norm().max(x.u.norm() / self.placed.length)
+        };
+        let all: Vec<f64> = self.placed.bodies.iter().map(|b| speed(b.link)).collect();
+        let most = all.iter().copied().fold(0.0, f64::max);
+        let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > 1e-6 * most);
+        moving.map(|x| x.0.name.clone()).collect()
+    }
+
+    fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
+        if self.placed.held.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut s = self.own.scratch();
+        self.look(q, v, &mut s);
+        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.placed.length));
+        for x in &self.placed.held {
+            let state = &s.full.links[self.placed.bodies[x.body].link];
+            let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));
+            if spin.abs() > SPINS * fastest {
+                let name = &self.spec.bodies[x.body].name;
+                let about = if x.line.is_some() { "about its own line" } else { "about itself" };
+                let message = format!(
+                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s {about}, and has no inertia in that: nothing says \
+                     how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
+                     it is held then"
+                );
+                return Err(SystemError::argument("rates", message));
+            }
+        }
+        Ok(self.held_words().into_iter().collect())
+    }
+
     fn inverse_mass_diagonal(
         &self,
         _t: f64,
@@ -295,7 +368,7 @@ impl ConstrainedSystem for Model {
         if !self.has_power {
             return Ok(0.0);
         }
-        Ok(self.energies(t, q, v, s)?[2])
+        self.own.power(t, q, v, s)
     }
 
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {

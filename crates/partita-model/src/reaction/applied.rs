@@ -40,6 +40,8 @@ impl<S: Scalar> Evaluator<S> {
             all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
         }
         let mut room = std::mem::take(&mut s.full_forces);
+        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
+        let (q, v) = if self.full.sights.is_empty() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
             match &effect.acts {
@@ -52,6 +54,7 @@ impl<S: Scalar> Evaluator<S> {
                 Acts::Listed => room.pushes.iter().for_each(|p| self.put_push(s, &mut all.on, p)),
             }
         }
+        (room.q, room.v) = (seen_q, seen_v);
         s.full_forces = room;
         Ok(all)
     }

@@ -149,7 +149,7 @@ impl<S: Scalar> Evaluator<S> {
                     match m {
                         Motion::Turn(_) => axes.push((true, x.axis.times(sign))),
                         Motion::Slide(_) => axes.push((false, x.direction.times(sign))),
-                        Motion::Ball => (0..3).for_each(|i| axes.push((true, x.rot.column(i)))),
+                        Motion::Ball => (0..3).for_each(|i| axes.push((true, x.rot.column(i).times(sign)))),
                     }
                 }
             }

@@ -10,7 +10,8 @@ pub use crate::record::Verdict;
 
 pub use crate::singular::change_point::Pace;
 
-/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march that came
+/// Where a verdict is carried out: at the end of an accepted step, or at the start of one that is repeated. A march
+/// that came
 /// too close to a singular position is put back: then t is an earlier time, and y, dy, turns are those of it.
 pub struct Step<'a> {
     /// Time.
@@ -61,6 +62,16 @@ pub trait Formulation {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
+    /// When the step of the last `trial_end` passes a place where what acts is not smooth, if it makes a difference of
+    /// more than
+    /// `tolerance` parts of the velocities: better it ended there.
+    fn knot_within(&self, _tolerance: f64) -> Option<f64> {
+        None
+    }
+    /// When a step of length h from the last `commit` would, by what is known yet.
+    fn knot_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
+        None
+    }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
     /// Everything else `at` a closed (t, q, v), with the choice of `within`, an event of this run or of one with the
@@ -111,6 +122,12 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
+    }
+    fn knot_within(&self, tolerance: f64) -> Option<f64> {
+        (**self).knot_within(tolerance)
+    }
+    fn knot_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
+        (**self).knot_ahead(h, tolerance)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)

@@ -14,6 +14,7 @@ use crate::equations::full::AccelerationRule;
 use crate::error::Result;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::kinematics::velocity::near_with_rates;
+use crate::knots::Watched;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -50,6 +51,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     /// Singular positions behind and ahead.
     way: Way,
+    /// Knots of curves on its way.
+    knots: Watched,
     /// What is open at the ends of steps.
     watch: Watch,
     v: Vec<f64>,
@@ -159,6 +162,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             margin: None,
             moved: true,
             way: Way::new(system.size()),
+            knots: Watched::new(system.knots()),
             watch: Watch::new(misfit),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
@@ -387,6 +391,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             };
         }
         Ok((verdict, evaluates))
+    }
+
+    fn knot_within(&self, tolerance: f64) -> Option<f64> {
+        // one that crosses a singular position has its place and length from there
+        (!self.way.passing).then(|| self.knots.within(tolerance))?
+    }
+
+    fn knot_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
+        (!self.way.passing).then(|| self.knots.ahead(h, tolerance))?
     }
 
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {

@@ -27,7 +27,7 @@ pub fn dense_rows<S: ConstrainedSystem>(system: &S, c: &[f64], rows: &[usize]) -
 }
 
 impl MassProjection {
-    /// From a dense mass matrix and dense independent constraint rows.
+    /// From a dense mass matrix, a metric, and dense independent constraint rows.
     pub fn new<S: ConstrainedSystem>(system: &S, t: f64, mass: &[f64], c: &Matrix) -> Result<Self, SystemError> {
         let n = system.size().nv;
         let mut l = mass.to_vec();
@@ -76,6 +76,7 @@ pub fn correct_orthogonally<S: ConstrainedSystem>(
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
     let c = dense_rows(r.system, &r.c, &rows);
+    r.system.add_metric(&mut r.scratch, &mut mass);
     let p = MassProjection::new(r.system, t, &mass, &c)?;
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
     r.system.step(q, &p.correction(&x));

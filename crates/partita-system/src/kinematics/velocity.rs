@@ -34,6 +34,18 @@ pub fn near_with_rates<S: ConstrainedSystem>(
     near: &[f64],
     rates: &[(usize, f64)],
 ) -> Result<Vec<f64>, SystemError> {
+    let momentum = momentum(r, t, q, near)?;
+    pushed_with_rates(r, t, q, &momentum, rates)
+}
+
+/// The same for what has this momentum, `M v` with the loops open.
+pub fn pushed_with_rates<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    momentum: &[f64],
+    rates: &[(usize, f64)],
+) -> Result<Vec<f64>, SystemError> {
     r.position(t, q)?;
     let k = r.k();
     r.tangent(t)?;
@@ -59,9 +71,8 @@ pub fn near_with_rates<S: ConstrainedSystem>(
         let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > MET * fastest * reach(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
     }
-    let momentum = momentum(r, t, q, near)?;
     if r.by_clusters() {
-        let (v, got) = r.least_energy(&momentum, rates)?;
+        let (v, got) = r.least_energy(momentum, rates)?;
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
         return if off { Err(failed(&got)) } else { unlocked(r.system, t, rates, fastest, v) };
     }
@@ -126,12 +137,21 @@ pub fn near_with_rates<S: ConstrainedSystem>(
 }
 
 /// M v.
-fn momentum<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>, SystemError> {
+///
+/// # Errors
+/// Where the system cannot be evaluated.
+pub fn momentum<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+) -> Result<Vec<f64>, SystemError> {
     let none = vec![0.0; v.len()];
     let (mut with, mut without) = (none.clone(), none.clone());
     if v.iter().all(|v| *v == 0.0) {
         return Ok(none);
     }
+    r.position(t, q)?;
     r.system.velocity(t, q, &none, &mut r.scratch, &mut r.b)?;
     r.system.inverse_dynamics(t, q, &none, v, &mut r.scratch, &mut with)?;
     r.system.inverse_dynamics(t, q, &none, &none, &mut r.scratch, &mut without)?;

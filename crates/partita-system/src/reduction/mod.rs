@@ -1,19 +1,21 @@
-//! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing.
+//! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing. What is
+//! decided now and then is in `choosing`, what stands against it in `watch`.
 
 mod arithmetic;
+mod choosing;
 pub mod openness;
 mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
-pub use rows::{bridged_gap, bridged_row, REDUNDANT};
+pub use rows::{bridged_gap, bridged_row, BY_CHOICE, REDUNDANT};
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, Tangent};
 use partita_math::dense;
-use partita_math::elimination::{Plan, PlanOptions};
+use partita_math::elimination::Plan;
 
 /// Scaled pivots below this mean that the constraints themselves have lost rank: rounding (1e-16) is then amplified to
 /// 1e-9 in one evaluation, the accuracy asked of whole runs.
@@ -25,8 +27,9 @@ const NONE: u32 = u32::MAX;
 /// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
 pub const FITS: f64 = 1e-11;
 
-/// Rows of C weaker than this (squared, against their reach) hold round-off only.
-const EMPTY_ROW: f64 = 1e-26;
+/// Pivots of M_d below this part of the metric's are rounding: a freedom that moves no mass. Far below any that does,
+/// with the worst choice of coordinates allowed for.
+const UNFELT: f64 = 1e-13;
 
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
@@ -50,6 +53,8 @@ macro_rules! choice {
         }
     };
 }
+
+use choice;
 
 /// The reduced equations of a system at one point `(t, q, v)`.
 ///
@@ -103,6 +108,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     rows_stay: bool,
     /// Do velocities weigh by their reaches, whatever the masses?
     weighs_reaches: bool,
+    /// Is M short of mass?
+    lacks_mass: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
     noise: Vec<f64>,
     /// Φ (holonomic rows).
@@ -158,7 +165,18 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
     pub fn geometric(system: &'s S, rank: usize) -> Self {
-        let mut new = Self::new(system, rank);
+        Self::new(system, rank).weighing_reaches()
+    }
+
+    /// The same for one that is at hand.
+    pub fn weighing_reaches(mut self) -> Self {
+        self.weighs_reaches = true;
+        self
+    }
+
+    /// The same with `dt` in full.
+    pub fn geometric_dense(system: &'s S, rank: usize) -> Self {
+        let mut new = Self::dense(system, rank);
         new.weighs_reaches = true;
         new
     }
@@ -197,6 +215,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             bridges: vec![false; size.rows],
             rows_stay: false,
             weighs_reaches: false,
+            lacks_mass: system.lacks_mass(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -266,202 +285,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     #[inline]
     pub fn position(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.system.position(t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)
-    }
-
-    /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
-    pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        match self.weighs_reaches {
-            true => self.s2.iter_mut().zip(&self.reach).for_each(|(s2, reach)| *s2 = reach * reach),
-            false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
-        }
-        if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
-            return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
-        }
-        for (s, s2) in self.s.iter_mut().zip(&self.s2) {
-            *s = s2.sqrt();
-        }
-        self.refresh_row_scales();
-        Ok(())
-    }
-
-    /// Scales that bring the rows of C to 1; 0 for rows without a direction.
-    pub fn row_scales(&self) -> &[f64] {
-        &self.row_scale
-    }
-
-    fn refresh_row_scales(&mut self) {
-        let pattern = self.system.pattern();
-        for i in 0..self.size.rows {
-            let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            // a row of round-off alone has no direction to pivot on
-            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < EMPTY_ROW);
-            self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
-            // entries of C are lever arms: the lengths that are added up in Φ
-            let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
-            self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
-            let arm = self.noise[i] / (4.0 * f64::EPSILON);
-            self.row_size[i] = match self.row_reach[i] {
-                Some(reach) => reach.max(arm),
-                None if arm > 0.0 => arm,
-                None => 1.0,
-            };
-        }
-    }
-
-    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
-    pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
-        let pattern = self.system.pattern();
-        let mut eligible = vec![true; self.size.nv];
-        for &i in independent {
-            eligible[i] = false;
-        }
-        self.refresh_row_scales();
-        let rows = self.eligible_rows();
-        let plan =
-            Plan::new(pattern, &self.c, &rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
-        self.take(t, plan, independent)
-    }
-
-    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent there.
-    pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        self.position(t, q)?;
-        self.refresh_scales(t, q)?;
-        let pattern = self.system.pattern();
-        let (rows, any) = (self.eligible_rows(), vec![true; self.size.nv]);
-        let plan =
-            Plan::new(pattern, &self.c, &rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
-        let mut dependent = vec![false; self.size.nv];
-        plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
-        let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();
-        self.take(t, plan, &independent)?;
-        self.tangent(t)
-    }
-
-    /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
-    pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
-        self.plans += 1;
-        self.fresh_distance = None;
-        if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
-            return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
-        }
-        self.adopt(plan, independent);
-        Ok(())
-    }
-
-    fn adopt(&mut self, plan: Plan, independent: &[usize]) {
-        let pattern = self.system.pattern();
-        let sorted = |x: &[usize]| {
-            let mut x = x.to_vec();
-            x.sort_unstable();
-            x
-        };
-        let others = sorted(plan.pivot_rows()) != sorted(&self.partition.rows);
-        if others || sorted(plan.pivot_cols()) != sorted(&self.partition.dependent) {
-            self.choices += 1;
-        }
-        self.partition.independent = independent.to_vec();
-        self.partition.dependent = plan.pivot_cols().to_vec();
-        self.partition.rows = plan.pivot_rows().to_vec();
-        let mut dropped = vec![true; self.size.rows];
-        self.partition.rows.iter().for_each(|&i| dropped[i] = false);
-        self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
-        if self.system.drawing_tolerance() > 0.0 {
-            let closing = |i: usize| i < self.size.holonomic && !self.system.row_is_drive(i);
-            self.bridges.iter_mut().enumerate().for_each(|(i, x)| *x = dropped[i] && closing(i));
-        }
-        self.plan_recursion();
-        self.place_columns(independent);
-        let mut place = vec![NONE; self.size.nv];
-        for (j, &i) in independent.iter().enumerate() {
-            place[i] = j as u32;
-        }
-        self.independent_entries.clear();
-        self.spread_entries.clear();
-        for (step, &row) in self.partition.rows.iter().enumerate() {
-            for e in pattern.row(row) {
-                let j = place[pattern.col_idx[e]];
-                if j == NONE {
-                    continue;
-                }
-                self.spread_entries.push((step as u32, e as u32, j));
-                let column = self.column_of[j as usize];
-                if column != NONE {
-                    self.independent_entries.push((step as u32, e as u32, column));
-                }
-            }
-        }
-        self.margins.resize(self.clusters.count.max(1), watch::Margin::default());
-        if self.recursion.is_some() {
-            self.lay_out();
-        }
-        self.column_reach.clear();
-        self.column_reach.resize(self.clusters.count.max(1) * self.columns, 0.0);
-        for (&i, &c) in independent.iter().zip(&self.column_of) {
-            if c != NONE {
-                let cluster = self.clusters.of_velocity[i] as usize;
-                self.column_reach[cluster * self.columns + c as usize] = self.reach[i];
-            }
-        }
-        choice!(self).units(&mut self.dt);
-        self.gamma.fill(0.0);
-        self.delta.fill(0.0);
-        self.factors.resize(plan.factor_len(), 0.0);
-        self.plan = Some(plan);
-    }
-
-    /// How the system goes through its clusters with the rows kept; asked again only when others are.
-    fn plan_recursion(&mut self) {
-        if self.dense_only {
-            return;
-        }
-        let mut rows = self.partition.rows.clone();
-        rows.sort_unstable();
-        if self.planned_rows.as_ref() == Some(&rows) {
-            return;
-        }
-        self.recursion = self.system.plan_recursion(&rows, &mut self.scratch);
-        self.planned_rows = Some(rows);
-        if self.recursion.is_none() {
-            // whether it pays depends on how many rows are kept, not on which
-            self.dense_only = true;
-            self.clusters = Clusters::one(self.size.nv, self.size.rows);
-        }
-    }
-
-    /// Which column each independent velocity has, and room for what depends on their number.
-    fn place_columns(&mut self, independent: &[usize]) {
-        let k = self.k;
-        match &self.recursion {
-            None => {
-                self.columns = k;
-                self.column_of = (0..k as u32).collect();
-                self.md.resize(k * k, 0.0);
-                self.md_factor.resize(k * k, 0.0);
-                self.hd.resize(k, 0.0);
-            }
-            Some(recursion) => {
-                self.columns = recursion.columns;
-                let mut next = vec![0u32; self.clusters.count];
-                self.column_of = independent
-                    .iter()
-                    .map(|&i| {
-                        let c = self.clusters.of_velocity[i] as usize;
-                        next[c] += 1;
-                        if recursion.by_partial_velocities[c] {
-                            next[c] - 1
-                        } else {
-                            NONE
-                        }
-                    })
-                    .collect();
-                self.vdot.resize(self.size.nv, 0.0);
-            }
-        }
-        self.rhs.resize(self.rank * (self.columns + 1), 0.0);
-        self.a_matrix.resize(self.rank * self.columns, 0.0);
-        self.dt.resize(self.size.nv * self.columns, 0.0);
     }
 
     /// Factor C_D at the last position; a pivot that shrank asks for a new plan on the same partition.
@@ -558,8 +381,28 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             name: self.system.velocity_name(self.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
+        if self.lacks_mass {
+            self.feels()?;
+        }
         dense::cholesky_solve(&self.md_factor, self.k, &mut self.vdot_independent);
         Ok(())
+    }
+
+    /// Where M is short of mass: does each pivot of M_d hold its own against the metric, or is it what rounding left?
+    fn feels(&self) -> Result<(), SystemError> {
+        for (j, &i) in self.partition.independent.iter().enumerate() {
+            let pivot = self.md_factor[j * self.k + j].powi(2);
+            if pivot * self.s2[i] < UNFELT {
+                return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot });
+            }
+        }
+        Ok(())
+    }
+
+    /// Take pivots of M_d as they are: tangent velocities of others have units of their own.
+    pub fn trusting_pivots(mut self) -> Self {
+        self.lacks_mass = false;
+        self
     }
 
     /// All levels at `(t, q, v_I)`.

@@ -16,6 +16,10 @@ const ADDS_UP: f64 = 3.0;
 /// twice as much of it.
 const OVER_A_MOTION: f64 = 5.0;
 
+/// What a row adds depends on the rows before it, by less than this factor in all that was tried: what may be a misfit is
+/// sought so far beyond the tolerance, and judged by what depends on no choice.
+pub const BY_CHOICE: f64 = 10.0;
+
 /// What a row adds at the most, squared and in natural sizes, that says nothing within a drawing tolerance.
 pub fn bridged_row(tolerance: f64) -> f64 {
     (ADDS_UP * tolerance).powi(2)
@@ -119,7 +123,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     fn by_what_they_add(&self, c: &[f64]) -> RowRank {
         let drive = |i: usize| self.system.row_is_drive(i);
         let sizes = (&self.reach[..], &self.row_size[..]);
-        let clear = bridged_row(self.system.drawing_tolerance()).max(REDUNDANT);
+        let clear = (BY_CHOICE.powi(2) * bridged_row(self.system.drawing_tolerance())).max(REDUNDANT);
         weighed_rows(self.system.pattern(), c, sizes, 0.0, (clear, &drive))
     }
 

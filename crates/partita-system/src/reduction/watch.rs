@@ -137,6 +137,16 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.tangent(t)
     }
 
+    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not determine the
+    /// dependent velocities the rows in use stay.
+    pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
+        let mut eligible = vec![false; self.size.rows];
+        rows.iter().for_each(|&i| eligible[i] = true);
+        let independent = self.partition.independent.clone();
+        self.plan_with(t, &independent, &eligible)?;
+        self.tangent(t)
+    }
+
     /// Largest |Φ|; NaN counts as infinite.
     pub fn closure(&self) -> f64 {
         largest(self.phi.iter().copied())

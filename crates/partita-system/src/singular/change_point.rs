@@ -207,6 +207,7 @@ impl Passage {
             return Advice::Free;
         }
         let crossing = pace.stretch * ahead;
+        let mut sure = true;
         if crossing <= Self::PART * self.usual {
             if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
                 // what fell was something else; look again from here
@@ -227,10 +228,14 @@ impl Passage {
             // one that was expected at the same time a step ago is there; a look ahead costs digits, for it may need new plans
             let differs = |x: f64| (x - zero).abs() > 0.3 * ahead;
             if last.is_none_or(differs) && self.confirmed.is_none_or(differs) {
-                if matches!(probe(ahead), Probe::Distance(there) if there > FALLING * distance) {
+                match probe(ahead) {
                     // it only falls for a while, as for coordinates that another choice will replace
-                    self.confirmed = None;
-                    return Advice::Free;
+                    Probe::Distance(there) if there > FALLING * distance => {
+                        self.confirmed = None;
+                        return Advice::Free;
+                    }
+                    Probe::Distance(there) => sure = there <= CONFIRMED * distance,
+                    Probe::Unknown => {}
                 }
                 self.confirmed = Some(zero);
             }
@@ -238,7 +243,8 @@ impl Passage {
             let approach = ahead - 0.9 * Self::PART * self.usual / pace.stretch;
             pace.next = approach.min(pace.next);
         }
-        pace.floor = Self::ROUND_OFF;
+        // a fall that may end is no reason to tolerate errors
+        pace.floor = if sure { Self::ROUND_OFF } else { 0.0 };
         Advice::Passing
     }
 }

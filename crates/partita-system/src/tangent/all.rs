@@ -34,6 +34,7 @@ macro_rules! instant {
             a: &r.a,
             b: &r.b,
             v: &r.v,
+            scales: &$self.scales,
         }
     }};
 }
@@ -54,6 +55,8 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     h: Vec<f64>,
     vdot: Vec<f64>,
     lambda: Vec<f64>,
+    /// Scales of the rows of C where M is short of mass, else nothing.
+    scales: Vec<f64>,
     open: Vec<f64>,
     factorisations: u64,
     iterations: u64,
@@ -73,6 +76,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             h: vec![0.0; size.nv],
             vdot: vec![0.0; size.nv],
             lambda: vec![0.0; size.rows],
+            scales: Vec::new(),
             open: Vec::with_capacity(size.rows),
             factorisations: 0,
             iterations: 0,
@@ -87,6 +91,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
     }
 
     fn take_rows(&mut self) {
+        if self.base.r.system.lacks_mass() {
+            self.scales.clear();
+            self.scales.extend_from_slice(self.base.r.row_scales());
+        }
         self.rows.clear();
         if self.rule.takes_all_rows() {
             self.rows.extend(0..self.base.r.size().rows);
@@ -234,9 +242,12 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         if self.settled_by_the_rule(t, v)? {
             return self.settled_by_the_rule(t, v);
         }
-        let r = &self.base.r;
+        let r = &mut self.base.r;
         let rows = &r.partition.rows;
-        let p = MassProjection::new(r.system, t, &self.mass, &dense_rows(r.system, &r.c, rows))?;
+        let c = dense_rows(r.system, &r.c, rows);
+        // the next evaluation fills it anew
+        r.system.add_metric(&mut r.scratch, &mut self.mass);
+        let p = MassProjection::new(r.system, t, &self.mass, &c)?;
         for _ in 0..2 {
             let open: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
             let x: Vec<f64> = rows.iter().map(|&i| open[i]).collect();

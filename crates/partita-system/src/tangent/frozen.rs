@@ -399,7 +399,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     }
 }
 
-/// M, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity level of r was last evaluated.
+/// M, or the metric beside it, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity level of r was last evaluated.
 fn made<S: ConstrainedSystem>(
     basis: &dyn Basis,
     r: &mut Reduction<S>,
@@ -410,6 +410,7 @@ fn made<S: ConstrainedSystem>(
     let (n, k) = (r.size().nv, r.k());
     let (mut mass, mut h) = (Matrix::new(n, n), vec![0.0; n]);
     r.system.dynamics(t, q, &r.v, &mut r.scratch, mass.data_mut(), &mut h)?;
+    r.system.add_metric(&mut r.scratch, mass.data_mut());
     let mut c = dense_rows(r.system, &r.c, &r.partition.rows);
     for i in 0..c.rows() {
         let length = dense::dot(c.row(i), c.row(i)).sqrt();

@@ -52,7 +52,7 @@ pub struct Given<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Given<'s, S> {
     /// For a system of the given rank.
     pub fn new(system: &'s S, rank: usize, map: Arc<dyn TangentMap>) -> Self {
-        let r = Reduction::dense(system, rank);
+        let r = Reduction::dense(system, rank).trusting_pivots();
         let (nq, n, k) = (r.size().nq, r.size().nv, r.k());
         Self {
             base: Base::new(r),
@@ -226,6 +226,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
         self.base.r.system.velocity(t, q, v, &mut self.base.r.scratch, &mut self.base.r.b)?;
         self.base.r.system.dynamics(t, q, v, &mut self.base.r.scratch, &mut mass, &mut h)?;
+        self.base.r.system.add_metric(&mut self.base.r.scratch, &mut mass);
         let mass = Matrix::from_vec(n, n, mass);
         let d = Matrix::from_vec(n, k, self.base.r.dt.clone());
         let mut md = d.transpose().matmul(&mass).matmul(&d).into_vec();

@@ -438,8 +438,19 @@ fn baumgarte_pulls_open_rows_as_it_says() {
         let mut random = |count: usize| vector(&mut rng, count);
         let (phi, a, b, v, h) = (random(holonomic), random(3), random(3), random(n), random(n));
         let (mass, c) = (system.mass.data(), system.c.data());
-        let x =
-            full::Instant { pattern: &pattern, rows: &rows, holonomic, mass, h: &h, phi: &phi, c, a: &a, b: &b, v: &v };
+        let x = full::Instant {
+            pattern: &pattern,
+            rows: &rows,
+            holonomic,
+            mass,
+            h: &h,
+            phi: &phi,
+            c,
+            a: &a,
+            b: &b,
+            v: &v,
+            scales: &[],
+        };
         let (mut vdot, mut lambda) = (vec![0.0; n], vec![0.0; 3]);
         let mut rule = baumgarte::Stabilised::new(n, 3, 3, Some((alpha, beta))).unwrap();
         rule.solve(&x, &mut vdot, &mut lambda).unwrap();

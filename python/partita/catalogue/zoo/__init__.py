@@ -17,10 +17,10 @@ from . import (
     spherical_and_overconstrained,
     suspensions,
 )
-from .checks import checks, size
+from .checks import checks, closure, size
 from .member import Theme
 
-__all__ = ["ENTRIES", "THEMES", "checks", "size"]
+__all__ = ["ENTRIES", "THEMES", "checks", "closure", "size"]
 
 THEMES: dict[str, Theme] = {
     "Four-bars, slider-cranks, five-bar": linkages.MEMBERS,

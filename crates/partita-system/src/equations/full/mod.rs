@@ -31,6 +31,8 @@ pub struct Instant<'a> {
     pub b: &'a [f64],
     /// v (n).
     pub v: &'a [f64],
+    /// Scales w of all rows where M is short of mass, nothing elsewhere: see [`heavier`](Self::heavier).
+    pub scales: &'a [f64],
 }
 
 impl Instant<'_> {
@@ -39,6 +41,26 @@ impl Instant<'_> {
         out.fill(0.0);
         for e in self.pattern.row(i) {
             out[self.pattern.col_idx[e]] = self.c[e];
+        }
+    }
+
+    /// Where M alone is singular: `M + Cᵀ W C` in the place of M (n x n) and `h − Cᵀ W b` in that of h, W =
+    /// diag(w²) over the rows in use. With `C v' + b = 0` neither v' nor λ notices, and the sum is definite
+    /// wherever the motion carries mass.
+    pub fn heavier(&self, mass: &mut [f64], h: &mut [f64]) {
+        if self.scales.is_empty() {
+            return;
+        }
+        let n = self.h.len();
+        for &row in self.rows {
+            let weight = self.scales[row] * self.scales[row];
+            for e in self.pattern.row(row) {
+                let (i, x) = (self.pattern.col_idx[e], weight * self.c[e]);
+                h[i] -= x * self.b[row];
+                for f in self.pattern.row(row) {
+                    mass[i * n + self.pattern.col_idx[f]] += x * self.c[f];
+                }
+            }
         }
     }
 

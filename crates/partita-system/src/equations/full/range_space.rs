@@ -75,8 +75,9 @@ impl MassMetric {
     pub(super) fn set(&mut self, x: &Instant) -> Result<(), Failure> {
         let n = x.h.len();
         self.l.copy_from_slice(x.mass);
-        dense::cholesky(&mut self.l, n).map_err(|e| Failure::Mass { index: e.index, pivot: e.pivot })?;
         self.y.copy_from_slice(x.h);
+        x.heavier(&mut self.l, &mut self.y);
+        dense::cholesky(&mut self.l, n).map_err(|e| Failure::Mass { index: e.index, pivot: e.pivot })?;
         dense::cholesky_forward(&self.l, n, &mut self.y);
         for (i, &row) in x.rows.iter().enumerate() {
             let w = &mut self.w[i * n..(i + 1) * n];

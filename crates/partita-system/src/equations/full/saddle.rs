@@ -14,13 +14,15 @@ use partita_math::dense;
 /// `v'` and λ from the symmetric saddle-point matrix.
 pub struct Saddle {
     matrix: Vec<f64>,
+    /// M where it has to be made heavier first.
+    mass: Vec<f64>,
     x: Vec<f64>,
 }
 
 impl Saddle {
     /// Room for n velocities and r independent rows.
     pub fn new(n: usize, r: usize) -> Self {
-        Self { matrix: vec![0.0; (n + r) * (n + r)], x: vec![0.0; n + r] }
+        Self { matrix: vec![0.0; (n + r) * (n + r)], mass: vec![0.0; n * n], x: vec![0.0; n + r] }
     }
 }
 
@@ -33,8 +35,15 @@ impl AccelerationRule for Saddle {
         let n = x.h.len();
         let all = n + x.rows.len();
         let m = &mut self.matrix[..all * all];
+        self.x[..n].copy_from_slice(x.h);
+        let mut mass = x.mass;
+        if !x.scales.is_empty() {
+            self.mass.copy_from_slice(x.mass);
+            x.heavier(&mut self.mass, &mut self.x[..n]);
+            mass = &self.mass;
+        }
         for i in 0..n {
-            m[i * all..i * all + n].copy_from_slice(&x.mass[i * n..(i + 1) * n]);
+            m[i * all..i * all + n].copy_from_slice(&mass[i * n..(i + 1) * n]);
         }
         for (i, &row) in x.rows.iter().enumerate() {
             let line = &mut m[(n + i) * all..(n + i + 1) * all];
@@ -42,7 +51,6 @@ impl AccelerationRule for Saddle {
             x.row(row, &mut line[..n]);
             self.x[n + i] = -x.b[row];
         }
-        self.x[..n].copy_from_slice(x.h);
         if let Err(e) = dense::ldlt(m, all) {
             if e.index < n {
                 return Err(Failure::Mass { index: e.index, pivot: e.pivot });

@@ -25,6 +25,7 @@ pub struct Sparse {
     /// Place of each diagonal entry of M.
     diagonal: Vec<usize>,
     scale: Vec<f64>,
+    lent: Vec<f64>,
     plan: Option<Plan>,
     /// The rows it was planned for.
     rows: Vec<usize>,
@@ -63,6 +64,7 @@ impl Sparse {
             c_places,
             diagonal,
             scale: vec![0.0; n + m],
+            lent: vec![0.0; n],
             plan: None,
             rows: Vec::with_capacity(m),
             factors: Vec::new(),
@@ -76,8 +78,15 @@ impl Sparse {
     /// Choose pivots for the values at hand.
     fn make_plan(&mut self, x: &Instant) -> Result<(), Failure> {
         let (n, all) = (self.n, self.pattern.rows);
+        // where M is short of mass, as large as the rows of C would make its diagonal: they are eliminated with it
+        self.lent.fill(0.0);
+        for &row in x.rows.iter().filter(|_| !x.scales.is_empty()) {
+            for e in x.pattern.row(row) {
+                self.lent[x.pattern.col_idx[e]] += (x.scales[row] * x.c[e]).powi(2);
+            }
+        }
         for (i, &place) in self.diagonal.iter().enumerate() {
-            let pivot = x.mass.get(place).copied().unwrap_or(0.0);
+            let pivot = x.mass.get(place).copied().unwrap_or(0.0) + self.lent[i];
             // a NaN is not above zero either
             if !(pivot > 0.0 && pivot.is_finite()) {
                 return Err(Failure::Mass { index: i, pivot });

@@ -4,23 +4,35 @@ use super::Motion;
 use crate::error::Result;
 use crate::formulation::{Formulation, Step};
 use crate::positions::Positions;
-use crate::reduction::Sides;
+use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Passage, Probe};
 use crate::singular::crossing::{Seam, Trail};
 use crate::singular::dead_point;
+use crate::start::choose_partition;
 use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
 
-/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that looks at a
+/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that
+/// looks at a
 /// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
 const LONGEST: f64 = 1.2;
+
+/// Of redundant rows, those kept are given up where they will be so many times nearer to dependence than others.
+const POOR_BESIDE: f64 = 0.3;
 
 /// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
 const NOTHING: f64 = 1e-3;
 
-/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is integrated
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
+/// integrated
 /// that does no harm.
 const MOST_SPOILT: u32 = 6;
+
+/// Rows that may take the place of those kept, and how far from singular the mechanism is by them.
+struct Others {
+    rows: Vec<usize>,
+    distance: f64,
+}
 
 /// The way since the last singular position, and what the step under way and the one that was judged tell of the next.
 pub(super) struct Way {
@@ -30,6 +42,8 @@ pub(super) struct Way {
     /// Start of the step under way, and the end of the one that was judged.
     seam: Seam,
     seam_ahead: Seam,
+    /// Rows to be kept from the start of the step under way on.
+    others: Option<Others>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
     /// Is the length of steps free?
@@ -55,6 +69,7 @@ impl Way {
             trail: Trail::new(size.nq, size.nv),
             seam: Seam::new(size.nq, size.nv),
             seam_ahead: Seam::new(size.nq, size.nv),
+            others: None,
             margin_before: None,
             paced: false,
             sides: Sides::new(size.rows),
@@ -83,7 +98,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.system.step(&mut q, &moved);
         let there = t + ahead;
         let found = self.tangent.reduction().position(there, &q);
-        match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
+        let by_plan = match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
             // a plan made there was made for a place that the step keeps away from; one for here follows with the next
             // evaluation
             Ok(()) => match self.tangent.margin() {
@@ -91,11 +106,48 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 _ => Probe::Unknown,
             },
             Err(_) => Probe::Unknown,
+        };
+        let Some(others) = self.others(there, &q) else { return by_plan };
+        let kept = if let Probe::Distance(kept) = by_plan { kept } else { 0.0 };
+        let distance = kept.max(others.distance);
+        self.way.others = (kept < POOR_BESIDE * others.distance).then_some(others);
+        Probe::Distance(distance)
+    }
+
+    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
+    /// best at
+    /// (t, q). None where there are no other rows.
+    fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
+        let rank = self.tangent.seen().rank();
+        if rank == self.system.size().rows {
+            return None;
         }
+        let mut best = Reduction::new(self.system, rank);
+        choose_partition(&mut best, t, q, None, None).ok()?;
+        Some(Others { distance: best.distance().0, rows: best.partition.rows })
+    }
+
+    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not. True if
+    /// so.
+    fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<bool> {
+        let Some(others) = self.way.others.take() else { return Ok(false) };
+        self.evaluate(t, y)?;
+        let r = self.tangent.reduction();
+        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > POOR_BESIDE * others.distance;
+        if !serves {
+            r.renew_rows(t)?; // those that are best here
+        }
+        r.sides(&mut self.way.sides);
+        self.way.margin_before = None;
+        Ok(true)
     }
 
     /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
     pub(super) fn look_back(&mut self, t: f64) {
+        if !self.knots.is_empty() {
+            let r = self.tangent.reduction();
+            r.system.knot_readings(t, self.positions.q(), &r.v, &mut r.scratch, self.knots.ends(t));
+        }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
         self.way.fastest = (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.reach(i)));
@@ -127,7 +179,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
     }
 
-    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to one v is
+    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to
+    /// one v is
     /// off by round-off over the distance, v' by that over its square.
     pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
         let at_ends = [self.way.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
@@ -141,7 +194,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         (0.5 * (self.way.seam.t() + self.way.seam_ahead.t()), q)
     }
 
-    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are of one
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are
+    /// of one
     /// choice, or, where the first is not known, as foreseen.
     pub(super) fn flip(&self, t: f64) -> Option<f64> {
         let (from, h) = (self.way.seam.t(), t - self.way.seam.t());
@@ -194,6 +248,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The next step begins where the one that was judged ended.
     pub(super) fn begin(&mut self) {
+        self.knots.accept();
         std::mem::swap(&mut self.way.seam, &mut self.way.seam_ahead);
         std::mem::swap(&mut self.way.sides, &mut self.way.sides_ahead);
         self.way.margin_before = self.margin;
@@ -216,6 +271,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let (t, y) = (step.t, &*step.y);
         let advice = passage.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
         self.way.passage = passage;
+        if self.keep_others(t, y)? && self.way.passage.crossing().is_none() {
+            pace.floor = 0.0; // what fell was the distance of the rows given up
+        }
         self.way.passing = advice != Advice::Free;
         if let Advice::GiveUp { zero } = advice {
             return Err(SystemError::Passage { t: zero, tries: self.way.passage.tries() });

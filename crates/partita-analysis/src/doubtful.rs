@@ -1,0 +1,179 @@
+//! Data that are possible and unlikely: bodies that spin unnoticed, masses that are missing, units that were mixed up.
+
+use crate::reason::names;
+use partita_math::dense::Matrix;
+use partita_math::factor::symmetric_eigen;
+use partita_model::light;
+use partita_model::spec::{Body, Force, Measure, Value};
+use partita_model::Model;
+use serde::Serialize;
+
+/// A body that can spin by itself and nothing else notices.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Idle {
+    /// The body.
+    pub body: String,
+    /// The ball joints that it spins between.
+    pub joints: Vec<String>,
+    /// Is the spin held? It is where the body has no inertia about its line and nobody asks for the spin.
+    pub held: bool,
+}
+
+/// Bodies held by ball joints in one line alone.
+pub(crate) fn idle(model: &Model) -> Vec<Idle> {
+    let joints = |x: &[usize]| x.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
+    let line = |x: light::Idle| Idle {
+        body: model.spec.bodies[x.body].name.clone(),
+        joints: joints(&x.joints),
+        held: model.placed.held.iter().any(|h| h.body == x.body),
+    };
+    light::idle(&model.spec, &model.placed).into_iter().map(line).collect()
+}
+
+/// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
+/// all have both.
+pub fn weightless(model: &Model) -> Option<String> {
+    let light = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
+    model.spec.bodies.iter().any(light).then(|| without_inertia(model, &idle(model)))
+}
+
+/// Which body it is whose missing inertia leaves the motion open.
+pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
+    if let Some(words) = spins_unfelt(model, idle) {
+        return words;
+    }
+    let light: Vec<&str> = model
+        .spec
+        .bodies
+        .iter()
+        .filter(|b| b.mass <= 0.0 || least_inertia(b) <= 0.0)
+        .map(|b| b.name.as_str())
+        .collect();
+    format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&light))
+}
+
+/// Rods that can spin between balls without inertia, and are not held because something sees the spin.
+pub(crate) fn spins_unfelt(model: &Model, idle: &[Idle]) -> Option<String> {
+    let number = |name: &str| model.spec.bodies.iter().find(|b| b.name == name);
+    let spins = idle.iter().filter(|x| !x.held && number(&x.body).is_some_and(|b| least_inertia(b) <= 0.0));
+    let said: Vec<String> =
+        spins.map(|x| format!("{} about its own line between {}", x.body, names(&x.joints))).collect();
+    (!said.is_empty()).then(|| {
+        format!(
+            "no inertia: {} can spin but resists nothing; give it an axial inertia (add_body with the inertia of a round \
+             bar, m r^2 / 2 about its line), or a universal joint for one of the balls",
+            names(&said)
+        )
+    })
+}
+
+/// The smallest principal moment, zero where it is rounding.
+fn least_inertia(b: &Body) -> f64 {
+    let m = Matrix::from_vec(3, 3, b.inertia.concat());
+    let Ok((values, _)) = symmetric_eigen(&m) else { return 0.0 };
+    let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    if least <= 1e-12 * largest {
+        0.0
+    } else {
+        least
+    }
+}
+
+/// An angle beyond this many radians, and whole, is likely to be meant in degrees.
+const DEGREES: f64 = 10.0;
+/// A body so many times larger or smaller than the usual one is likely to have another unit.
+const FAR_OFF: f64 = 100.0;
+
+/// Data that are possible and unlikely.
+pub fn suspicious(model: &Model) -> Vec<String> {
+    let mut found = Vec::new();
+    let turns = |joint: &str, coordinate: usize| {
+        model.placed.joint_numbers.get(joint).is_some_and(|&j| model.placed.joints[j].shape.turns(coordinate))
+    };
+    let mut angle = |what: String, x: f64| {
+        if x.abs() >= DEGREES && x.fract() == 0.0 {
+            found.push(format!(
+                "{what} is {x} rad, {:.1} full turns; if {x} degrees are meant, that is {:.6} rad",
+                x / std::f64::consts::TAU,
+                x.to_radians()
+            ));
+        }
+    };
+    for d in model
+        .spec
+        .drives
+        .iter()
+        .filter(|d| matches!(&d.measure, Measure::Joint { joint, coordinate } if turns(joint, *coordinate)))
+    {
+        if let Value::Constant(x) = d.motion {
+            angle(format!("the position of {}", d.name), x);
+        }
+    }
+    for f in &model.spec.forces {
+        if let Force::TorsionSpring { name, joint, coordinate, angle: x, .. } = f {
+            if turns(joint, *coordinate) {
+                angle(format!("the free angle of {name}"), *x);
+            }
+        }
+    }
+    let extents: Vec<(usize, f64)> =
+        (0..model.spec.bodies.len()).filter_map(|i| extent(model, i).map(|x| (i, x))).collect();
+    let mut sizes: Vec<f64> = extents.iter().map(|x| x.1).collect();
+    sizes.sort_by(f64::total_cmp);
+    if let Some(&usual) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) {
+        for (i, x) in extents.iter().filter(|(_, x)| *x > FAR_OFF * usual || *x * FAR_OFF < usual) {
+            found.push(format!(
+                "{} reaches over {x:.3} m among bodies of some {usual:.3} m; if another unit is meant, see partita.units",
+                model.spec.bodies[*i].name
+            ));
+        }
+    }
+    found
+}
+
+/// The largest distance between two joints of a body.
+fn extent(model: &Model, i: usize) -> Option<f64> {
+    let points: Vec<_> = model
+        .placed
+        .joints
+        .iter()
+        .filter_map(|p| match (p.parent == i + 1, p.child == i + 1) {
+            (_, true) => Some(p.child_point),
+            (true, _) => Some(p.parent_point),
+            _ => None,
+        })
+        .collect();
+    let far = points.iter().flat_map(|a| points.iter().map(move |b| (*a - *b).norm())).fold(0.0, f64::max);
+    (far > 0.0).then_some(far)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::examples::*;
+    use partita_model::spec::Drive;
+    use partita_model::spec::JointKind::Revolute;
+
+    #[test]
+    fn slips_of_the_pen() {
+        let mut spec = stretched_slider_crank();
+        let mut turned = spec.clone();
+        turned.joints[1].kind = partita_model::spec::JointKind::Fixed;
+        turned.drives.push(Drive {
+            name: "motor".into(),
+            measure: Measure::joint("A", 0),
+            level: partita_model::spec::Level::Position,
+            motion: Value::Constant(90.0),
+            turning: None,
+        });
+        assert!(
+            suspicious(&model(turned))[0].contains("90 rad, 14.3 full turns; if 90 degrees are meant, that is 1.57")
+        );
+        spec.bodies.push(body("mast", [0.0; 3], [0.0, 300.0, 0.0]));
+        spec.joints.push(joint("foot", Revolute, "ground", "mast", [0.0, -300.0, 0.0], Z));
+        spec.joints.push(joint("top", Revolute, "mast", "ground", [0.0, 300.0, 0.0], Z));
+        let said = suspicious(&model(spec));
+        assert!(said.len() == 1 && said[0].starts_with("mast reaches over 600.000 m"), "{said:?}");
+    }
+}

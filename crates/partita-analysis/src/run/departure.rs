@@ -1,0 +1,70 @@
+//! A run that starts in a singular position: its first step, along the branch that the velocities single out.
+
+use partita_integrate::launch::{launch, Launch};
+use partita_integrate::simulate::{Outcome, Status};
+use partita_system::branching::ways;
+use partita_system::record::Output;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// The step out of it, and what is told of it.
+pub(super) struct Departure<'s, S: ConstrainedSystem> {
+    pub launch: Launch<'s, S>,
+    note: String,
+}
+
+/// The first step from (t, q, v) that was refused as `singular`, up to `end` at the latest.
+///
+/// # Errors
+/// `singular`, where the velocities single out no branch, with the reason; where no step was found.
+pub(super) fn depart<'s, S: ConstrainedSystem>(
+    system: &'s S,
+    (t, q, v): (f64, &[f64], &[f64]),
+    (end, tolerance): (f64, f64),
+    singular: SystemError,
+) -> Result<Departure<'s, S>, SystemError> {
+    let ways = ways::along(system, (t, q, v), singular)?;
+    let launch = launch(system, ways.rank, (t, q, v), ways.acceleration(q, v)?.as_deref(), (end, tolerance))?;
+    let mut note = format!(
+        "the run starts in a singular position and leaves it along the branch with the rates {}; its first {:.3e} s are one \
+         step of Gauss collocation on that branch, in the start itself accelerations and reactions are not determined",
+        ways.told(v),
+        launch.length()
+    );
+    if launch.moved > 0.0 {
+        note = format!(
+            "{note}; the start stands beside the position and was moved onto the branch, by {:.1e} (radians, parts of lengths)",
+            launch.moved
+        );
+    }
+    if launch.lenient {
+        note = format!(
+            "{note}; rounding next to the position leaves it exact to {:.0e} of the motion, the tolerance would be {tolerance:.0e}",
+            launch.error
+        );
+    }
+    Ok(Departure { launch, note })
+}
+
+impl<S: ConstrainedSystem> Departure<'_, S> {
+    /// The outputs before the end of the step; how many.
+    pub fn outputs(&mut self, times: &[f64], out: &mut Vec<Output>) -> Result<usize, SystemError> {
+        let count = times.partition_point(|t| *t < self.launch.t);
+        for &t in &times[..count] {
+            let mut output = Output::default();
+            self.launch.output(t, &mut output)?;
+            out.push(output);
+        }
+        Ok(count)
+    }
+
+    /// What the run did for it.
+    pub fn tell(&self, outcome: &mut Outcome, notes: &mut Vec<String>) {
+        notes.push(self.note.clone());
+        outcome.counters.steps += 1;
+        outcome.counters.lenient += u64::from(self.launch.lenient);
+        outcome.counters.evaluations += self.launch.evaluations;
+        if outcome.status == Status::Finished {
+            outcome.message = format!("reached t = {}", outcome.t);
+        }
+    }
+}

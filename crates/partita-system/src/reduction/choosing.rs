@@ -1,0 +1,213 @@
+//! What is decided now and then, at a position: scales of velocities and rows, the choice and the plan of its elimination,
+//! the way through the clusters, and where everything of an evaluation has its place.
+
+use super::{choice, watch, Choice, Reduction, NONE, SINGULAR_PIVOT};
+use crate::clusters::Clusters;
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::elimination::{Plan, PlanOptions};
+
+/// Rows of C weaker than this (squared, against their reach) hold round-off only.
+const EMPTY_ROW: f64 = 1e-26;
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
+    pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        match self.weighs_reaches {
+            true => self.s2.iter_mut().zip(&self.reach).for_each(|(s2, reach)| *s2 = reach * reach),
+            false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
+        }
+        if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
+            return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
+        }
+        for (s, s2) in self.s.iter_mut().zip(&self.s2) {
+            *s = s2.sqrt();
+        }
+        self.refresh_row_scales();
+        Ok(())
+    }
+
+    /// Scales that bring the rows of C to 1; 0 for rows without a direction.
+    pub fn row_scales(&self) -> &[f64] {
+        &self.row_scale
+    }
+
+    fn refresh_row_scales(&mut self) {
+        let pattern = self.system.pattern();
+        for i in 0..self.size.rows {
+            let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            // a row of round-off alone has no direction to pivot on
+            let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < EMPTY_ROW);
+            self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
+            // entries of C are lever arms: the lengths that are added up in Φ
+            let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
+            self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
+            let arm = self.noise[i] / (4.0 * f64::EPSILON);
+            self.row_size[i] = match self.row_reach[i] {
+                Some(reach) => reach.max(arm),
+                None if arm > 0.0 => arm,
+                None => 1.0,
+            };
+        }
+    }
+
+    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
+    pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
+        self.refresh_row_scales();
+        let rows = self.eligible_rows();
+        self.plan_with(t, independent, &rows)
+    }
+
+    /// The same with rows out of these, with the row scales at hand.
+    pub(super) fn plan_with(&mut self, t: f64, independent: &[usize], rows: &[bool]) -> Result<(), SystemError> {
+        let pattern = self.system.pattern();
+        let mut eligible = vec![true; self.size.nv];
+        for &i in independent {
+            eligible[i] = false;
+        }
+        let plan =
+            Plan::new(pattern, &self.c, rows, &eligible, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        self.take(t, plan, independent)
+    }
+
+    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent there.
+    pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
+        self.position(t, q)?;
+        self.refresh_scales(t, q)?;
+        let pattern = self.system.pattern();
+        let (rows, any) = (self.eligible_rows(), vec![true; self.size.nv]);
+        let plan =
+            Plan::new(pattern, &self.c, &rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        let mut dependent = vec![false; self.size.nv];
+        plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
+        let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();
+        self.take(t, plan, &independent)?;
+        self.tangent(t)
+    }
+
+    /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
+    pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
+        self.plans += 1;
+        self.fresh_distance = None;
+        if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
+            return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
+        }
+        self.adopt(plan, independent);
+        Ok(())
+    }
+
+    fn adopt(&mut self, plan: Plan, independent: &[usize]) {
+        let pattern = self.system.pattern();
+        let sorted = |x: &[usize]| {
+            let mut x = x.to_vec();
+            x.sort_unstable();
+            x
+        };
+        let others = sorted(plan.pivot_rows()) != sorted(&self.partition.rows);
+        if others || sorted(plan.pivot_cols()) != sorted(&self.partition.dependent) {
+            self.choices += 1;
+        }
+        self.partition.independent = independent.to_vec();
+        self.partition.dependent = plan.pivot_cols().to_vec();
+        self.partition.rows = plan.pivot_rows().to_vec();
+        let mut dropped = vec![true; self.size.rows];
+        self.partition.rows.iter().for_each(|&i| dropped[i] = false);
+        self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
+        if self.system.drawing_tolerance() > 0.0 {
+            let closing = |i: usize| i < self.size.holonomic && !self.system.row_is_drive(i);
+            self.bridges.iter_mut().enumerate().for_each(|(i, x)| *x = dropped[i] && closing(i));
+        }
+        self.plan_recursion();
+        self.place_columns(independent);
+        let mut place = vec![NONE; self.size.nv];
+        for (j, &i) in independent.iter().enumerate() {
+            place[i] = j as u32;
+        }
+        self.independent_entries.clear();
+        self.spread_entries.clear();
+        for (step, &row) in self.partition.rows.iter().enumerate() {
+            for e in pattern.row(row) {
+                let j = place[pattern.col_idx[e]];
+                if j == NONE {
+                    continue;
+                }
+                self.spread_entries.push((step as u32, e as u32, j));
+                let column = self.column_of[j as usize];
+                if column != NONE {
+                    self.independent_entries.push((step as u32, e as u32, column));
+                }
+            }
+        }
+        self.margins.resize(self.clusters.count.max(1), watch::Margin::default());
+        if self.recursion.is_some() {
+            self.lay_out();
+        }
+        self.column_reach.clear();
+        self.column_reach.resize(self.clusters.count.max(1) * self.columns, 0.0);
+        for (&i, &c) in independent.iter().zip(&self.column_of) {
+            if c != NONE {
+                let cluster = self.clusters.of_velocity[i] as usize;
+                self.column_reach[cluster * self.columns + c as usize] = self.reach[i];
+            }
+        }
+        choice!(self).units(&mut self.dt);
+        self.gamma.fill(0.0);
+        self.delta.fill(0.0);
+        self.factors.resize(plan.factor_len(), 0.0);
+        self.plan = Some(plan);
+    }
+
+    /// How the system goes through its clusters with the rows kept; asked again only when others are.
+    fn plan_recursion(&mut self) {
+        if self.dense_only {
+            return;
+        }
+        let mut rows = self.partition.rows.clone();
+        rows.sort_unstable();
+        if self.planned_rows.as_ref() == Some(&rows) {
+            return;
+        }
+        self.recursion = self.system.plan_recursion(&rows, &mut self.scratch);
+        self.planned_rows = Some(rows);
+        if self.recursion.is_none() {
+            // whether it pays depends on how many rows are kept, not on which
+            self.dense_only = true;
+            self.clusters = Clusters::one(self.size.nv, self.size.rows);
+        }
+    }
+
+    /// Which column each independent velocity has, and room for what depends on their number.
+    fn place_columns(&mut self, independent: &[usize]) {
+        let k = self.k;
+        match &self.recursion {
+            None => {
+                self.columns = k;
+                self.column_of = (0..k as u32).collect();
+                self.md.resize(k * k, 0.0);
+                self.md_factor.resize(k * k, 0.0);
+                self.hd.resize(k, 0.0);
+            }
+            Some(recursion) => {
+                self.columns = recursion.columns;
+                let mut next = vec![0u32; self.clusters.count];
+                self.column_of = independent
+                    .iter()
+                    .map(|&i| {
+                        let c = self.clusters.of_velocity[i] as usize;
+                        next[c] += 1;
+                        if recursion.by_partial_velocities[c] {
+                            next[c] - 1
+                        } else {
+                            NONE
+                        }
+                    })
+                    .collect();
+                self.vdot.resize(self.size.nv, 0.0);
+            }
+        }
+        self.rhs.resize(self.rank * (self.columns + 1), 0.0);
+        self.a_matrix.resize(self.rank * self.columns, 0.0);
+        self.dt.resize(self.size.nv * self.columns, 0.0);
+    }
+}

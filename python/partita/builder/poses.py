@@ -1,0 +1,405 @@
+"""Prescribed poses: slides and an orientation over time, held, as a table or as a function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from ..errors import EvaluationError
+from ..numeric import floats, shown
+from ..state import Layout
+from .checks import Array, Element, shape_of, vector
+from .frames import ORTHONORMAL, rotation
+from .motion import differences
+from .taylor import Jet
+from .travelling import check_picklable
+from .values import Constant, Cubics, Function, Table, finite, one_number, table
+
+_HALF_TURN = math.pi * (1.0 - 1e-6)
+"""Rows of a table further apart do not say which way it turns."""
+_SERIES = 0.1
+"""Squares of half an angle below this are put into series, whose terms left out are below round-off."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """The same pose at all times: slides (k,) and the rotation matrix."""
+
+    slides: Array
+    matrix: Array
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """Poses at times (n,): slides (n, k), joined by a twice differentiable cubic spline, and matrices (n, 3, 3), joined
+    by a curve of rotations whose angular acceleration is continuous."""
+
+    times: Array
+    slides: Array
+    matrices: Array
+
+    def slide(self, i: int) -> Table:
+        """Slide number i over time."""
+        return Table(self.times, self.slides[:, i], "smooth")
+
+    def turning(self) -> dict[str, Any]:
+        """The curve of rotations as the core takes it: rotation vectors by cubics, turned on from quaternions."""
+        spline = RotationSpline(self.times, Rotation.from_matrix(self.matrices))
+        vectors = [Cubics(self.times, spline.interpolator.c[:, :, i].T).spec()["table"] for i in range(3)]
+        quaternions = Rotation.from_matrix(self.matrices[:-1]).as_quat()[:, [3, 0, 1, 2]]
+        return {"table": {"vectors": vectors, "rotations": quaternions.tolist()}}
+
+
+@dataclass(frozen=True)
+class PoseFunction:
+    """A pose by a Python function, part by part."""
+
+    pose: Pose
+    slides: int
+
+    def slide(self, i: int) -> Function:
+        """Slide number i over time."""
+        return Function(_Slide(self.pose, i))
+
+    def turning(self) -> Function:
+        """The orientation over time."""
+        return Function(_Turning(self.pose))
+
+
+PoseValue = Held | PoseTable | PoseFunction
+
+
+def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Array] | None) -> PoseValue:
+    """A pose as the user said it, for a joint with so many slides. `drawn`: position and rotation of a body as drawn,
+    from where the joint that carries it counts, while the pose is said in the world."""
+    if callable(given):
+        return PoseFunction(Pose(element, given, slides, drawn), slides)
+    parts = _parts(element, given, slides)
+    if len(parts) == 2:
+        place = vector(element, "the position of the pose", parts[0], slides) if slides else np.zeros(0)
+        matrix = orientation(element, "the orientation of the pose", parts[1])
+        return Held(*_relative(place, matrix, drawn))
+    times, places, turns = parts
+    matrices = np.array(
+        [orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))]
+    )
+    placed = table(element, "positions", (times, places), "smooth", slides) if slides else None
+    clock = placed.times if placed is not None else table(element, "orientations", (times, times), "smooth").times
+    if len(matrices) != clock.size:
+        element.fail(f"there are {clock.size} times but {len(matrices)} orientations; give one for each")
+    where = placed.values if placed is not None else np.zeros((clock.size, 0))
+    pairs = [_relative(p, m, drawn) for p, m in zip(where, matrices, strict=True)]
+    found = PoseTable(clock, np.array([p for p, _ in pairs]), np.array([m for _, m in pairs]))
+    steps = Rotation.from_matrix(found.matrices)
+    angles = (steps[:-1].inv() * steps[1:]).magnitude()
+    if angles.max() > _HALF_TURN:
+        row = int(angles.argmax())
+        element.fail(
+            f"from t = {clock[row]:g} s to t = {clock[row + 1]:g} s the table turns by half a turn, which says no way "
+            "to go; put a row between"
+        )
+    return found
+
+
+def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
+    """(position, orientation) or (times, positions, orientations)."""
+    if isinstance(given, Mapping):
+        for keys in (("times", "positions", "orientations"), ("position", "orientation")):
+            wanted = [key for key in keys if slides or not key.startswith("position")]
+            if set(given) == set(wanted):
+                return tuple(given.get(key) for key in keys)
+    elif isinstance(given, tuple) and len(given) == 3 and slides:
+        return given
+    elif isinstance(given, tuple) and len(given) == 2:
+        return given if slides else (given[0], None, given[1])
+    elif not slides and (isinstance(given, Rotation) or shape_of(given) in ((3,), (4,), (3, 3))):
+        return (None, given)
+    word = "(position, orientation)" if slides else "an orientation"
+    rows = "(times, positions, orientations)" if slides else "(times, orientations)"
+    element.fail(f"pose must be {word}, a table {rows}, or a function of t that returns {word}, not {shown(given)}")
+
+
+def _each(element: Element, turns: Any) -> list[Any]:
+    if isinstance(turns, Rotation):
+        if turns.single:
+            element.fail("orientations holds one rotation; give one for each time")
+        return list(turns)
+    if shape_of(turns) is None or len(shape_of(turns) or ()) < 2:
+        element.fail(f"orientations must be a list of rotations, not {shown(turns)}")
+    return list(turns)
+
+
+def orientation(element: Element, what: str, value: Any) -> Array:
+    """A rotation matrix from all that `frames.rotation` takes, or a rotation vector."""
+    if shape_of(value) == (3,):
+        return np.asarray(Rotation.from_rotvec(vector(element, what, value)).as_matrix(), dtype=float)
+    return rotation(element, what, value)
+
+
+def _relative(place: Array, matrix: Array, drawn: tuple[Array, Array] | None) -> tuple[Array, Array]:
+    return (place, matrix) if drawn is None else (place - drawn[0], matrix @ drawn[1].T)
+
+
+class Pose:
+    """f(t) -> (position, orientation) with rates and accelerations.
+
+    Exact where f takes a `Jet` (arithmetic, NumPy functions) and returns a rotation vector, a quaternion or a matrix.
+    Where it does not (a SciPy `Rotation`) differences of order 8 take their place: of positions, and of the rotation
+    vector that leads away from the orientation at t. Its first two derivatives there are the angular velocity and the
+    angular acceleration in the axes that turn: no angle is unwrapped, and no position is singular.
+    """
+
+    def __init__(
+        self, element: Element, function: Callable[..., Any], slides: int, drawn: tuple[Array, Array] | None
+    ) -> None:
+        self.element, self.function, self.slides, self.drawn = element, function, slides, drawn
+        self.notes: list[str] = []
+        self._last: tuple[float, tuple[list[tuple[float, float, float]], list[float]]] | None = None
+        self.at(0.0)
+
+    def __getstate__(self) -> dict[str, Any]:
+        check_picklable(self.element, "function of the pose", self.function)
+        return {**self.__dict__, "_last": None}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Pose:
+        """With the same function, which was tried before: Python copies functions as themselves."""
+        twin = Pose.__new__(Pose)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes), _last=None)
+        memo[id(self)] = twin
+        return twin
+
+    def at(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
+        """Slides with their first two derivatives; rotation row by row, angular velocity and acceleration in its axes.
+
+        The rows of one pose ask one by one at the same time: the last answer is kept, which depends on t alone.
+        """
+        last = self._last
+        if last is None or last[0] != t:
+            last = self._last = (t, self._found(t))
+        return last[1]
+
+    def _found(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
+        try:
+            found = self._exactly(t)
+        except _Misshaped:
+            raise
+        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+            found = self._nearly(t)
+        slides, (matrix, spin, growth) = found
+        if self.drawn is not None:
+            slides = [(x - x0, v, a) for (x, v, a), x0 in zip(slides, self.drawn[0], strict=True)]
+            matrix, spin, growth = matrix @ self.drawn[1].T, self.drawn[1] @ spin, self.drawn[1] @ growth
+        turned = [*matrix.ravel().tolist(), *spin.tolist(), *growth.tolist()]
+        if not (finite(turned) and all(finite(slide) for slide in slides)):
+            raise self._error(
+                t, "position, orientation and their derivatives are not finite; the function must be smooth"
+            )
+        return slides, turned
+
+    def _exactly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
+        place, turn = self._split(self.function(Jet(t, 1.0, 0.0)), t)
+        slides = [(j.x, j.d1, j.d2) for j in map(_jet, place)]
+        if isinstance(turn, Rotation):
+            raise TypeError("a Rotation carries no derivatives")
+        numbers = np.array(turn, dtype=object)
+        jets = [_jet(item) for item in numbers.ravel()]
+        if numbers.shape == (3, 3):
+            value, first, second = (
+                np.array([getattr(j, part) for j in jets]).reshape(3, 3) for part in ("x", "d1", "d2")
+            )
+            matrix = self._matrix(value, t)
+            skew, bent = matrix.T @ first, matrix.T @ second
+            spin = _axial(skew)
+            return slides, (matrix, spin, _axial(bent))
+        if numbers.shape == (3,):
+            quaternion = _of_vector(jets)
+        elif numbers.shape == (4,):
+            norm = (jets[0] * jets[0] + jets[1] * jets[1] + jets[2] * jets[2] + jets[3] * jets[3]).sqrt()
+            if not norm.x > 0.0:
+                raise self._misshaped(t, "the zero quaternion, which is no rotation")
+            quaternion = [j / norm for j in jets]
+        else:
+            raise self._misshaped(t, f"an array of shape {numbers.shape}")
+        value, first, second = (np.array([getattr(j, part) for j in quaternion]) for part in ("x", "d1", "d2"))
+        matrix = np.asarray(Rotation.from_quat(value[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+        # q' = q w / 2, q'' = q (w w / 2 + w') / 2, and w w is a number
+        return slides, (matrix, 2.0 * _seen(value, first), 2.0 * _seen(value, second))
+
+    def _nearly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
+        here, matrix = self._plain(t)
+        seen: dict[float, Array] = {}
+
+        def moved(s: float) -> Array:
+            if s not in seen:
+                place, other = self._plain(s)
+                seen[s] = np.concatenate([place, Rotation.from_matrix(matrix.T @ other).as_rotvec()])
+            return seen[s]
+
+        def component(i: int) -> Callable[[float], float]:
+            return lambda s: float(moved(s)[i])
+
+        try:
+            # the entries of rotation matrices are 1, however small the turn between them
+            scales = [0.0] * self.slides + [1.0] * 3
+            found = [differences(component(i), t, size) for i, size in enumerate(scales)]
+        except _Misshaped:
+            raise
+        except Exception as error:
+            raise self._error(
+                t,
+                "the function works there but not slightly before or after, where its derivatives are looked for "
+                f"({type(error).__name__}: {error}); use NumPy functions and return a rotation vector or a quaternion",
+            ) from error
+        if not self.notes:
+            worst = max(f[3] for f in found)
+            self.notes.append(
+                f'drive "{self.element.name}": the pose could not be differentiated exactly, so its derivatives are '
+                f"central differences of order 8, good to about {worst:.0e} in the second derivative at t = {t:g} s; "
+                "use NumPy functions, and return a rotation vector, a quaternion or a matrix, not a SciPy Rotation"
+            )
+        slides = [(float(here[i]), found[i][1], found[i][2]) for i in range(self.slides)]
+        turns = found[self.slides :]
+        return slides, (matrix, np.array([f[1] for f in turns]), np.array([f[2] for f in turns]))
+
+    def _plain(self, t: float) -> tuple[Array, Array]:
+        place, turn = self._split(self.function(t), t)
+        try:
+            where = np.array([one_number(item) for item in place])
+        except TypeError as error:
+            raise self._misshaped(t, f"a position with {error}") from error
+        if isinstance(turn, Rotation):
+            if not turn.single:
+                raise self._misshaped(t, f"{len(turn)} rotations")
+            return where, np.asarray(turn.as_matrix(), dtype=float)
+        try:
+            numbers = floats(turn)
+        except (TypeError, ValueError) as error:
+            raise self._misshaped(t, f"the orientation {shown(turn)}") from error
+        if numbers.shape == (3,):
+            return where, np.asarray(Rotation.from_rotvec(numbers).as_matrix(), dtype=float)
+        if numbers.shape == (4,) and np.any(numbers):
+            return where, np.asarray(Rotation.from_quat(numbers[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+        if numbers.shape == (3, 3):
+            return where, self._matrix(numbers, t)
+        raise self._misshaped(t, f"the orientation {shown(turn)}")
+
+    def _split(self, value: Any, t: float) -> tuple[Any, Any]:
+        if self.slides == 0:
+            return (), value
+        if not isinstance(value, tuple | list) or len(value) != 2 or shape_of(value[0]) == ():
+            raise self._misshaped(t, shown(value))
+        place = list(np.asarray(value[0], dtype=object).ravel())
+        if len(place) != self.slides:
+            raise self._misshaped(t, f"{len(place)} numbers for the position")
+        return place, value[1]
+
+    def _matrix(self, matrix: Array, t: float) -> Array:
+        off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
+        if not off <= ORTHONORMAL or np.linalg.det(matrix) < 0.0:
+            raise self._misshaped(t, f"a matrix that is no rotation (its columns miss being orthonormal by {off:.1e})")
+        return matrix
+
+    def _misshaped(self, t: float, what: str) -> EvaluationError:
+        wanted = f"(position, orientation), the position as {self.slides} numbers" if self.slides else "an orientation"
+        return _Misshaped(
+            f'drive "{self.element.name}" at t = {t:g} s: the function must return {wanted}, the orientation as '
+            f"rotation vector, quaternion (w, x, y, z), matrix or SciPy Rotation; it returned {what}",
+            t=t,
+            where=self.element.name,
+        )
+
+    def _error(self, t: float, sentence: str) -> EvaluationError:
+        name = self.element.name
+        return EvaluationError(f'drive "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
+
+
+class _Misshaped(EvaluationError):
+    """What a function returned is no pose, whatever numbers it was asked with."""
+
+
+class _Slide:
+    """One slide of a pose, as the core asks for it."""
+
+    notes: list[str]
+
+    def __init__(self, pose: Pose, i: int) -> None:
+        self.pose, self.i, self.notes = pose, i, []
+
+    def bind(self, layout: Layout) -> Callable[[float], tuple[float, float, float]]:
+        """Itself: a prescribed motion looks at no state."""
+        return self
+
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        return self.pose.at(t)[0][self.i]
+
+
+class _Turning:
+    """The orientation of a pose, as the core asks for it."""
+
+    def __init__(self, pose: Pose) -> None:
+        self.pose = pose
+
+    @property
+    def notes(self) -> list[str]:
+        """Those of the whole pose."""
+        return self.pose.notes
+
+    def bind(self, layout: Layout) -> Callable[[float], list[float]]:
+        """Itself: a prescribed motion looks at no state."""
+        return self
+
+    def __call__(self, t: float) -> list[float]:
+        return self.pose.at(t)[1]
+
+
+def turning_of(value: PoseValue) -> dict[str, Any] | Function:
+    """The orientation of a pose as the core takes it; a function is still to be handed along."""
+    return {"held": value.matrix.tolist()} if isinstance(value, Held) else value.turning()
+
+
+def slide_of(value: PoseValue, i: int) -> Constant | Table | Function:
+    """Slide number i of a pose."""
+    return Constant(float(value.slides[i])) if isinstance(value, Held) else value.slide(i)
+
+
+def _jet(value: Any) -> Jet:
+    return value if isinstance(value, Jet) else Jet(one_number(value))
+
+
+def _axial(matrix: Array) -> Array:
+    """The vector of the skew part."""
+    return 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
+
+
+def _seen(q: Array, rate: Array) -> Array:
+    """Vector part of conj(q) rate."""
+    return np.asarray(q[0] * rate[1:] - rate[0] * q[1:] - np.cross(q[1:], rate[1:]), dtype=float)
+
+
+def _of_vector(vector: list[Jet]) -> list[Jet]:
+    """The quaternion of a rotation vector."""
+    half = [component * 0.5 for component in vector]
+    square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
+    x = square.x
+    if x > _SERIES:
+        root = math.sqrt(x)
+        cosine, sine = math.cos(root), math.sin(root) / root
+        first = (cosine - sine) / (2.0 * x)
+        second = (-0.5 * sine - 3.0 * first) / (2.0 * x)
+    else:
+        cosine, sine, first, second = (_series(x, k) for k in range(4))
+    over = square.chain(sine, first, second)
+    return [square.chain(cosine, -0.5 * sine, -0.5 * first), *(component * over for component in half)]
+
+
+def _series(x: float, what: int) -> float:
+    """cos(sqrt x), sin(sqrt x)/sqrt x, and the first two derivatives of the latter over x."""
+    if what == 0:
+        return sum((-x) ** n / math.factorial(2 * n) for n in range(8))
+    terms = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(9)]
+    return float(np.polynomial.Polynomial(terms).deriv(what - 1)(x)) if what > 1 else float(np.polyval(terms[::-1], x))

@@ -1,0 +1,130 @@
+"""Every joint alike: in the tree, closing a loop, in absolute coordinates, the same wishes give the same motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.errors import AssemblyError, ContradictionError
+
+AXIS = (1.0, 2.0, 2.0)
+KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
+    "revolute": ("add_revolute", {"axis": AXIS}, 1),
+    "prismatic": ("add_prismatic", {"axis": AXIS}, 1),
+    "cylindrical": ("add_cylindrical", {"axis": AXIS}, 2),
+    "universal": ("add_universal", {"axis1": (1.0, 0.0, 0.5), "axis2": (0.0, 1.0, 0.2)}, 2),
+    "planar": ("add_planar", {"normal": AXIS}, 3),
+    "screw": ("add_screw", {"axis": AXIS, "pitch": 0.3}, 2),
+    "generic": ("add_joint", {"free": ("x", "rz")}, 2),
+}
+
+
+def effort(name: str, coordinate: int) -> Callable[[float, Any], float]:
+    def law(t: float, state: Any) -> float:
+        x, v = (np.atleast_1d(part(name))[coordinate] for part in (state.position, state.velocity))
+        return float(0.3 * np.sin(x) - 0.1 * v + 0.2 * t)
+
+    return law
+
+
+WISHES: dict[str, Callable[[pt.Mechanism, int], Any]] = {
+    "drive of position": lambda m, c: m.add_drive("J", position=lambda t: 0.3 * t * t, coordinate=c),
+    "drive of velocity": lambda m, c: m.add_drive("J", velocity=lambda t: 0.6 * t, coordinate=c),
+    "drive of acceleration": lambda m, c: m.add_drive("J", acceleration=0.6, coordinate=c),
+    "spring": lambda m, c: m.add_torsion_spring("J", stiffness=3.0, damping=0.2, angle=0.1, coordinate=c),
+    "torque": lambda m, c: m.add_torque("J", 0.7, coordinate=c),
+    "torque over time": lambda m, c: m.add_torque("J", ([0.0, 1.0], [0.0, 1.0]), coordinate=c),
+    "torque over itself": lambda m, c: m.add_torque("J", ([-9, 9], [-9, 9]), over=pt.Coordinate("J", c), coordinate=c),
+    "torque by a function": lambda m, c: m.add_torque("J", effort("J", c), coordinate=c),
+    "friction": lambda m, c: m.add_friction("J", 0.4, stick_velocity=0.1, coordinate=c),
+    "stop": lambda m, c: m.add_stop("J", upper=0.05, stiffness=100.0, coordinate=c),
+}
+
+
+def mechanism(kind: str, where: str) -> pt.Mechanism:
+    m = pt.Mechanism(kind, gravity=(1.0, -9.0, 2.0))
+    m.add_body("body", mass=1.5, inertia=(0.1, 0.2, 0.25), com=(0.2, -0.1, 0.15))
+    method, given, _ = KINDS[kind]
+    if where == "cut":
+        # a joint that constrains nothing carries the body, so that this one closes a loop
+        m.add_free("carrier", m.ground, "body", cut="never")
+    getattr(m, method)(
+        "J", m.ground, "body", point=(0.1, 0.2, 0.0), cut="always" if where == "cut" else "auto", **given
+    )
+    return m
+
+
+def seen(m: pt.Mechanism, where: str, **options: Any) -> tuple[Any, ...]:
+    coordinates = "absolute" if where == "absolute" else "relative"
+    run = m.simulate(0.8, t_eval=[0.0, 0.4, 0.8], coordinates=coordinates, rtol=1e-10, atol=1e-11, **options)
+    assert run.success, run.message
+    joint = run.joint("J")
+    return joint.position, joint.velocity, joint.force, joint.moment, joint.drive, run.energy.kinetic
+
+
+CASES = [(kind, c) for kind, (_, _, count) in KINDS.items() for c in range(count)]
+
+
+@pytest.mark.parametrize("wish", list(WISHES))
+def test_what_acts_and_drives(wish: str) -> None:
+    for kind, coordinate in CASES:
+        runs = {}
+        for where in ("tree", "cut", "absolute"):
+            m = mechanism(kind, where)
+            WISHES[wish](m, coordinate)
+            try:
+                runs[where] = seen(m, where)
+            except Exception as error:
+                raise AssertionError(f"{kind} {coordinate} {where}: {type(error).__name__} {error}") from error
+        for where in ("cut", "absolute"):
+            for what, x, y in zip(
+                ["position", "velocity", "force", "moment", "drive", "kinetic"], runs["tree"], runs[where], strict=True
+            ):
+                # of forces of some tens of newtons, what the tolerances of the runs let
+                assert np.abs(x - y).max() < 1e-6, (kind, coordinate, where, what, np.abs(x - y).max())
+
+
+def test_angles_in_the_plane_count_for_reactions_too() -> None:
+    """A curve over several turns, of a joint that closes a loop: reactions as with the joint in the tree."""
+    runs = []
+    for where in ("relative", "absolute"):
+        m = pt.Mechanism("winding", gravity=(0, 0, 0))
+        m.add_body("arm", mass=1.0, inertia=(1, 1, 2.0), com=(0.5, 0, 0))
+        m.add_revolute("J", m.ground, "arm", point=(0, 0, 0))
+        m.add_torque("J", ([-30.0, 30.0], [60.0, -60.0]), over="J")
+        m.add_torque("J", lambda t, state: -0.1 * state.position("J"), name="second")
+        start = m.assemble(rates={"J": 9.0}, coordinates=where)
+        runs.append(m.simulate(2.0, initial=start, t_eval=np.linspace(0, 2, 9), coordinates=where, rtol=1e-11))
+    tree, cut = (run.joint("J") for run in runs)
+    # more than a whole turn; the angle is that of an oscillator
+    angle = 9.0 / np.sqrt(2.1 / 2.25) * np.sin(np.sqrt(2.1 / 2.25) * runs[0].t)
+    assert angle.max() > 2.0 * np.pi
+    for joint in (tree, cut):
+        assert np.abs(joint.position[:, 0] - angle).max() < 1e-7
+        assert np.abs(joint.force - tree.force).max() < 1e-6 and np.abs(joint.moment - tree.moment).max() < 1e-6
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_drives_that_contradict_are_refused_or_end_the_run(coordinates: str) -> None:
+    """Two drives of one freedom, of a joint and of a displacement, of positions and of rates."""
+
+    def slider(**second: Any) -> pt.Mechanism:
+        m = pt.Mechanism("over-driven", gravity=(0, 0, -9.81))
+        m.add_body("block", mass=2.0, inertia=(1, 1, 1))
+        m.add_prismatic("S", m.ground, "block", axis=(0, 0, 1))
+        m.add_drive("S", position=lambda t: 0.1 * t * t)
+        m.add_drive(pt.Along(m.ground, (0, 0, 0), (0, 0, 1), "block", (0, 0, 0)), **second)
+        return m
+
+    with pytest.raises(AssemblyError, match="do not fit"):
+        slider(position=lambda t: 0.1 * t * t + 0.01).simulate(1.0, coordinates=coordinates)
+    for second in ({"velocity": lambda t: 0.3 * t}, {"velocity": lambda t: 0.2 * t + 0.1}):
+        with pytest.raises(ContradictionError, match="contradicts the drive of S"):
+            slider(**second).simulate(1.0, coordinates=coordinates)
+    late = slider(position=lambda t: 0.1 * t * t + 0.1 * np.maximum(t - 0.5, 0) ** 3)
+    run = late.simulate(1.0, coordinates=coordinates)
+    assert not run.success and "contradicts the drive of S" in run.message
