@@ -297,6 +297,11 @@ def assembled(poses: Any) -> Any:
     return poses.q[poses.ok]
 
 
+def abs_of(x: float) -> float:
+    """A model for sweeps."""
+    return abs(x)
+
+
 def asked() -> dict[str, Callable[[], Call]]:
     """Calls that compute."""
     m = loop()
@@ -492,7 +497,8 @@ def asked() -> dict[str, Callable[[], Call]]:
         "plots.plot_joint": (plots.plot_joint, {"result": run, "name": "A", "axes": "world"}),
         "plots.plot": (lambda result: plots.plot(result, "energy"), {"result": run}),
         "viewer.html": (viewer.html, {"result": run, "title": "t"}),
-        "load": (pt.load, {"path": "none.toml"}),
+        "load": (pt.load, {"path": "none.toml", "base": "fixed"}),
+        "sweep": (pt.sweep, {"model": abs_of, "parameters": {"x": [1.0]}, "executor": None, "workers": 1}),
         "results.load": (results.load, {"path": "none.json"}),
     }
     for name in ("mass_matrix", "constraints", "jacobian", "measure", "rate"):
