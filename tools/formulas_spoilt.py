@@ -601,8 +601,8 @@ ERRORS = (
         "corners-passed",
         "steps pass the corners of tables",
         f"{INTEGRATE}/explicit_rk.rs",
-        "self.next_corner().unwrap_or(self.t_end)",
-        "self.next_corner().map_or(self.t_end, |_| self.t_end)",
+        "self.goal.into_iter().chain(self.next_corner()).fold",
+        "self.goal.into_iter().chain(self.next_corner().filter(|_| false)).fold",
         ("marching stepping",),
     ),
     Error(

@@ -113,18 +113,7 @@ def test_one_motion(name: str, formulation: str) -> None:
     assert off <= SAME
 
 
-# Bodies of these are points without inertia, which absolute coordinates cannot turn.
-POINTS = ("planar-pendulum", "slider-crank")
-
-
-@pytest.mark.parametrize("name", POINTS)
-def test_points_have_no_absolute_coordinates(name: str) -> None:
-    _, m, start, _ = problem(name)
-    with pytest.raises(pt.errors.DescriptionError, match="moment of inertia"):
-        m.simulate(0.1, initial=start, coordinates="absolute")
-
-
-@pytest.mark.parametrize("name", [name for name in MECHANISMS if name not in POINTS])
+@pytest.mark.parametrize("name", MECHANISMS)
 def test_absolute_coordinates_give_the_same(name: str) -> None:
     """Invariant (f)."""
     _, m, start, times = problem(name)

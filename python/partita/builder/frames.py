@@ -19,14 +19,25 @@ ROUND_OFF = 1e-14
 INERTIA = 1e-6
 
 
+def transform() -> Any:
+    """SciPy's rotations, imported when first needed: that takes longer than importing all of Partita."""
+    from scipy.spatial import transform
+
+    return transform
+
+
+def is_rotation(value: Any) -> bool:
+    """Is it a SciPy `Rotation`? Not imported for the question: whoever has one has the module."""
+    module = sys.modules.get("scipy.spatial.transform")
+    return module is not None and isinstance(value, module.Rotation)
+
+
 def rotation(element: Element, what: str, value: Any) -> Array:
     """The 3x3 rotation (body axes to world axes) meant by None, a matrix, a quaternion or a SciPy
     `Rotation`."""
     if value is None:
         return np.eye(3)
-    # not imported for the question: whoever has such a rotation has the module
-    transform = sys.modules.get("scipy.spatial.transform")
-    if transform is not None and isinstance(value, transform.Rotation):
+    if is_rotation(value):
         if not value.single:
             element.fail(f"{what} holds {len(value)} rotations; give one, for instance {what}[0]")
         return _orthonormal(element, what, np.asarray(value.as_matrix(), dtype=float))
@@ -44,9 +55,7 @@ def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
     """Scalar first; any length but zero, since only the direction of a quaternion matters."""
     if not np.any(quaternion):
         element.fail(f"{what} is the zero quaternion, which is no rotation; no rotation is (1, 0, 0, 0)")
-    from scipy.spatial.transform import Rotation  # takes longer to import than all of Partita
-
-    return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+    return np.asarray(transform().Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix(), dtype=float)
 
 
 def _orthonormal(element: Element, what: str, rows: Array) -> Array:

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from ..errors import EvaluationError
 from ..numeric import floats, shown
 from ..state import Layout
 from .checks import Array, Element, shape_of, vector
-from .frames import ORTHONORMAL, rotation
+from .frames import ORTHONORMAL, is_rotation, rotation, transform
 from .motion import differences
 from .taylor import Jet
 from .travelling import check_picklable
@@ -49,9 +48,9 @@ class PoseTable:
 
     def turning(self) -> dict[str, Any]:
         """The curve of rotations as the core takes it: rotation vectors by cubics, turned on from quaternions."""
-        spline = RotationSpline(self.times, Rotation.from_matrix(self.matrices))
+        spline = transform().RotationSpline(self.times, transform().Rotation.from_matrix(self.matrices))
         vectors = [Cubics(self.times, spline.interpolator.c[:, :, i].T).spec()["table"] for i in range(3)]
-        quaternions = Rotation.from_matrix(self.matrices[:-1]).as_quat()[:, [3, 0, 1, 2]]
+        quaternions = transform().Rotation.from_matrix(self.matrices[:-1]).as_quat()[:, [3, 0, 1, 2]]
         return {"table": {"vectors": vectors, "rotations": quaternions.tolist()}}
 
 
@@ -95,7 +94,7 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
     where = placed.values if placed is not None else np.zeros((clock.size, 0))
     pairs = [_relative(p, m, drawn) for p, m in zip(where, matrices, strict=True)]
     found = PoseTable(clock, np.array([p for p, _ in pairs]), np.array([m for _, m in pairs]))
-    steps = Rotation.from_matrix(found.matrices)
+    steps = transform().Rotation.from_matrix(found.matrices)
     angles = (steps[:-1].inv() * steps[1:]).magnitude()
     if angles.max() > _HALF_TURN:
         row = int(angles.argmax())
@@ -117,7 +116,7 @@ def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
         return given
     elif isinstance(given, tuple) and len(given) == 2:
         return given if slides else (given[0], None, given[1])
-    elif not slides and (isinstance(given, Rotation) or shape_of(given) in ((3,), (4,), (3, 3))):
+    elif not slides and (is_rotation(given) or shape_of(given) in ((3,), (4,), (3, 3))):
         return (None, given)
     word = "(position, orientation)" if slides else "an orientation"
     rows = "(times, positions, orientations)" if slides else "(times, orientations)"
@@ -125,7 +124,7 @@ def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
 
 
 def _each(element: Element, turns: Any) -> list[Any]:
-    if isinstance(turns, Rotation):
+    if is_rotation(turns):
         if turns.single:
             element.fail("orientations holds one rotation; give one for each time")
         return list(turns)
@@ -137,7 +136,7 @@ def _each(element: Element, turns: Any) -> list[Any]:
 def orientation(element: Element, what: str, value: Any) -> Array:
     """A rotation matrix from all that `frames.rotation` takes, or a rotation vector."""
     if shape_of(value) == (3,):
-        return np.asarray(Rotation.from_rotvec(vector(element, what, value)).as_matrix(), dtype=float)
+        return np.asarray(transform().Rotation.from_rotvec(vector(element, what, value)).as_matrix(), dtype=float)
     return rotation(element, what, value)
 
 
@@ -204,7 +203,7 @@ class Pose:
     def _exactly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
         place, turn = self._split(self.function(Jet(t, 1.0, 0.0)), t)
         slides = [(j.x, j.d1, j.d2) for j in map(_jet, place)]
-        if isinstance(turn, Rotation):
+        if is_rotation(turn):
             raise TypeError("a Rotation carries no derivatives")
         numbers = np.array(turn, dtype=object)
         jets = [_jet(item) for item in numbers.ravel()]
@@ -226,7 +225,7 @@ class Pose:
         else:
             raise self._misshaped(t, f"an array of shape {numbers.shape}")
         value, first, second = (np.array([getattr(j, part) for j in quaternion]) for part in ("x", "d1", "d2"))
-        matrix = np.asarray(Rotation.from_quat(value[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+        matrix = np.asarray(transform().Rotation.from_quat(value[[1, 2, 3, 0]]).as_matrix(), dtype=float)
         # q' = q w / 2, q'' = q (w w / 2 + w') / 2, and w w is a number
         return slides, (matrix, 2.0 * _seen(value, first), 2.0 * _seen(value, second))
 
@@ -237,7 +236,7 @@ class Pose:
         def moved(s: float) -> Array:
             if s not in seen:
                 place, other = self._plain(s)
-                seen[s] = np.concatenate([place, Rotation.from_matrix(matrix.T @ other).as_rotvec()])
+                seen[s] = np.concatenate([place, transform().Rotation.from_matrix(matrix.T @ other).as_rotvec()])
             return seen[s]
 
         def component(i: int) -> Callable[[float], float]:
@@ -272,7 +271,7 @@ class Pose:
             where = np.array([one_number(item) for item in place])
         except TypeError as error:
             raise self._misshaped(t, f"a position with {error}") from error
-        if isinstance(turn, Rotation):
+        if is_rotation(turn):
             if not turn.single:
                 raise self._misshaped(t, f"{len(turn)} rotations")
             return where, np.asarray(turn.as_matrix(), dtype=float)
@@ -281,9 +280,9 @@ class Pose:
         except (TypeError, ValueError) as error:
             raise self._misshaped(t, f"the orientation {shown(turn)}") from error
         if numbers.shape == (3,):
-            return where, np.asarray(Rotation.from_rotvec(numbers).as_matrix(), dtype=float)
+            return where, np.asarray(transform().Rotation.from_rotvec(numbers).as_matrix(), dtype=float)
         if numbers.shape == (4,) and np.any(numbers):
-            return where, np.asarray(Rotation.from_quat(numbers[[1, 2, 3, 0]]).as_matrix(), dtype=float)
+            return where, np.asarray(transform().Rotation.from_quat(numbers[[1, 2, 3, 0]]).as_matrix(), dtype=float)
         if numbers.shape == (3, 3):
             return where, self._matrix(numbers, t)
         raise self._misshaped(t, f"the orientation {shown(turn)}")
