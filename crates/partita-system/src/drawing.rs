@@ -118,7 +118,15 @@ pub fn fit<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) 
     if tolerance <= 0.0 || size.rows == 0 || size.rows != size.holonomic {
         return Ok(None);
     }
-    let Some(found) = candidates(system, t, q, bridged_row(LARGEST_TOLERANCE))? else { return Ok(None) };
+    // what is weak for the largest tolerance may be a closing of its own, and what misfits be weaker by far
+    let mut found = None;
+    for limit in limits(tolerance).into_iter().rev() {
+        found = candidates(system, t, q, limit)?;
+        if found.is_some() {
+            break;
+        }
+    }
+    let Some(found) = found else { return Ok(None) };
     if found.weak == 0 && fits(system, t, q, &found)? {
         return Ok(None);
     }
@@ -128,16 +136,21 @@ pub fn fit<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) 
     }
 }
 
+/// What may be weak (squared, in natural sizes), in the order in which it is tried; the last is the largest.
+fn limits(tolerance: f64) -> Vec<f64> {
+    let largest = bridged_row(LARGEST_TOLERANCE);
+    let mut limits = vec![(BY_CHOICE.powi(2) * bridged_row(tolerance)).min(largest), bridged_row(tolerance), largest];
+    limits.dedup();
+    limits
+}
+
 /// The same on this very system, whatever form of the mechanism it is.
 ///
 /// # Errors
 /// Where nothing can be evaluated at (t, q).
 pub fn judged<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-    let largest = bridged_row(LARGEST_TOLERANCE);
-    let mut limits = vec![(BY_CHOICE.powi(2) * bridged_row(tolerance)).min(largest), bridged_row(tolerance), largest];
-    limits.dedup();
     let mut tried: Vec<usize> = Vec::new();
-    for limit in limits {
+    for limit in limits(tolerance) {
         let Some(found) = candidates(system, t, q, limit)? else { continue };
         if tried.contains(&found.closings) {
             continue; // the same rows
