@@ -124,6 +124,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         let mut best = Reduction::new(self.system, rank);
         choose_partition(&mut best, t, q, None, None).ok()?;
+        if self.watch.bridges() && !best.rows_are_clear() {
+            return None; // in a singular position of the mechanism as it was meant only what misfits is left to choose
+        }
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
 
