@@ -12,7 +12,7 @@ from other_words import SAID, by_chance, differences, of, said
 from test_drawing_tolerance import bennett, five_bar, four_bar, three_cranks
 
 import partita as pt
-from partita.errors import SingularityError
+from partita.errors import DescriptionError, SingularityError
 
 DRAWN: dict[str, Callable[[], pt.Mechanism]] = {
     "four-bar, a little off": lambda: four_bar(1e-5),
@@ -98,3 +98,19 @@ def test_the_size_of_a_mechanism_does_not_depend_on_its_frame() -> None:
             scale = max(force.max(), moment.max())
             assert np.abs(force - there).max() < 1e-6 * scale
             assert np.abs(moment - turn).max() < 1e-6 * scale
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("also", ["", "revolute"])
+def test_what_is_welded_is_refused_in_any_coordinates(coordinates: str, also: str) -> None:
+    m = pt.Mechanism("block")
+    m.add_body("block", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0))
+    m.add_body("lid", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 1))
+    if also:
+        m.add_revolute("hinge", m.ground, "lid", point=(0, 0, 1))
+    m.add_fixed("weld", "lid", "block", point=(0, 0, 0.5))
+    if not also:
+        assert m.compile(coordinates=coordinates).mobility == 6
+    m.add_fixed("foot", m.ground, "block", point=(0, 0, 0))
+    with pytest.raises(DescriptionError, match="nothing can move: every body is fixed to the ground"):
+        m.report(coordinates=coordinates)

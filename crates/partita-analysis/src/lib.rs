@@ -4,6 +4,7 @@
 pub mod cures;
 pub mod determined;
 pub mod doubtful;
+mod drawn;
 pub mod error;
 #[cfg(test)]
 mod examples;

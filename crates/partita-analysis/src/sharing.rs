@@ -13,6 +13,7 @@
 //! energy, so that w* are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves
 //! continuously with the mechanism, and what every self-stress leaves alone is left alone.
 
+use crate::drawn::Drawn;
 use crate::error::AnalysisError;
 use crate::geometry::{lifted, Geometry};
 use crate::stress::{Balance, Pose, Stress};
@@ -24,9 +25,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
-use partita_system::drawing::bridged;
 use partita_system::partition::split::Split;
-use partita_system::start::{rank_here, rank_of_ideal, Start};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Damping of the least-norm solution over the squared length of a self-stress; repetitions take its effect back.
@@ -84,8 +83,7 @@ impl Metric {
 pub struct Sharing<'g, 'm> {
     system: &'g Geometry<'m>,
     metric: Metric,
-    /// Rank of the mechanism as it was meant, where its drawing misfits.
-    ideal: Option<usize>,
+    drawn: Drawn,
     balance: Option<(Balance<'g, 'm>, f64)>,
 }
 
@@ -95,20 +93,12 @@ pub struct Room {
     solver: Option<(Pattern, LeastNorm)>,
 }
 
-/// The rank at a position, of the mechanism as it was meant.
-fn rank_at(system: &Geometry, ideal: Option<usize>, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    match ideal {
-        Some(rank) => rank_of_ideal(system, rank, t, q),
-        None => rank_here(system, t, q),
-    }
-}
-
 impl<'g, 'm> Sharing<'g, 'm> {
     /// For positions like (t, q), q those of `system.model`, the mechanism in space.
     pub(crate) fn new(system: &'g Geometry<'m>, t: f64, q: &[f64]) -> Result<Self, AnalysisError> {
-        let ideal = bridged(system, t, q, system.drawing_tolerance()).ok().flatten().map(|x| x.rank);
-        let mut made = Self { system, metric: Metric::new(system.model), ideal, balance: None };
-        let start = match rank_at(system, ideal, t, q) {
+        let drawn = Drawn::of(system, t, q);
+        let mut made = Self { system, metric: Metric::new(system.model), drawn, balance: None };
+        let start = match drawn.rank_at(system, t, q) {
             Err(SystemError::Singular { .. }) => return Ok(made),
             other => other?,
         };
@@ -142,7 +132,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
                 }
             }
         }
-        let start = rank_at(self.system, self.ideal, t, q)?;
+        let start = self.drawn.rank_at(self.system, t, q)?;
         crate::stress::stresses(self.system, &pose, &start, t, q)
     }
 

@@ -16,7 +16,7 @@ use crate::numbers::Numbers;
 use crate::place::{Coordinates, Placed};
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::{Coupling, Measure, Spec};
+use crate::spec::{Coupling, JointKind, Measure, Spec};
 use crate::tree::{LinkMotion, Tree};
 use crate::validate;
 use crate::value::{Callers, Functions};
@@ -103,6 +103,24 @@ impl Deref for Model {
 mod fit;
 mod system;
 
+/// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
+fn all_welded(spec: &Spec) -> bool {
+    let mut held = vec![validate::GROUND];
+    let welds = || spec.joints.iter().filter(|j| j.kind == JointKind::Fixed);
+    let mut next = 0;
+    while let Some(&body) = held.get(next) {
+        next += 1;
+        for j in welds() {
+            let (parent, child) = (j.parent.as_str(), j.child.as_str());
+            let other = if parent == body { child } else { parent };
+            if (parent == body || child == body) && !held.contains(&other) {
+                held.push(other);
+            }
+        }
+    }
+    held.len() > spec.bodies.len()
+}
+
 impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
@@ -141,7 +159,7 @@ impl Model {
         validate::validate(&spec, functions.count())?;
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
         light::weigh(&mut placed, &spec);
-        if placed.nv == 0 {
+        if placed.nv == 0 || all_welded(&spec) {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }

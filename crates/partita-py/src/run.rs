@@ -280,7 +280,9 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("kept_rows", &run.rows)?;
     d.set_item("steps_open", run.open)?;
     d.set_item("gaps", (run.gaps.position.part, run.gaps.velocity.part))?;
-    d.set_item("misfit", run.gaps.misfit.part)?;
+    // a drawing that is bridged is told from one that fits, even where nothing was seen to open
+    let least = if run.journal.limits.misfit > 0.0 { f64::EPSILON } else { 0.0 };
+    d.set_item("misfit", run.gaps.misfit.part.max(least))?;
     d.set_item("findings", told(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);

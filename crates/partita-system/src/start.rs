@@ -87,6 +87,12 @@ fn as_drawn<S: ConstrainedSystem>(found: &drawing::Bridged, system: &S) -> Start
     Start { rank, dropped, gap: found.gap, smallest: found.smallest, ..Start::default() }
 }
 
+/// The rank of the mechanism as it is drawn at (t, q), drives included, where it misfits by more than its tolerance.
+pub fn drawn_beyond<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Option<usize> {
+    let found = drawing::beyond(system, t, q, system.drawing_tolerance()).ok().flatten()?;
+    Some(as_drawn(&found, system).rank)
+}
+
 /// Are the rows dropped redundant next door too?
 fn persists<S: ConstrainedSystem>(
     system: &S,
@@ -116,13 +122,30 @@ pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<
 
 /// The rank at one position of a mechanism that is bridged: no more than `rank`, that of the mechanism as it was meant.
 pub fn rank_of_ideal<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    strongest(system, rank, (t, q), REDUNDANT, f64::EPSILON)
+}
+
+/// The rank at one position of a mechanism that misfits by more than its tolerance, `rank` as it is drawn: what misfits holds
+/// it, however weak it is.
+pub fn rank_as_drawn<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    strongest(system, rank, (t, q), drawing::EXACT, 0.0)
+}
+
+/// Of so many rows those that say most at a position, and more than `least`.
+fn strongest<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    (t, q): (f64, &[f64]),
+    least: f64,
+    misfit: f64,
+) -> Result<Start, SystemError> {
     let mut r = Reduction::new(system, rank);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let found = r.strongest_rows();
     let mut kept = vec![false; system.size().rows];
-    let mut start = Start { smallest: 1.0, gap: f64::INFINITY, misfit: f64::EPSILON, ..Start::default() };
-    for (&row, &pivot) in found.kept.iter().zip(&found.pivots).take(rank).filter(|x| *x.1 > REDUNDANT) {
+    let mut start = Start { smallest: 1.0, gap: f64::INFINITY, misfit, ..Start::default() };
+    for (&row, &pivot) in found.kept.iter().zip(&found.pivots).take(rank).filter(|x| *x.1 > least) {
         kept[row] = true;
         start.rank += 1;
         start.smallest = start.smallest.min(pivot);

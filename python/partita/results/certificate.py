@@ -111,7 +111,7 @@ def certify(result: Readable) -> Certificate:
         try:
             residual = result.reactions["residual"]
             newton_euler = _largest(residual)
-            findings += of_reactions(result.t, residual, result.record.options, result.record.misfit)
+            findings += of_reactions(result.t, residual, result.record.options, result.record.misfit_of_joints)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
     if result.has_energy:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .tables import Tables
-from .verdict import Finding, findings_of
+from .verdict import WHOLE, Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
@@ -49,6 +49,11 @@ class Record:
     def spec(self) -> dict[str, Any] | None:
         """The description as plain data, kept so that a stored result can still be drawn."""
         return None if self.description is None else json.loads(self.description)
+
+    @property
+    def misfit_of_joints(self) -> float:
+        """What a misfit puts reactions out of balance by, in parts: what stood open, or the drawing over a reach."""
+        return max(self.misfit, WHOLE * float(self.summary.get("misfit") or 0.0)) if self.misfit > 0.0 else 0.0
 
     @classmethod
     def from_raw(

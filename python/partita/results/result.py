@@ -123,7 +123,9 @@ class Result:
         known = list(self._record.findings)
         if self._source is not None and len(self.t):
             ends = [0, -1] if len(self.t) > 1 else [0]
-            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options, self._record.misfit)
+            own = of_reactions(
+                self.t[ends], self._source.residual_at(ends), self.options, self._record.misfit_of_joints
+            )
             if self.has_energy:
                 explained = allowed(self._record.options, self._record.misfit)
                 least = unnoticed(self.spec, self._record.options)

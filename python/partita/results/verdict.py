@@ -19,6 +19,8 @@ NEWTON_EULER = 1e-7, 1e-3
 (1e-16 times a condition of 1e9), and where no digit is safe."""
 LEVER = 3.0
 """Moments of a reaction about where a joint is not, in misfits of its loop: loops are longer than their bodies."""
+WHOLE = 10.0
+"""A drawing is tried by a tenth of a reach; what joints share goes out of balance by its misfit over a whole one."""
 ENERGY = 100
 """Tolerances that the energy may be off by besides one for each step: errors grow with the motion."""
 ENERGY_FLOOR = 1e-8
@@ -59,7 +61,8 @@ def of_reactions(
 ) -> list[Finding]:
     """What Newton-Euler residuals (nt,) with the returned reactions say; NaN where a reaction has no value.
 
-    In a joint that stands open by a `misfit` of the drawing, a reaction and its counterpart act that far apart.
+    In a joint that stands open by a `misfit` of the drawing, a reaction and its counterpart act that far apart; and
+    what redundant joints share balances in the mechanism as it was meant, in the one that is drawn but for its misfit.
     """
     known = np.flatnonzero(np.isfinite(residual))
     if not len(known):

@@ -119,6 +119,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.poor_beside(&self.c, &self.by_what_they_add(&self.c)).is_some_and(|x| x.0)
     }
 
+    /// Does each of the strongest rows at the last position say more than any that misfits within the drawing tolerance?
+    /// Next to a singular position of the mechanism as it was meant the last of them does not: what stands out there is what
+    /// was drawn wrongly.
+    pub(crate) fn rows_are_clear(&self) -> bool {
+        let limit = BY_CHOICE.powi(2) * bridged_row(self.system.drawing_tolerance());
+        let found = self.by_what_they_add(&self.c);
+        found.rank >= self.rank && found.pivots.iter().take(self.rank).all(|x| *x > limit)
+    }
+
     /// Rows by what they add to those before them, in natural sizes; closings before drives.
     fn by_what_they_add(&self, c: &[f64]) -> RowRank {
         let drive = |i: usize| self.system.row_is_drive(i);
