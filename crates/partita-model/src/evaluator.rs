@@ -54,7 +54,6 @@ impl DriveRow {
 
 /// The tree in the space the evaluations run in.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "one for each model: a box would cost every evaluation a step")]
 pub(crate) enum Engine<S: Scalar> {
     /// All motions in one plane: three numbers a twist.
     Flat(Box<Mechanics<Planar<S>>>),

@@ -98,7 +98,7 @@ impl<G: Space> Mechanics<G> {
         room: &mut Room<G>,
     ) -> Result<(), SystemError> {
         self.clear_forces(s);
-        let (mut q, mut v) = self.seen(&instant, s, room);
+        let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
         let (all_q, all_v) = if self.sights.is_empty() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         for e in &self.elements {
@@ -106,7 +106,7 @@ impl<G: Space> Mechanics<G> {
             let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
             self.add_effect(s, &effect, room);
         }
-        (room.q, room.v) = (std::mem::take(&mut q), std::mem::take(&mut v));
+        (room.q, room.v) = (q, v);
         Ok(())
     }
 
@@ -145,16 +145,15 @@ impl<G: Space> Mechanics<G> {
         let (kinetic, gravity) = self.energy(s);
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
         let (q, v) = self.seen(&instant, s, room);
-        let instant = match self.sights.is_empty() {
-            true => instant,
-            false => Instant { q: &q, v: &v, ..instant },
-        };
-        let at = At { tree: &self.tree, s, instant };
+        let Instant { t, callers, .. } = instant;
+        let (all_q, all_v) = if self.sights.is_empty() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
+        let at = At { tree: &self.tree, s, instant: Instant { t, q: all_q, v: all_v, callers } };
         for e in &self.elements {
             let effect = e.wrench(&at, room)?;
             potential += effect.potential;
             power += effect.power;
         }
+        (room.q, room.v) = (q, v);
         Ok([kinetic, gravity + potential, power])
     }
 }
