@@ -1,5 +1,6 @@
 """Efforts of couplings and drives as results show them: of joints, measures and poses, shared where drives agree."""
 
+import json
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,9 @@ import pytest
 
 import partita as pt
 from partita.errors import UnknownNameError
+from partita.files import BLANK, sealed
 from partita.results import Result, load
+from partita.results.save_json import as_json
 
 COORDINATES = ("relative", "absolute")
 G = 9.81
@@ -203,3 +206,63 @@ def test_measures_out_of_the_plane_of_a_motion_are_read_in_full(coordinates: str
                 assert np.abs(x - 0.5 - run.t).max() < 1e-9, (what, x)
             else:
                 assert np.abs(0.3 * run.joint("A").acceleration[:, 0] - 3.0 * value(x)).max() < 1e-9, what
+
+
+@pytest.mark.parametrize("coordinates", COORDINATES)
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e-6])
+def test_a_rod_beside_two_motors_in_space(size: float, coordinates: str) -> None:
+    """A universal joint driven about both axes, and the length of a rod that follows, in kilometres and micrometres."""
+    axes = np.array([1.0, 0.0, 0.5]) / np.sqrt(1.25), np.array([0.0, 1.0, 0.2]) / np.sqrt(1.04)
+    tip, foot = np.array([size, 0.0, size]), np.array([2.0 * size, 0.0, 0.0])
+
+    def turned(axis: Any, x: Any, v: Any) -> Any:
+        c, s = np.cos(x), np.sin(x)
+        return v * c + np.cross(axis, v) * s + axis * (axis @ v) * (1.0 - c)
+
+    def length(t: Any) -> Any:
+        gap = turned(axes[0], 0.3 * t * t, turned(axes[1], 0.2 * t * t, tip)) - foot
+        return np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
+
+    runs = []
+    for rod in (False, True):
+        m = pt.Mechanism("gimbal", gravity=(0, 0, -G))
+        inertia = (0.1 * size**2, 0.2 * size**2, 0.25 * size**2)
+        m.add_body("dish", mass=1.0, inertia=inertia, com=(0.2 * size, -0.1 * size, 0.15 * size))
+        m.add_universal("J", m.ground, "dish", point=(0, 0, 0), axis1=axes[0], axis2=axes[1])
+        m.add_drive("J", position=lambda t: 0.3 * t * t, coordinate=0, name="first")
+        m.add_drive("J", position=lambda t: 0.2 * t * t, coordinate=1, name="second")
+        if rod:
+            m.add_drive(pt.Distance(m.ground, foot, "dish", tip), position=length, name="rod")
+        runs.append(m.simulate(1.0, t_eval=[0.0, 0.5, 1.0], coordinates=coordinates))
+    alone, run = runs
+    agreeing(run, size)
+    assert np.abs(run.joint("J").acceleration - [0.6, 0.4]).max() < 1e-9
+    assert not any(run.drive(name).determined.any() for name in ("first", "second", "rod"))
+    assert alone.drive("first").determined.all()
+    # what the joint and the rod do together is what the joint does alone: of the dish, the same motion
+    point = run.body("dish").point(tip)
+    pull = (point - foot) / np.linalg.norm(point - foot, axis=1)[:, None] * run.drive("rod").effort
+    assert np.abs(pull).max() > 0.1
+    assert np.abs(run.joint("J").force + pull - alone.joint("J").force).max() < 1e-8
+    moment = run.joint("J").moment + np.cross(point, pull)
+    assert np.abs(moment - alone.joint("J").moment).max() < 1e-8 * size
+
+
+def test_files_from_before_there_were_efforts(tmp_path: Path) -> None:
+    """Efforts are then the multipliers, with nothing claimed of them; accelerations are not known."""
+    m = pt.Mechanism("hook", gravity=(0, -G, 0))
+    load_ = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, -1, 0))
+    m.add_distance("rope", m.ground, (0, 0, 0), load_, (0, 0, 0))
+    m.add_free("any", m.ground, load_)
+    run = m.simulate(0.1, t_eval=[0.0, 0.1])
+    document = json.loads(as_json(run))
+    for name in ("effort", "determined_effort", "joint_acceleration"):
+        del document["arrays"][name]
+    for key in ("closing_rows", "drive_rows"):
+        del document["account"]["summary"][key]
+    document["checksum"] = BLANK
+    (tmp_path / "old.json").write_bytes(sealed(json.dumps(document).encode("utf-8")))
+    old = load(tmp_path / "old.json")
+    assert np.abs(old.coupling("rope").tension - 2.0 * G).max() < 1e-9
+    assert not old.coupling("rope").determined.any() and run.coupling("rope").determined.all()
+    assert np.isnan(old.joint("any").acceleration).all() and old.joint("any").acceleration.shape == (2, 6)
