@@ -279,8 +279,8 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
 }
 
-/// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those of
-/// its owner. The order of all can differ, where one space counts whole turns and the other holds rates alone.
+/// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those
+/// of its owner. The order of all can differ, where one space counts whole turns and the other holds rates alone.
 pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
     let mut of_owner: HashMap<Owner, Vec<usize>> = HashMap::new();
     for (row, named) in model.row_names.iter().enumerate().skip(model.closing_rows) {
@@ -485,8 +485,8 @@ impl Rule<'_> {
         self.sharing.room()
     }
 
-    /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of closings are left as they are: their share is
-    /// in the wrenches.
+    /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of closings are left as they are: their
+    /// share is in the wrenches.
     pub(crate) fn share(
         &self,
         t: f64,

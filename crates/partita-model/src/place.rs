@@ -239,8 +239,8 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
     Some(Mat3([e1.0, e2.0, n.0]))
 }
 
-/// The part of an axis out of the plane that is rounding: what it leaves out of a displacement is that part of it, below
-/// every tolerance of a closing.
+/// The part of an axis out of the plane that is rounding: what it leaves out of a displacement is that part of it,
+/// below every tolerance of a closing.
 const IN_PLANE: f64 = 1e-12;
 
 /// All that is read besides coordinates of the joints themselves.

@@ -266,8 +266,8 @@ pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> P
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their freedoms (nt, freedoms), and
-/// of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their freedoms (nt, freedoms),
+/// and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
 pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flags<'py>; 4]> {
     let (states, nj) = (x.states(), m.spec.joints.len());
     let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();

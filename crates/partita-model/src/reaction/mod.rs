@@ -505,9 +505,9 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What differs is
-    /// meant to be a self-stress: `change` is what the multipliers of couplings and of drives of measures, which are in no
-    /// joint's wrench, differ by.
+    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What
+    /// differs is meant to be a self-stress: `change` is what the multipliers of couplings and of drives of measures,
+    /// which are in no joint's wrench, differ by.
     pub fn replace_reactions(
         &self,
         r: &mut Reactions<S>,
