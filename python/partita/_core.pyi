@@ -131,6 +131,9 @@ class Model:
     def joints(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
         """Coordinates, velocities and points of the joints `which` at nt samples."""
 
+    def joint_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> Array:
+        """Accelerations along the freedoms of the joints `which` (nt, freedoms), in the order of their velocities."""
+
     def energies(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
         """Kinetic and potential energy at nt samples."""
 
@@ -149,11 +152,10 @@ class Model:
     def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
         """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
 
-    def determined(
-        self, t: Array, q: Array, v: Array
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; and the same
-        of the efforts of drives along the freedoms of all joints (nt, freedoms)."""
+    def determined(self, t: Array, q: Array, v: Array) -> list[NDArray[np.bool_]]:
+        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; the same of
+        the efforts of drives along the freedoms of all joints (nt, freedoms), and of the multipliers of all conditions
+        that are no closings (nt, conditions)."""
 
     def self_stress_basis(self, t: float, q: Array) -> tuple[Array, Array, float]:
         """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and what

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from .numeric import shown
 
 ANGULAR = ("turn", "rx", "ry", "rz", "wx", "wy", "wz")
 LINEAR = ("slide", "x", "y", "z")
+_PART_OF_POSE = re.compile(r", (slide|turn) \d+$")
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,14 @@ def _padded(given: Sequence[str] | None, letter: str, count: int) -> tuple[str, 
     if given is not None and len(given) == count:
         return tuple(given)
     return tuple(f"{letter}{i}" for i in range(count))
+
+
+def driven(summary: Mapping[str, Any]) -> dict[str, list[int]]:
+    """Rows of each drive by its name: of a pose those of its slides and then of its turns."""
+    found: dict[str, list[int]] = {}
+    for name, row in zip(summary.get("drives", ()), summary.get("drive_rows", ()), strict=False):
+        found.setdefault(_PART_OF_POSE.sub("", name), []).append(int(row))
+    return found
 
 
 def index_of(name: str, known: Sequence[str], kind: str) -> int:

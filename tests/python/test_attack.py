@@ -487,6 +487,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Entry.simulate": (pt.catalogue.entry("four-bar").simulate, {"rtol": 1e-6, "max_steps": 20}),
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
+        "Result.drive": (lambda name: run.drive(name).effort, {"name": "none"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
         "Result.self_stresses": (lambda output: run.self_stresses(output).wrenches, {"output": 0}),
         "JointResult.directions": (lambda output: tuple(joint.directions(output)), {"output": 0}),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 import partita as pt
 from partita.errors import AssemblyError, ContradictionError
+from partita.results import load
 
 AXIS = (1.0, 2.0, 2.0)
 KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
@@ -63,7 +66,8 @@ def seen(m: pt.Mechanism, where: str, **options: Any) -> tuple[Any, ...]:
     run = m.simulate(0.8, t_eval=[0.0, 0.4, 0.8], coordinates=coordinates, rtol=1e-10, atol=1e-11, **options)
     assert run.success, run.message
     joint = run.joint("J")
-    return joint.position, joint.velocity, joint.force, joint.moment, joint.drive, run.energy.kinetic
+    motion = joint.position, joint.velocity, joint.acceleration
+    return *motion, joint.force, joint.moment, joint.drive, run.energy.kinetic
 
 
 CASES = [(kind, c) for kind, (_, _, count) in KINDS.items() for c in range(count)]
@@ -81,11 +85,99 @@ def test_what_acts_and_drives(wish: str) -> None:
             except Exception as error:
                 raise AssertionError(f"{kind} {coordinate} {where}: {type(error).__name__} {error}") from error
         for where in ("cut", "absolute"):
-            for what, x, y in zip(
-                ["position", "velocity", "force", "moment", "drive", "kinetic"], runs["tree"], runs[where], strict=True
-            ):
+            words = ["position", "velocity", "acceleration", "force", "moment", "drive", "kinetic"]
+            for what, x, y in zip(words, runs["tree"], runs[where], strict=True):
                 # of forces of some tens of newtons, what the tolerances of the runs let
                 assert np.abs(x - y).max() < 1e-6, (kind, coordinate, where, what, np.abs(x - y).max())
+
+
+ALL_KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
+    **KINDS,
+    "spherical": ("add_spherical", {}, 3),
+    "free": ("add_free", {}, 6),
+}
+
+
+def moving(kind: str, where: str) -> pt.Mechanism:
+    """The joint between two bodies that both move, and between the ground and the first a joint of another kind."""
+    m = pt.Mechanism(kind, gravity=(1.0, -9.0, 2.0))
+    m.add_body("first", mass=2.0, inertia=(0.3, 0.2, 0.4), com=(0.1, 0.1, -0.2))
+    m.add_revolute("hinge", m.ground, "first", point=(0.0, 0.3, 0.1), axis=(0.2, 0.3, 1.0))
+    m.add_body("body", mass=1.5, inertia=(0.1, 0.2, 0.25), com=(0.2, -0.1, 0.15))
+    if where == "cut":
+        m.add_free("carrier", m.ground, "body", cut="never")
+    parent, child = ("body", "first") if where == "backwards" else ("first", "body")
+    method, given, _ = ALL_KINDS[kind]
+    place = {} if kind == "free" else {"point": (0.1, 0.2, 0.0)}
+    getattr(m, method)("J", parent, child, **place, cut="always" if where == "cut" else "auto", **given)
+    return m
+
+
+@pytest.mark.parametrize("where", ["tree", "cut", "absolute", "backwards"])
+def test_accelerations_are_the_derivatives_of_velocities(where: str) -> None:
+    """Differences of order 4 of the velocities that the run returns, of every kind of joint."""
+    h = 1e-3
+    for kind in ALL_KINDS:
+        m = moving(kind, where)
+        coordinates = "absolute" if where == "absolute" else "relative"
+        rates = {"hinge": 1.5}
+        start = m.assemble(rates=rates, coordinates=coordinates)
+        span = 0.2 + np.arange(-2, 3) * h
+        run = m.simulate(0.3, initial=start, t_eval=[0.0, *span, 0.3], coordinates=coordinates, rtol=1e-11, atol=1e-12)
+        assert run.success, (kind, run.message)
+        for name in run.names.joints:
+            joint = run.joint(name)
+            v = joint.velocity[1:-1]
+            slope = (v[0] - 8.0 * v[1] + 8.0 * v[3] - v[4]) / (12.0 * h)
+            size = 1.0 + np.abs(joint.acceleration).max()
+            # rounding of velocities over h, and the fifth derivative times h^4
+            assert np.abs(joint.acceleration[3] - slope).max() < 1e-7 * size, (kind, where, name)
+            assert joint.acceleration.shape == joint.velocity.shape
+        assert np.abs(run.joint("J").acceleration).max() > 1e-2, kind
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_accelerations_of_a_slider_crank_in_closed_form(coordinates: str) -> None:
+    """Crank at a constant rate: of the slide x = r cos a + sqrt(l^2 - r^2 sin^2 a), in metres and in micrometres."""
+    for size in (1.0, 1e-6, 1e3):
+        r, rod, rate = 0.3 * size, 1.0 * size, 2.0
+        m = pt.Mechanism("slider-crank")
+        m.add_rod("crank", start=(0, 0, 0), end=(r, 0, 0), mass=1.0)
+        m.add_rod("rod", start=(r, 0, 0), end=(r + rod, 0, 0), mass=1.0)
+        m.add_body("piston", mass=1.0, inertia=(size**2, size**2, size**2), position=(r + rod, 0, 0))
+        m.add_revolute("A", m.ground, "crank", point=(0, 0, 0))
+        m.add_revolute("B", "crank", "rod", point=(r, 0, 0))
+        m.add_revolute("C", "rod", "piston", point=(r + rod, 0, 0))
+        m.add_prismatic("S", m.ground, "piston", axis=(1, 0, 0))
+        m.add_drive("A", position=lambda t: 2.0 * t)
+        run = m.simulate(1.0, t_eval=np.linspace(0, 1, 6), coordinates=coordinates)
+        assert run.success, run.message
+        a = rate * run.t
+        s, c = r * np.sin(a), r * np.cos(a)
+        root = np.sqrt(rod**2 - s**2)
+        x2 = -(rate**2) * (c + (c**2 - s**2) / root + s**2 * c**2 / root**3)
+        assert np.abs(run.joint("S").acceleration[:, 0] - x2).max() < 1e-8 * size * rate**2, size
+        assert np.abs(run.joint("A").acceleration).max() < 1e-8
+        beta = rate**2 * s / root * (1.0 - (c / root) ** 2)  # of the rod in the frame: sin(b) = -s / l
+        assert np.abs(run.joint("C").acceleration[:, 0] + beta).max() < 1e-7
+
+
+def test_accelerations_travel_with_the_result(tmp_path: Path) -> None:
+    run = pt.catalogue.load("rssr").simulate(0.3, t_eval=[0.0, 0.1, 0.3])
+    all_at_once = run.joint_accelerations
+    for name, about in zip(run.names.joints, run.summary["joints"], strict=True):
+        first, count = about["v"]
+        assert np.array_equal(run.joint(name).acceleration, all_at_once[:, first : first + count])
+    for file in ("run.json", "run.nc"):
+        run.save(tmp_path / file)
+        back = load(tmp_path / file)
+        assert all(np.array_equal(back.joint(n).acceleration, run.joint(n).acceleration) for n in run.names.joints)
+    sent = pickle.loads(pickle.dumps(run.joint(run.names.joints[0])))
+    assert np.array_equal(sent.acceleration, run.joint(run.names.joints[0]).acceleration)
+    stored = run.to_xarray()["joint_acceleration"]
+    assert stored.dims == ("t", "joint_freedom") and np.array_equal(stored.values, all_at_once)
+    run.save(tmp_path / "run.csv")
+    assert ".acceleration [" in (tmp_path / "run.csv").read_text(encoding="utf-8").split("\n", 1)[0]
 
 
 def test_angles_in_the_plane_count_for_reactions_too() -> None:

@@ -10,6 +10,8 @@ import pytest
 import partita as pt
 from partita.results import Result
 
+ASKED_ONE_BY_ONE = ("bodies", "joints", "joint_accelerations", "reaction")
+
 
 class Counting:
     """A compiled model that notes what it is asked for."""
@@ -19,7 +21,7 @@ class Counting:
 
     def __getattr__(self, name: str) -> Any:
         def call(*arguments: Any) -> Any:
-            self.asked.append((name, arguments[-1] if name in ("bodies", "joints", "reaction") else None))
+            self.asked.append((name, arguments[-1] if name in ASKED_ONE_BY_ONE else None))
             return getattr(self.core, name)(*arguments)
 
         return call
@@ -67,6 +69,7 @@ def test_one_by_one_is_what_all_at_once_is(name: str, coordinates: str) -> None:
         (q0, nq), (v0, nv) = about["q"], about["v"]
         assert np.array_equal(joint.position, seen["joint_position"][:, q0 : q0 + nq]), name
         assert np.array_equal(joint.velocity, seen["joint_velocity"][:, v0 : v0 + nv]), name
+        assert np.array_equal(joint.acceleration, run.joint_accelerations[:, v0 : v0 + nv]), name
         assert np.array_equal(joint.drive, forces["drive"][:, v0 : v0 + nv]), name
         assert np.array_equal(joint.point, seen["joint_point"][:, j]), name
         assert np.array_equal(joint.force, forces["force"][:, j]), name
@@ -91,6 +94,8 @@ def test_what_is_not_read_is_not_computed() -> None:
     assert model.asked[3:] == [("bodies", [2])]
     assert run.energy.total.shape == (201,) and run.energy.kinetic.shape == (201,)
     assert model.asked[4:] == [("energies", None)]
+    assert run.joint(first).acceleration.shape == run.joint(first).acceleration.shape == (201, joint.velocity.shape[1])
+    assert model.asked[5:] == [("joint_accelerations", [1])]
 
 
 def test_redundant_joints_share_loads_so_that_all_are_asked_at_once() -> None:

@@ -13,8 +13,11 @@ use crate::drawn::Drawn;
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, lifted, Geometry};
 use crate::outputs::{tables, Rows, States, Watch};
+use crate::sharing::rows_between;
 use crate::stress::{stresses, Pose, Stress};
 use partita_math::spatial::{Mat3, Vec3};
+use partita_model::rows::Owner;
+use partita_model::spec::Measure;
 use partita_model::Model;
 use partita_system::start::{analyse, Start};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -85,14 +88,14 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
     Ok(found.iter().enumerate().map(|(j, x)| x.known(&frame(j))).collect())
 }
 
-/// All joints, and the drives that are open, at a position whose rank is known.
+/// All joints, and the rows of conditions that are open, at a position whose rank is known.
 fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
-    let placed = &system.model.placed;
+    let (placed, rows) = (&system.model.placed, system.model.row_names.len());
     if start.dropped.is_empty() {
-        return Ok((vec![Open::default(); placed.joints.len()], vec![false; system.model.drives.len()]));
+        return Ok((vec![Open::default(); placed.joints.len()], vec![false; rows]));
     }
     let found = stresses(system, &Pose::new(system.model, t, q), start, t, q)?;
-    Ok((open(placed.joints.len(), placed.size, &found), open_drives(system.model, &found)))
+    Ok((open(placed.joints.len(), placed.size, &found), open_rows(system.model, &found)))
 }
 
 /// The same at any position, a singular one too: what is open there for an instant only is open.
@@ -101,20 +104,24 @@ fn anywhere(system: &Geometry, drawn: Drawn, t: f64, q: &[f64]) -> Result<(Vec<O
         // not even that many conditions are independent: nothing is claimed
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
             let model = system.model;
-            Ok((vec![Open::everything(); model.placed.joints.len()], vec![true; model.drives.len()]))
+            Ok((vec![Open::everything(); model.placed.joints.len()], vec![true; model.row_names.len()]))
         }
         found => found,
     }
 }
 
-/// Efforts of drives that self-stresses change: of each joint, the velocities whose drive is open.
-fn open_drives(model: &Model, stresses: &[Stress]) -> Vec<bool> {
-    let mut open = vec![false; model.drives.len()];
+/// Rows of conditions whose effort self-stresses change.
+fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
+    let mut open = vec![false; model.row_names.len()];
+    // a cosine has no unit, so that its effort is a moment like that of an angle
+    let cosine = |row: usize| match model.row_names[row].owner {
+        Owner::Drive(i) => matches!(model.spec.drives[i].measure, Measure::Cosine { .. }),
+        _ => false,
+    };
     for stress in stresses {
-        for &(d, effort) in &stress.drives {
-            let drive = &model.drives[d];
-            let turns = drive.joint.is_some_and(|(j, c)| model.placed.joints[j].shape.turns(c));
-            open[d] |= (if turns { effort / model.placed.size } else { effort }).abs() > stress.zero;
+        for &(row, effort) in &stress.conditions {
+            let is_moment = model.row_is_angle(row) || cosine(row);
+            open[row] |= (if is_moment { effort / model.placed.size } else { effort }).abs() > stress.zero;
         }
     }
     open
@@ -130,8 +137,8 @@ fn drawn(system: &Geometry, model: &Model, states: &States) -> Drawn {
     Drawn::of(system, t, &q)
 }
 
-/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, and one
-/// for the effort along each velocity of each joint.
+/// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, one for
+/// the effort along each velocity of each joint, and one for each multiplier of a condition that is no closing.
 ///
 /// In a singular position more is open than next to it, and is said to be.
 ///
@@ -154,17 +161,21 @@ pub fn flags<E: Send + From<AnalysisError>>(
             freedoms - p.shape.freedoms()
         })
         .collect();
-    let drawn = drawn(&system, model, states);
+    let (drawn, of_model) = (drawn(&system, model, states), rows_between(model, &twin));
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let q = lifted(model, &twin, q);
         twin.look(&q, &still, s);
-        let (found, drives) = anywhere(&system, drawn, t, &q)?;
+        let (found, open) = anywhere(&system, drawn, t, &q)?;
         rows.row(2, i).fill(1.0);
-        for (d, _) in twin.drives.iter().zip(drives).filter(|(_, open)| *open) {
+        for d in twin.drives.iter().filter(|d| open[d.row]) {
             if let Some((j, c)) = d.joint {
                 rows.row(2, i)[first[j] + c] = 0.0;
             }
+        }
+        rows.row(3, i).fill(1.0);
+        for own in of_model.iter().zip(&open).filter_map(|(own, open)| own.filter(|_| *open)) {
+            rows.row(3, i)[own - model.closing_rows] = 0.0;
         }
         for (j, x) in found.iter().enumerate() {
             for (table, frame) in [Mat3::identity(), twin.joint_frame(j, s)].iter().enumerate() {
@@ -174,8 +185,8 @@ pub fn flags<E: Send + From<AnalysisError>>(
         }
         Ok(())
     };
-    let width = 6 * twin.placed.joints.len();
-    tables(states.len(), &[width, width, freedoms], 1, || twin.scratch(), row, watch)
+    let (width, conditions) = (6 * twin.placed.joints.len(), model.row_names.len() - model.closing_rows);
+    tables(states.len(), &[width, width, freedoms, conditions], 1, || twin.scratch(), row, watch)
 }
 
 /// Directions in which self-stresses load joint `j` at each state ([`DIRECTIONS`] numbers, world axes): a component

@@ -403,7 +403,9 @@ fn notes(model: &Model, found: &Mobility) -> Vec<String> {
     notes.extend(found.of_drawing(model.spec.drawing_tolerance));
     let superfluous: Vec<&Redundant> = found.redundant[found.closing_rows - found.closing_rank..].iter().collect();
     for d in superfluous {
-        notes.push(format!("{} of {} is superfluous: {}; remove it", d.row, d.joint, d.why));
+        // a drive of a measure is called by its own name
+        let of = if d.row.ends_with(&d.joint) { String::new() } else { format!(" of {}", d.joint) };
+        notes.push(format!("{}{of} is superfluous: {}; remove it", d.row, d.why));
     }
     notes.extend(floating(model));
     if found.smallest < CLOSE {

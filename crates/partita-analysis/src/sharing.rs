@@ -24,9 +24,11 @@ use partita_math::least_norm::LeastNorm;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
+use partita_model::rows::Owner;
 use partita_model::Model;
 use partita_system::partition::split::Split;
 use partita_system::{ConstrainedSystem, SystemError};
+use std::collections::HashMap;
 
 /// Damping of the least-norm solution over the squared length of a self-stress; repetitions take its effect back.
 const DAMPING: f64 = 1e-10;
@@ -137,14 +139,14 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their
-    /// children, and the efforts of the drives, by their number. Reactions that are not finite (a singular position)
-    /// stay so.
+    /// children; `condition` is told, by rows of the mechanism in space, what the multipliers of conditions that are no
+    /// closings change by. Reactions that are not finite (a singular position) stay so.
     pub(crate) fn share(
         &self,
         t: f64,
         q: &[f64],
         joints: &mut [Wrench],
-        drives: &mut [f64],
+        mut condition: impl FnMut(usize, f64),
         room: &mut Room,
     ) -> Result<(), AnalysisError> {
         let finite = joints.iter().all(|w| w.force.norm().is_finite() && w.moment.norm().is_finite());
@@ -178,8 +180,8 @@ impl<'g, 'm> Sharing<'g, 'm> {
                     joints[*j].force += w.force.times(alpha);
                     joints[*j].moment += w.moment.times(alpha);
                 }
-                for (d, effort) in &stress.drives {
-                    drives[*d] += effort * alpha;
+                for &(row, x) in &stress.conditions {
+                    condition(row, x * alpha);
                 }
             }
             if pass == 0 {
@@ -264,7 +266,24 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     if sharing.is_idle() {
         return f(None);
     }
-    f(Some(&Rule { model, twin: &twin, sharing }))
+    f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
+}
+
+/// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those
+/// of its owner. The order of all can differ, where one space counts whole turns and the other holds rates alone.
+pub(crate) fn rows_between(model: &Model, twin: &Model) -> Vec<Option<usize>> {
+    let mut of_owner: HashMap<Owner, Vec<usize>> = HashMap::new();
+    for (row, named) in model.row_names.iter().enumerate().skip(model.closing_rows) {
+        of_owner.entry(named.owner).or_default().push(row);
+    }
+    let mut seen: HashMap<Owner, usize> = HashMap::new();
+    let mut found = vec![None; twin.row_names.len()];
+    for (row, named) in twin.row_names.iter().enumerate().skip(twin.closing_rows) {
+        let place = seen.entry(named.owner).or_default();
+        found[row] = of_owner.get(&named.owner).and_then(|rows| rows.get(*place)).copied();
+        *place += 1;
+    }
+    found
 }
 
 /// Orthonormal self-stresses at one position: a base of all that can be added to the reactions there.
@@ -400,7 +419,7 @@ pub fn multipliers(
     let given = model.reactions(t, q, v, vdot, lambda, &mut s)?;
     let mut wanted = given.joints.clone();
     with_rule(model, Some((t, q)), |rule| match rule {
-        Some(rule) => rule.share(t, q, &mut wanted, &mut efforts(model, lambda), &mut rule.room()),
+        Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.room()),
         None => Ok(()),
     })?;
     let length = model.placed.length;
@@ -436,11 +455,6 @@ pub fn multipliers(
     Ok(())
 }
 
-/// Efforts of all drives, by their number.
-pub(crate) fn efforts(model: &Model, lambda: &[f64]) -> Vec<f64> {
-    model.drives.iter().map(|d| lambda[d.row]).collect()
-}
-
 /// Only loops and drives can be redundant.
 fn has_loops(model: &Model) -> bool {
     let joints = model.placed.joints.len();
@@ -452,6 +466,8 @@ pub(crate) struct Rule<'a> {
     model: &'a Model,
     twin: &'a Model,
     sharing: Sharing<'a, 'a>,
+    /// Row of the model for each row of the twin that is a condition's and no closing's.
+    rows: Vec<Option<usize>>,
 }
 
 impl Rule<'_> {
@@ -459,16 +475,22 @@ impl Rule<'_> {
         self.sharing.room()
     }
 
-    /// See [`Sharing::share`]; `drives` by the numbers of the model's drives.
+    /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of closings are left as they are: their
+    /// share is in the wrenches.
     pub(crate) fn share(
         &self,
         t: f64,
         q: &[f64],
         joints: &mut [Wrench],
-        drives: &mut [f64],
+        lambda: &mut [f64],
         room: &mut Room,
     ) -> Result<(), AnalysisError> {
-        self.sharing.share(t, &lifted(self.model, self.twin, q), joints, drives, room)
+        let condition = |row: usize, x: f64| {
+            if let Some(own) = self.rows[row] {
+                lambda[own] += x;
+            }
+        };
+        self.sharing.share(t, &lifted(self.model, self.twin, q), joints, condition, room)
     }
 }
 
@@ -499,7 +521,7 @@ mod tests {
         let mut joints = m.reactions(0.0, &q, &v, &i.vdot, &i.multipliers, &mut s).unwrap().joints;
         with_rule::<_, AnalysisError>(m, Some((0.0, &q)), |rule| {
             let rule = rule.expect("something is redundant");
-            rule.share(0.0, &q, &mut joints, &mut efforts(m, &i.multipliers), &mut rule.room())
+            rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.room())
         })
         .unwrap();
         joints

@@ -29,6 +29,8 @@ pub(crate) struct Stress {
     pub(crate) joints: Vec<(usize, Wrench)>,
     /// Effort of each drive that works in it, along its velocity.
     pub(crate) drives: Vec<(usize, f64)>,
+    /// Multipliers of all conditions that work in it and are no closings, by rows of the mechanism in space.
+    pub(crate) conditions: Vec<(usize, f64)>,
     /// Forces (and moments over the mechanism's size) up to this are zero.
     pub(crate) zero: f64,
     /// What it leaves unbalanced over its largest force: how nearly dependent the rows are.
@@ -307,7 +309,8 @@ impl<'g, 'm> Balance<'g, 'm> {
             let zero = (self.least * largest).max(10.0 * unbalanced);
             joints.retain(|(_, w)| magnitude(w) > zero);
             let drives = lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))).collect();
-            found.push(Stress { joints, drives, zero, unbalanced: unbalanced / largest });
+            let conditions = of_model.iter().copied().filter(|(row, _)| *row >= model.closing_rows).collect();
+            found.push(Stress { joints, drives, conditions, zero, unbalanced: unbalanced / largest });
         }
         Some(found)
     }

@@ -1,9 +1,11 @@
 //! What people ask of a state: where bodies and joints are, how they move.
 
+use crate::error::DescriptionError;
 use crate::evaluator::Engine;
+use crate::gauge::{Maker, Reading};
 use crate::joint::{self, Motion};
 use crate::model::{Model, ModelScratch};
-use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
 
 /// One body at one instant, world axes.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +31,56 @@ pub struct JointState {
     pub point: [f64; 3],
 }
 
+/// A freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
+#[derive(Clone, Debug)]
+pub struct Freedom {
+    reading: Reading<Spatial<f64>>,
+    velocities: Vec<usize>,
+    /// Room for its row.
+    row: Vec<f64>,
+}
+
+impl Freedom {
+    fn new(mut reading: Reading<Spatial<f64>>, model: &Model) -> Self {
+        let mut velocities = Vec::new();
+        for m in &mut reading.movers {
+            let link = &model.placed.links[m.link];
+            m.column = velocities.len();
+            velocities.extend(link.v..link.v + link.motion.velocities());
+        }
+        let row = vec![0.0; velocities.len()];
+        Self { reading, velocities, row }
+    }
+
+    /// Its acceleration for v' after [`look`](crate::evaluator::Evaluator::look): `C v' + b`, C and b of its reading.
+    pub fn acceleration(&mut self, model: &Model, vdot: &[f64], s: &ModelScratch) -> f64 {
+        self.row.fill(0.0);
+        self.reading.columns(1.0, &model.full, &s.full, &mut self.row);
+        let turned: f64 = self.row.iter().zip(&self.velocities).map(|(c, &v)| c * vdot[v]).sum();
+        turned + self.reading.bias(&model.full, &s.full)
+    }
+}
+
 impl Model {
+    /// The freedoms of the joints `which` side by side, each in the order of its velocities.
+    ///
+    /// # Errors
+    /// None for a model that could be compiled.
+    pub fn freedoms_of(&self, which: &[usize]) -> Result<Vec<Freedom>, DescriptionError> {
+        let gauges = Maker::<Spatial<f64>>::new(&self.spec, &self.placed, &self.numbers, &self.full)?;
+        let mut found = Vec::new();
+        for &j in which {
+            let p = &self.placed.joints[j];
+            for (i, motion) in p.shape.motions.iter().enumerate() {
+                match motion {
+                    Motion::Ball => found.extend((0..3).map(|c| Freedom::new(gauges.spin(p, c), self))),
+                    _ => found.push(Freedom::new(gauges.coordinate(j, i), self)),
+                }
+            }
+        }
+        Ok(found)
+    }
+
     /// Body `i` after [`look`](crate::evaluator::Evaluator::look).
     pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
         let b = &self.placed.bodies[i];

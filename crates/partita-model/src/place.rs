@@ -239,6 +239,19 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
     Some(Mat3([e1.0, e2.0, n.0]))
 }
 
+/// The part of an axis out of the plane that is rounding: what it leaves out of a displacement is that part of it,
+/// below every tolerance of a closing.
+const IN_PLANE: f64 = 1e-12;
+
+/// All that is read besides coordinates of the joints themselves.
+fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
+    let over = spec.forces.iter().filter_map(|f| match f {
+        Force::Torque { over, .. } => over.as_ref(),
+        _ => None,
+    });
+    spec.couplings.iter().flat_map(Coupling::terms).chain(spec.drives.iter().map(|d| &d.measure)).chain(over)
+}
+
 impl Placed {
     /// Place a validated description.
     pub fn new(spec: &Spec, coordinates: Coordinates, allow_plane: bool) -> Result<Self, DescriptionError> {
@@ -272,13 +285,13 @@ impl Placed {
             motions.extend(closers.iter().flat_map(|(s, r)| s.motions.iter().map(|m| turned(m, r))));
         }
         let size = typical_length(spec);
-        let leaves = |c: &Coupling| match c {
-            Coupling::Roll { .. } => true,
-            c => c.terms().iter().any(|m| matches!(m, Measure::Cosine { .. })),
-        };
+        let rolls = |c: &Coupling| matches!(c, Coupling::Roll { .. });
+        // the plane keeps one component of an axis that turns, and no axis of a cosine
+        let cosine = |m: &Measure| matches!(m, Measure::Cosine { .. });
         let numbers: HashMap<String, usize> = spec.joints.iter().map(|j| j.name.clone()).zip(0..).collect();
         let spatial = shapes.iter().any(Shape::is_always_cut)
-            || spec.couplings.iter().any(leaves)
+            || spec.couplings.iter().any(rolls)
+            || measures(spec).any(cosine)
             || spec.drives.iter().any(|d| match &d.measure {
                 Measure::Joint { joint, coordinate } => {
                     numbers.get(joint).is_some_and(|&j| shapes[j].motion_of(*coordinate) == Some(Motion::Ball))
@@ -295,7 +308,19 @@ impl Placed {
             });
             let flat =
                 (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);
-            if !fits || !flat {
+            // of a displacement along an axis that leaves the plane a part would be missing
+            let along = measures(spec).all(|m| match m {
+                Measure::Along { body1, axis, .. } => {
+                    let body = spec.bodies.iter().position(|b| b.name == *body1);
+                    let turned = body.map_or(Vec3(*axis), |i| {
+                        moved[i + 1].rot.mul(&Mat3(spec.bodies[i].orientation)).apply(Vec3(*axis))
+                    });
+                    let axis = basis.apply(turned);
+                    axis.0[2].abs() <= IN_PLANE * axis.norm()
+                }
+                _ => true,
+            });
+            if !fits || !flat || !along {
                 plane = None;
             }
         }

@@ -3,7 +3,7 @@
 use crate::spec::Spec;
 
 /// What a row belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Owner {
     /// Joint number i: its closing, or a condition of its own.
     Joint(usize),

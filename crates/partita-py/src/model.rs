@@ -430,6 +430,22 @@ impl Model {
         guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
     }
 
+    /// Accelerations along the freedoms of the joints `which` at nt samples.
+    fn joint_accelerations<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            outputs::joint_accelerations(py, &self.inner, &motion, &vdot, &which)
+        })
+    }
+
     /// Kinetic and potential energy at nt samples.
     fn energies<'py>(
         &self,
@@ -534,7 +550,7 @@ impl Model {
         t: PyReadonlyArray1<'py, f64>,
         q: PyReadonlyArray2<'py, f64>,
         v: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
+    ) -> PyResult<[Flags<'py>; 4]> {
         guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
 

@@ -174,6 +174,22 @@ pub fn joints<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> P
     named(py, states.len(), found, &shapes)
 }
 
+/// Accelerations along the freedoms of the joints `which` (nt, freedoms).
+pub fn joint_accelerations<'py>(
+    py: Python<'py>,
+    m: &Model,
+    x: &Motion,
+    vdot: &PyReadonlyArray2<'py, f64>,
+    which: &[usize],
+) -> PyResult<Array<'py>> {
+    known(py, which, m.spec.joints.len(), "joint")?;
+    let states = x.states();
+    let vdot = rows_of(vdot, states.len(), m.size().nv, "vdot")?;
+    let mut found = tables(py, |watch| outputs::joint_accelerations(m, &states, &vdot, which, watch))?;
+    let nv = which.iter().map(|&j| m.placed.joints[j].shape.freedoms()).sum();
+    Ok(array(py, &[states.len(), nv], found.next().unwrap_or_default()))
+}
+
 /// Kinetic and potential energy.
 pub fn energies<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<Bound<'py, PyDict>> {
     let states = x.states();
@@ -203,13 +219,14 @@ pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -
     let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
     let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
     let nv = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    let shapes: [(&str, &[usize]); 6] = [
+    let shapes: [(&str, &[usize]); 7] = [
         ("force", &[nj, 3]),
         ("moment", &[nj, 3]),
         ("drive", &[nv]),
         ("joint_rotation", &[nj, 3, 3]),
         ("residual", &[]),
         ("residuals", &[m.spec.bodies.len()]),
+        ("effort", &[m.size().rows - m.closing_rows]),
     ];
     named(py, states.len(), found, &shapes)
 }
@@ -249,8 +266,9 @@ pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> P
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Flags of all joints in world axes and in joint axes (nt, nj, 6), and of the efforts along their freedoms (nt, freedoms).
-pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flags<'py>, Flags<'py>, Flags<'py>)> {
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their freedoms (nt, freedoms),
+/// and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
+pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flags<'py>; 4]> {
     let (states, nj) = (x.states(), m.spec.joints.len());
     let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
@@ -259,7 +277,8 @@ pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<(Flag
         shaped(py, shape, flags)
     };
     let wrench = [states.len(), nj, 6];
-    Ok((next(&wrench), next(&wrench), next(&[states.len(), freedoms])))
+    let conditions = m.size().rows - m.closing_rows;
+    Ok([next(&wrench), next(&wrench), next(&[states.len(), freedoms]), next(&[states.len(), conditions])])
 }
 
 /// Directions in which self-stresses load a joint: (nt, 2, 3, 3) for force and moment, in units of what counts as zero.

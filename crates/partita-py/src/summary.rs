@@ -23,6 +23,10 @@ struct Summary<'m> {
     joints: Vec<Joint<'m>>,
     couplings: Vec<Coupling<'m>>,
     drives: Vec<&'m str>,
+    /// The row of each drive.
+    drive_rows: Vec<usize>,
+    /// Rows of closings, which come first.
+    closing_rows: usize,
     coordinates: &'m [String],
     velocities: &'m [String],
     rows_names: Vec<String>,
@@ -88,6 +92,8 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         joints: joints(m),
         couplings: couplings(m),
         drives: m.drives.iter().map(|d| d.name.as_str()).collect(),
+        drive_rows: m.drives.iter().map(|d| d.row).collect(),
+        closing_rows: m.closing_rows,
         coordinates: &m.placed.coordinate_names,
         velocities: &m.placed.velocity_names,
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),

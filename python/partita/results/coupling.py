@@ -1,20 +1,51 @@
-"""What a coupling does in a run."""
+"""What couplings and drives do in a run."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..readable import FloatArray
+from .source import Source
 
 
-@dataclass(frozen=True)
-class CouplingResult:
+class _Efforts:
+    """Efforts of a coupling or of a drive: columns of those of all conditions. They are computed when they are read."""
+
+    def __init__(self, name: str, source: Source, conditions: Sequence[int]) -> None:
+        self.name = name
+        self._source, self._conditions = source, list(conditions)
+
+    @property
+    def effort(self) -> FloatArray:
+        """(nt, rows): the multiplier of each condition [N, N m]. Times the rate of what is coupled or driven it is a
+        power."""
+        return np.asarray(self._source.efforts[:, self._conditions])
+
+    @property
+    def determined_at(self) -> NDArray[np.bool_]:
+        """(nt, rows): which efforts are unique at each output; others are one possibility among many."""
+        return np.asarray(self._source.determined_efforts[:, self._conditions])
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(rows,): which efforts are unique at every output."""
+        return np.asarray(self.determined_at.all(axis=0))
+
+
+class CouplingResult(_Efforts):
     """The effort of one coupling.
 
     `effort` (nt, rows) is the multiplier of each of its conditions: for a gear, rack or coupler the torque or force on
     a coordinate whose factor is 1 (on others, times their factors); of a rolling contact the force on what rolls along
-    the normal, and along two directions in the plane. Undetermined ones are one possibility among many.
+    the normal, and along two directions in the plane. `determined` (rows,) and `determined_at` (nt, rows) tell which
+    are unique; the others go with the reactions that the rule for redundant joints chooses (docs/reactions.md).
+
+    Attributes:
+        name, kind: of the coupling.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("hook", gravity=(0, -9.81, 0))
@@ -24,9 +55,9 @@ class CouplingResult:
     19.62
     """
 
-    name: str
-    kind: str
-    effort: FloatArray
+    def __init__(self, name: str, kind: str, source: Source, conditions: Sequence[int]) -> None:
+        super().__init__(name, source, conditions)
+        self.kind = kind
 
     @property
     def tension(self) -> FloatArray:
@@ -37,3 +68,29 @@ class CouplingResult:
                 argument="tension",
             )
         return -self.effort[:, 0]
+
+    def __repr__(self) -> str:
+        return f"<coupling {self.name!r}: {self.kind}, {len(self._conditions)} rows>"
+
+
+class DriveResult(_Efforts):
+    """The effort that one drive takes.
+
+    `effort` (nt, rows) has one column for each coordinate driven: one, or of a pose the slides and then the three
+    turns. Of a slide, a `Distance` or an `Along` it is a force [N], of an angle or a `Cosine` a torque [N m], positive
+    where it acts towards larger values; of a pose's turns it goes with the errors of the orientation, so read
+    `run.joint(name).moment` there. Of a joint's slide or angle it is `run.joint(name).drive` as well. `determined`
+    (rows,) and `determined_at` (nt, rows) tell which are unique: two drives that agree on one freedom share its load
+    by the rule for redundant joints (docs/reactions.md), which looks at the wrenches of joints alone.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("winch", gravity=(0, 0, -9.81))
+    >>> load = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, 0, -3))
+    >>> rail = m.add_prismatic("rail", m.ground, load, axis=(0, 0, 1))
+    >>> rope = m.add_drive(pt.Distance(m.ground, (0, 0, 0), load, (0, 0, 0)), position=lambda t: 3.0 - 0.5 * t * t)
+    >>> m.simulate(1.0).drive(rope.name).effort[-1].round(6)       # it pulls, towards smaller distances
+    array([-21.62])
+    """
+
+    def __repr__(self) -> str:
+        return f"<drive {self.name!r}: {len(self._conditions)} rows>"

@@ -32,6 +32,10 @@ class JointData(Protocol):
         """`joint_position`, `joint_velocity`, `joint_point` at every output."""
 
     @property
+    def acceleration(self) -> FloatArray:
+        """(nt, dof): accelerations along its freedoms."""
+
+    @property
     def reaction(self) -> Arrays:
         """`force`, `moment`, `drive`, `joint_rotation` at every output."""
 
@@ -59,6 +63,10 @@ class AskedJoint:
         return self._source.joint(*self._place)
 
     @property
+    def acceleration(self) -> FloatArray:
+        return self._source.joint_acceleration(self._place.number, self._place.v)
+
+    @property
     def reaction(self) -> Arrays:
         return self._source.reaction(self._place.number, self._place.v)
 
@@ -76,14 +84,15 @@ class AskedJoint:
         return self._source.self_stresses(self._place.number)
 
     def __reduce__(self) -> tuple[Callable[..., KnownJoint], tuple[Any, ...]]:
-        known = dict(self.motion), dict(self.reaction), self.determined, self.determined_drive, self.self_stresses
-        return KnownJoint, known
+        motion, acceleration, reaction = dict(self.motion), self.acceleration, dict(self.reaction)
+        return KnownJoint, (motion, acceleration, reaction, self.determined, self.determined_drive, self.self_stresses)
 
 
 class KnownJoint(NamedTuple):
     """A joint that was read before: plain arrays."""
 
     motion: Arrays
+    acceleration: FloatArray
     reaction: Arrays
     determined: tuple[NDArray[np.bool_], NDArray[np.bool_]]
     determined_drive: NDArray[np.bool_]
@@ -102,8 +111,9 @@ class Directions(NamedTuple):
 class JointResult:
     """Motion and reaction of one joint over the nt outputs of a run.
 
-    Nothing is computed before it is read: the motion of this joint at the first `position`, `velocity` or `point`, its
-    reaction at the first `force`, `moment` or `drive`, each for all outputs at once.
+    Nothing is computed before it is read: the motion of this joint at the first `position`, `velocity` or `point`,
+    its accelerations at the first `acceleration`, its reaction at the first `force`, `moment` or `drive`, each for all
+    outputs at once.
 
     The reaction is the action of the joint's constraints on its *child* body, a drive's effort included,
     reduced to the joint's point on the child. `force` and `moment` stand in world axes unless `in_frame`
@@ -145,6 +155,12 @@ class JointResult:
     def velocity(self) -> FloatArray:
         """(nt, dof): their velocities [m/s or rad/s]."""
         return self._data.motion["joint_velocity"]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """(nt, dof): derivatives of `velocity` [m/s^2 or rad/s^2], exactly those that the equations of motion give; NaN
+        where a singular position leaves them open."""
+        return self._data.acceleration
 
     @property
     def point(self) -> FloatArray:

@@ -27,7 +27,8 @@ UNREADABLE = (
 )  # fmt: skip
 """What reading raises where the content is not as it should be."""
 
-STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "determined_world", "determined_joint", "determined_drive")
+FLAGS = ("determined_world", "determined_joint", "determined_drive", "determined_effort")
+STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAGS)
 
 
 def load(path: str | os.PathLike[str]) -> Result:
@@ -58,8 +59,11 @@ def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
     stored = None
     if "body_position" in arrays or record.description is not None:
         nt, summary = len(record.arrays["t"]), record.summary
-        unknown = {key: np.full(nt, np.nan) for key in CHECKS}  # files of before do not hold them
-        missing = {key: np.zeros(_empty(key, nt, summary)) for key in STORED if key not in (*arrays, *CHECKS)}
+        # files of before do not hold them
+        unknown = {key: np.full(nt, np.nan) for key in CHECKS}
+        unknown["joint_acceleration"] = np.full(_empty("joint_acceleration", nt, summary), np.nan)
+        unknown["effort"] = record.arrays["multipliers"][:, int(summary.get("closing_rows", 0)) :]
+        missing = {key: np.zeros(_empty(key, nt, summary)) for key in STORED if key not in (*arrays, *unknown)}
         stored = StoredSource({**unknown, **missing, **{key: arrays[key] for key in STORED if key in arrays}})
     return Result(record, stored)
 
@@ -71,7 +75,9 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
         return (nt, nb, 3, 3) if key == "body_rotation" else (nt, nb, 3)
     if key == "residuals":
         return (nt, nb)
-    if key in ("joint_position", "joint_velocity", "drive", "determined_drive"):
+    if key == "determined_effort":
+        return (nt, int(summary.get("rows", 0)) - int(summary.get("closing_rows", 0)))
+    if key in ("joint_position", "joint_velocity", "joint_acceleration", "drive", "determined_drive"):
         return (nt, sum(joint["q" if key == "joint_position" else "v"][1] for joint in summary.get("joints", ())))
     if key.startswith("determined"):
         return (nt, nj, 6)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .partition_log import partition_changes
 from .record import Record
-from .variables import DETERMINED, OBSERVED, REACTIONS, RUN
+from .variables import ACCELERATIONS, DETERMINED, OBSERVED, REACTIONS, RUN
 
 _JOINT_WORDS = ("name", "kind", "parent", "child")
 
@@ -24,6 +24,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         "coordinate": _names(summary, "coordinates"),
         "velocity": _names(summary, "velocities"),
         "multiplier": int(summary["rows"]),
+        "condition": int(summary["rows"]) - int(summary.get("closing_rows", 0)),
         "body": len({str(body["name"]) for body in summary["bodies"]}),
         "joint": len({str(joint["name"]) for joint in joints}),
         "joint_coordinate": sum(int(joint["q"][1]) for joint in joints),
@@ -33,7 +34,7 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         "joint_axis": 3,
         "component": 6,
     }
-    for name, (axes, _, _) in {**RUN, **OBSERVED, **REACTIONS}.items():
+    for name, (axes, _, _) in {**RUN, **OBSERVED, **ACCELERATIONS, **REACTIONS}.items():
         _fits(name, arrays, ("t", *axes), sizes)
     for name, width in (("q", sizes["coordinate"]), ("v", sizes["velocity"])):
         if nt and width and record.arrays[name].size == 0:

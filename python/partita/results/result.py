@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError, DoubtfulResultWarning
-from ..naming import listed
+from ..naming import driven, listed
 from ..numeric import shown
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
-from .coupling import CouplingResult
+from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
 from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
@@ -87,7 +87,7 @@ class Result:
         source = None
         if spec is not None:
             counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
-            source = ModelSource(model, record.arrays, *counts)
+            source = ModelSource(model, record.arrays, *counts, int(summary.get("closing_rows", 0)))
         result = cls(record, source)
         result._warn(record.findings)
         return result
@@ -248,10 +248,20 @@ class Result:
     def coupling(self, name: str) -> CouplingResult:
         """Effort of the coupling `name`: a gear, a distance, a rolling contact, ... `UnknownNameError` with the nearest
         names."""
-        self._source_for("coupling", name)
+        source = self._source_for("coupling", name)
         known = self.summary.get("couplings", [])
         about = known[index_of(name, [item["name"] for item in known], "coupling")]
-        return CouplingResult(name, about["word"], self.multipliers[:, about["rows"]])
+        first = int(self.summary.get("closing_rows", 0))
+        return CouplingResult(name, about["word"], source, [row - first for row in about["rows"]])
+
+    def drive(self, name: str) -> DriveResult:
+        """Effort of the drive `name`, of a joint's coordinate, a measure or a pose; `UnknownNameError` with the nearest
+        names."""
+        source = self._source_for("drive", name)
+        rows = driven(self.summary)
+        found = list(rows.values())[index_of(name, list(rows), "drive")]
+        first = int(self.summary.get("closing_rows", 0))
+        return DriveResult(name, source, [row - first for row in found])
 
     def body(self, name: str) -> BodyResult:
         """Motion of the body `name`; `"ground"` rests. `UnknownNameError` with the nearest names."""
@@ -312,6 +322,16 @@ class Result:
     def checks(self) -> Arrays:
         """What the certificate holds the outputs against besides, by array name; for tools."""
         return self._source_for("joint", "all").checks
+
+    @property
+    def joint_accelerations(self) -> FloatArray:
+        """Accelerations of all joints (nt, freedoms), as `joint_velocity` of `observed`; for tools."""
+        return self._source_for("joint", "all").joint_accelerations
+
+    @property
+    def determined_efforts(self) -> NDArray[np.bool_]:
+        """Uniqueness of `effort` in `reactions`: (nt, conditions); for tools."""
+        return self._source_for("joint", "all").determined_efforts
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:

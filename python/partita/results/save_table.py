@@ -61,7 +61,11 @@ def _joints(result: Readable) -> list[Column]:
     seen, reactions = result.observed, result.reactions
     found = _spread("joint.{}.position", position.labels, position.units, seen["joint_position"])
     found += _spread("joint.{}.velocity", freedom.labels, freedom.units, seen["joint_velocity"])
+    per_second = [f"{unit}^2" for unit in freedom.units]
+    found += _spread("joint.{}.acceleration", freedom.labels, per_second, result.joint_accelerations)
     found += _spread("joint.{}.drive", freedom.labels, efforts, reactions["drive"])
+    conditions = every["condition"].labels
+    found += _spread("effort.{}", conditions, [""] * len(conditions), reactions["effort"])
     for j, name in enumerate(result.names.joints):
         for what, unit in (("force", "N"), ("moment", "N m")):
             found += _spread(f"joint.{name}.{what}.{{}}", XYZ, (unit,) * 3, reactions[what][:, j])

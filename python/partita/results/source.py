@@ -16,7 +16,7 @@ Span = tuple[int, int]
 BODIES = ("body_position", "body_rotation", "body_velocity", "body_angular_velocity")
 JOINTS = ("joint_position", "joint_velocity", "joint_point")
 OBSERVED = (*BODIES, *JOINTS)
-REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual", "residuals")
+REACTIONS = ("force", "moment", "drive", "joint_rotation", "residual", "residuals", "effort")
 ENERGIES = ("kinetic", "potential")
 CHECKS = ("acceleration_closure", "acceleration_row", "closure_row", "rank", "margin")
 
@@ -29,6 +29,21 @@ class Source(Protocol):
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
         """The `JOINTS` arrays of one joint, whose coordinates are at `q` (first, count) among those of all joints."""
+
+    def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
+        """(nt, dof): accelerations along the freedoms of one joint."""
+
+    @property
+    def joint_accelerations(self) -> NDArray[np.float64]:
+        """(nt, freedoms of all joints)."""
+
+    @property
+    def efforts(self) -> NDArray[np.float64]:
+        """(nt, conditions): multipliers of couplings, drives and joints' own conditions that go with the reactions."""
+
+    @property
+    def determined_efforts(self) -> NDArray[np.bool_]:
+        """(nt, conditions): which of them are unique."""
 
     def reaction(self, j: int, v: Span) -> Arrays:
         """`force`, `moment`, `drive` and `joint_rotation` of one joint."""
@@ -77,10 +92,11 @@ class ModelSource:
     """Asks the compiled model for one body, joint or reaction when it is first needed, at all outputs at once, and
     keeps the answer. It costs what it depends on: the links down to the ground, the bodies held."""
 
-    def __init__(self, model: Any, run: Arrays, bodies: int, joints: int) -> None:
+    def __init__(self, model: Any, run: Arrays, bodies: int, joints: int, closing_rows: int) -> None:
         self._model = model
         self._run = run
-        self._counts = bodies, joints
+        self._counts = bodies, joints, closing_rows
+        self._accelerations: dict[int, NDArray[np.float64]] = {}
         self._bodies: dict[int, Arrays] = {}
         self._joints: dict[int, Arrays] = {}
         self._reactions: dict[int, Arrays] = {}
@@ -95,6 +111,26 @@ class ModelSource:
         if j not in self._joints:
             self._joints[j] = alone(self._model.joints(*self._motion, [j]), ("joint_point",))
         return self._joints[j]
+
+    def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
+        if j not in self._accelerations:
+            self._accelerations[j] = self._model.joint_accelerations(*self._motion, self._run["vdot"], [j])
+        return self._accelerations[j]
+
+    @cached_property
+    def joint_accelerations(self) -> NDArray[np.float64]:
+        every = list(range(self._counts[1]))
+        return np.asarray(self._model.joint_accelerations(*self._motion, self._run["vdot"], every))
+
+    @property
+    def efforts(self) -> NDArray[np.float64]:
+        if self._shares_loads:
+            return np.asarray(self.reactions["effort"])
+        return np.asarray(self._run["multipliers"][:, self._counts[2] :])
+
+    @property
+    def determined_efforts(self) -> NDArray[np.bool_]:
+        return self._flags[3]
 
     def reaction(self, j: int, v: Span) -> Arrays:
         if j not in self._reactions:
@@ -111,7 +147,7 @@ class ModelSource:
 
     @cached_property
     def observed(self) -> Arrays:
-        bodies, joints = (list(range(count)) for count in self._counts)
+        bodies, joints = (list(range(count)) for count in self._counts[:2])
         return {**self._model.bodies(*self._motion, bodies), **self._model.joints(*self._motion, joints)}
 
     @cached_property
@@ -141,8 +177,7 @@ class ModelSource:
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        world, joint, _ = self._flags
-        return world, joint
+        return self._flags[0], self._flags[1]
 
     @property
     def determined_drive(self) -> NDArray[np.bool_]:
@@ -195,6 +230,21 @@ class StoredSource:
             "joint_point": self._arrays["joint_point"][:, j],
         }
 
+    def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
+        return columns(self._arrays["joint_acceleration"], v)
+
+    @property
+    def joint_accelerations(self) -> NDArray[np.float64]:
+        return self._arrays["joint_acceleration"]
+
+    @property
+    def efforts(self) -> NDArray[np.float64]:
+        return self._arrays["effort"]
+
+    @property
+    def determined_efforts(self) -> NDArray[np.bool_]:
+        return np.asarray(self._arrays["determined_effort"].astype(bool))
+
     def reaction(self, j: int, v: Span) -> Arrays:
         return one_of(self._arrays, j, v)
 
@@ -244,7 +294,8 @@ def complete(source: Source) -> dict[str, NDArray[Any]]:
     world, joint = source.determined
     told = {**source.energies, **source.observed, **source.reactions, **source.checks}
     flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}
-    return {**told, **flags}
+    more = {"joint_acceleration": source.joint_accelerations, "determined_effort": source.determined_efforts}
+    return {**told, **flags, **more}
 
 
 def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:

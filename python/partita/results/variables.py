@@ -61,6 +61,10 @@ OBSERVED: dict[str, tuple[tuple[str, ...], str, str]] = {
     "joint_point": (("joint", "axis"), "m", "point of the joint on its child body, world axes"),
 }
 
+ACCELERATIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "joint_acceleration": (("joint_freedom",), "", "accelerations of all joints; units of `joint_freedom` per second"),
+}
+
 REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "force": (("joint", "axis"), "N", "force of the joint on its child body, world axes"),
     "moment": (("joint", "axis"), "N m", "moment of the joint on its child body about joint_point, world axes"),
@@ -68,6 +72,7 @@ REACTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "joint_rotation": (("joint", "axis", "joint_axis"), "1", "columns are the axes of the joint in the world"),
     "residual": ((), "1", "largest Newton-Euler residual of a body over the largest force"),
     "residuals": (("body",), "1", "Newton-Euler residual of each body over the largest force"),
+    "effort": (("condition",), "", "efforts of couplings and drives that go with the reactions, N or N m"),
 }
 
 CHECKS: dict[str, tuple[tuple[str, ...], str, str]] = {
@@ -94,11 +99,14 @@ def variables(result: Readable) -> list[Variable]:
     found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
     if result.is_mechanism:
         found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
+        found += _over_time(ACCELERATIONS, {"joint_acceleration": result.joint_accelerations})
         found += _over_time(CHECKS, result.checks)
         flags = zip(DETERMINED.items(), result.determined, strict=True)
         found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
         text = "1 where the effort of the drive along the freedom is unique"
         found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
+        text = "1 where the effort is unique"
+        found.append(Variable("determined_effort", result.determined_efforts, ("t", "condition"), "1", text))
     return found
 
 
@@ -120,6 +128,7 @@ def axes(result: Readable) -> dict[str, Axis]:
         Axis("coordinate", names.coordinates, tuple(q_units)),
         Axis("velocity", names.velocities, tuple(v_units)),
         Axis("multiplier", names.multipliers),
+        Axis("condition", names.multipliers[int(result.summary.get("closing_rows", 0)) :]),
         Axis("choice", tuple(str(i) for i in range(result.independent.shape[1]))),
         Axis("body", names.bodies),
         Axis("joint", names.joints),

@@ -3,9 +3,10 @@
 use super::chunk_of;
 use super::rows::{tables, Watch};
 use super::States;
+use crate::error::AnalysisError;
 use crate::instant::Levels;
 use partita_model::model::ModelScratch;
-use partita_model::observe::{JointState, TurnCounter};
+use partita_model::observe::{Freedom, JointState, TurnCounter};
 use partita_model::{Model, Part};
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -89,6 +90,32 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
         (at_q, at_v) = (at_q + of_q, at_v + of_v);
     }
     Ok(found)
+}
+
+/// Accelerations along the freedoms of the joints `which`, side by side, in the order of their velocities.
+///
+/// # Errors
+/// Those of `watch`.
+pub fn joint_accelerations<E: Send + From<AnalysisError>>(
+    model: &Model,
+    states: &States,
+    vdot: &[f64],
+    which: &[usize],
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let part = part_of(model, which, |j| model.part_of_joint(j));
+    let freedoms = model.freedoms_of(which).map_err(AnalysisError::from)?;
+    let nv = model.size().nv;
+    let row = |i: usize, (s, own): &mut (ModelScratch, Vec<Freedom>), rows: &mut super::Rows| {
+        let (_, q, v) = states.at(model, i);
+        model.look_at(&part, q, v, s);
+        for (to, freedom) in rows.row(0, i).iter_mut().zip(own) {
+            *to = freedom.acceleration(model, &vdot[i * nv..][..nv], s);
+        }
+        Ok(())
+    };
+    let room = || (model.scratch(), freedoms.clone());
+    tables(states.len(), &[freedoms.len()], 1, room, row, watch)
 }
 
 /// Kinetic and potential energy. Functions of the user that have a potential are asked once an output.

@@ -4,7 +4,7 @@ use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::error::AnalysisError;
-use crate::sharing::{efforts, with_rule, Room, Rule};
+use crate::sharing::{with_rule, Room, Rule};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
@@ -60,14 +60,9 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
             let w = match (rule, room) {
                 (Some(rule), Some(room)) => {
                     let mut joints = model.reactions_of(&part, t, q, v, vdot, lambda, s)?.joints;
-                    let mut all = efforts(model, lambda);
-                    rule.share(t, q, &mut joints, &mut all, room)?;
-                    for (d, effort) in model.drives.iter().zip(all) {
-                        match d.joint {
-                            Some((joint, c)) if joint == j => drives[c] = effort,
-                            _ => {}
-                        }
-                    }
+                    let mut shared = lambda.to_vec();
+                    rule.share(t, q, &mut joints, &mut shared, room)?;
+                    drives = model.drive_of(j, &shared);
                     joints[j]
                 }
                 _ => model.reaction_of(j, &part, t, q, v, vdot, lambda, s)?,
@@ -82,7 +77,8 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     })
 }
 
-/// The same of all joints side by side, the Newton-Euler residual over the largest force, and that of each body.
+/// The same of all joints side by side, the Newton-Euler residual over the largest force, that of each body, and the
+/// multipliers of all conditions that are no closings: efforts of couplings and drives, shared by the same rule.
 ///
 /// # Errors
 /// What a user's function raises, and those of `watch`.
@@ -98,16 +94,19 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
+            let mut shared = lambda.to_vec();
             if let (Some(rule), Some(room)) = (rule, room) {
-                let (mut joints, mut all) = (r.joints.clone(), efforts(model, lambda));
-                rule.share(t, q, &mut joints, &mut all, room)?;
-                model.replace_reactions(&mut r, &joints, s);
-                for (d, effort) in model.drives.iter().zip(all) {
+                let mut joints = r.joints.clone();
+                rule.share(t, q, &mut joints, &mut shared, room)?;
+                let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
+                model.replace_reactions(&mut r, &joints, (t, q, &change), s)?;
+                for d in &model.drives {
                     if let Some((j, c)) = d.joint {
-                        r.drives[j][c] = effort;
+                        r.drives[j][c] = shared[d.row];
                     }
                 }
             }
+            rows.row(6, i).copy_from_slice(&shared[model.closing_rows..]);
             for (to, from) in rows.row(2, i).iter_mut().zip(r.drives.iter().flatten()) {
                 *to = *from;
             }
@@ -119,7 +118,8 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
             rows.row(5, i).copy_from_slice(&r.residuals);
             Ok(())
         };
-        let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1, model.placed.bodies.len()];
+        let conditions = model.size().rows - model.closing_rows;
+        let widths = [3 * nj, 3 * nj, freedoms, JOINT_AXES * nj, 1, model.placed.bodies.len(), conditions];
         tables(states.len(), &widths, chunk_of(model), rooms(model, rule), row, watch)
     })
 }
@@ -140,7 +140,7 @@ pub fn augmented<E: Send + From<SystemError> + From<AnalysisError>>(
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut joints = model.augmented_reactions(t, q, v, vdot, lambda, s)?;
             if let (Some(rule), Some(room)) = (rule, room) {
-                rule.share(t, q, &mut joints, &mut efforts(model, lambda), room)?;
+                rule.share(t, q, &mut joints, &mut lambda.to_vec(), room)?;
             }
             write(rows, i, &joints);
             Ok(())

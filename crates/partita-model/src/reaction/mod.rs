@@ -292,11 +292,7 @@ impl<S: Scalar> Evaluator<S> {
         for &k in &part.conditions {
             let c = &self.full.conditions[k];
             let first = self.row_of_condition(k);
-            let joint = match c.owner {
-                Owner::Joint(j) => Some(j),
-                Owner::Drive(i) => self.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
-                Owner::Coupling(_) => None,
-            };
+            let joint = self.joint_of(c.owner);
             let Known { joints, needed, efforts, own, .. } = known;
             let along = if joint.is_some() { own } else { efforts };
             c.acts(
@@ -500,22 +496,65 @@ impl<S: Scalar> Evaluator<S> {
         r.residual = r.residuals.iter().fold(S::zero(), |m, x| m.max(*x));
     }
 
-    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What differs is
-    /// meant to be a self-stress, with the efforts of drives in it.
-    pub fn replace_reactions(&self, r: &mut Reactions<S>, joints: &[Wrench<S>], s: &Scratch<S>) {
+    /// The joint whose reaction a condition is part of: its own, or that of the coordinate it drives.
+    fn joint_of(&self, owner: Owner) -> Option<usize> {
+        match owner {
+            Owner::Joint(j) => Some(j),
+            Owner::Drive(i) => self.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
+            Owner::Coupling(_) => None,
+        }
+    }
+
+    /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What
+    /// differs is meant to be a self-stress: `change` is what the multipliers of couplings and of drives of measures,
+    /// which are in no joint's wrench, differ by.
+    pub fn replace_reactions(
+        &self,
+        r: &mut Reactions<S>,
+        joints: &[Wrench<S>],
+        (t, q, change): (S, &[S], &[S]),
+        s: &Scratch<S>,
+    ) -> Result<(), SystemError> {
         let basis: Mat3<S> = constant(&self.placed.basis);
         let mut left = std::mem::take(&mut r.left);
+        let mut efforts = vec![S::zero(); self.placed.nv];
+        let at = self.instant(t, q, &[]);
+        for (k, c) in self.full.conditions.iter().enumerate().filter(|(_, c)| self.joint_of(c.owner).is_none()) {
+            let first = self.row_of_condition(k);
+            c.acts(
+                &self.full,
+                &s.full,
+                &at,
+                &change[first..first + c.rows()],
+                |x, pushed| {
+                    let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
+                    self.put(s, &mut left, pushed.nodes[1], &w.opposite(), pushed.unit.place);
+                    self.put(s, &mut left, pushed.nodes[0], &w, pushed.unit.place);
+                },
+                |v, x| efforts[v] += x,
+            )?;
+        }
         for (j, w) in joints.iter().enumerate() {
             let mut more = r.joints[j].opposite();
             more.add(w);
             let more = Wrench { moment: basis.apply(more.moment), force: basis.apply(more.force) };
             let (p, point) = (&self.placed.joints[j], self.joint_point_now(s, j));
-            self.put(s, &mut left, p.child, &more.opposite(), point);
-            self.put(s, &mut left, p.parent, &more, point);
+            let acting = match p.links {
+                // along its freedoms also what couplings and drives of measures do there, which is no reaction
+                Some(_) => {
+                    let (axes, velocities) = (self.free_axes(j, s), self.velocities_of(j));
+                    let own = |i: usize| axes[i].1.dot(if axes[i].0 { more.moment } else { more.force });
+                    with_along(&axes, &more, |i| own(i) + efforts[velocities[i]])
+                }
+                None => more,
+            };
+            self.put(s, &mut left, p.child, &acting.opposite(), point);
+            self.put(s, &mut left, p.parent, &acting, point);
         }
         r.joints.copy_from_slice(joints);
         r.left = left;
         self.judge(r);
+        Ok(())
     }
 
     /// What v' adds to the angular acceleration and to the acceleration of the reference point of the links of `part`.
