@@ -489,7 +489,13 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         _ => {
             let (name, measure) = ("rate".to_string(), coordinates[0].clone());
             spec.drives.retain(|d| d.measure != measure);
-            spec.drives.push(Drive { name, measure, motion: Value::Function(0), level: Level::Velocity, turning: None });
+            spec.drives.push(Drive {
+                name,
+                measure,
+                motion: Value::Function(0),
+                level: Level::Velocity,
+                turning: None,
+            });
             return true;
         }
     };
