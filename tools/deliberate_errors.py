@@ -59,6 +59,7 @@ class Workshop:
         self.all_pass = False
         self.environment = os.environ | {
             "CARGO_TARGET_DIR": str(self.builds),
+            "CARGO_INCREMENTAL": "1",  # one line changes at a time
             "PYO3_PYTHON": sys.executable,
             "PYO3_BUILD_EXTENSION_MODULE": "1",
             "PYTHONPATH": str(self.tree / "python"),

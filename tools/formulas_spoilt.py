@@ -15,7 +15,7 @@ class Error:
     old: str
     new: str
     seen_by: tuple[str, ...]
-    """In the order to try: "motion heavy_top" is a test binary of a crate and a filter, "lib spatial" the unit
+    """In the order to try: "whole motion::heavy_top" is a test binary of a crate and a filter, "lib spatial" the unit
     tests, "python test_x.py" a file of tests/python, "docstrings x.py" a file of the package."""
 
 
@@ -48,7 +48,7 @@ ERRORS = (
         f"{MATH}/spatial/three.rs",
         "wb.cross(w).cross(u) + w.cross(wa.cross(u))",
         "wb.cross(w).cross(u) - w.cross(wa.cross(u))",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "lock-axis",
@@ -56,7 +56,7 @@ ERRORS = (
         f"{MATH}/spatial/three.rs",
         "b.apply(l.w).cross(a.apply(l.u))",
         "a.apply(l.u).cross(b.apply(l.w))",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "product-of-inertia",
@@ -64,7 +64,7 @@ ERRORS = (
         f"{MATH}/spatial/rotation.rs",
         "s.0[i][j] = -mass * r.0[i] * r.0[j];",
         "s.0[i][j] = if i == j { -mass } else { mass } * r.0[i] * r.0[j];",
-        ("motion reactions", "python test_oracle.py"),
+        ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "determinant-side",
@@ -72,7 +72,7 @@ ERRORS = (
         f"{MATH}/elimination/plan.rs",
         "all ^= negative;",
         "all ^= false;",
-        ("lib elimination", "motion passages"),
+        ("lib elimination", "whole motion::passages"),
     ),
     # the mechanism
     Error(
@@ -81,7 +81,7 @@ ERRORS = (
         f"{MODEL}/tree.rs",
         "+ coriolis + coriolis",
         "+ coriolis",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "coriolis-of-a-turn",
@@ -89,7 +89,7 @@ ERRORS = (
         f"{MODEL}/tree.rs",
         "x.alpha = alpha_p + G::cross_ang(w_p, turn);",
         "x.alpha = alpha_p;",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "gyroscopic-projected",
@@ -97,7 +97,7 @@ ERRORS = (
         f"{MODEL}/dynamics.rs",
         "G::spin(&x.inertia, alpha) - G::cross_ang(x.w, spin)",
         "G::spin(&x.inertia, alpha) + G::cross_ang(x.w, spin)",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "gyroscopic-inverse",
@@ -105,7 +105,7 @@ ERRORS = (
         f"{MODEL}/dynamics.rs",
         "G::spin(&x.inertia, alpha) + G::cross_ang(x.w, spin) - x.moment",
         "G::spin(&x.inertia, alpha) - G::cross_ang(x.w, spin) - x.moment",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "gyroscopic-recursion",
@@ -113,7 +113,7 @@ ERRORS = (
         f"{MODEL}/clusters/sweep.rs",
         "G::spin(&l.inertia, l.alpha) + G::cross_ang(l.w, spin)",
         "G::spin(&l.inertia, l.alpha) - G::cross_ang(l.w, spin)",
-        ("motion many_freedoms",),
+        ("whole motion::many_freedoms",),
     ),
     Error(
         "recursion-outward",
@@ -121,7 +121,7 @@ ERRORS = (
         f"{MODEL}/clusters/few.rs",
         "x.few.own[f.small + j] -= carried;",
         "x.few.own[f.small + j] += carried;",
-        ("motion many_freedoms",),
+        ("whole motion::many_freedoms",),
     ),
     Error(
         "recursion-bias",
@@ -129,7 +129,7 @@ ERRORS = (
         f"{MODEL}/clusters/sweep.rs",
         "*left = given.tangents.b[row as usize];",
         "*left = G::S::zero();",
-        ("motion many_freedoms",),
+        ("whole motion::many_freedoms",),
     ),
     Error(
         "bias-of-a-cut-slide",
@@ -137,7 +137,7 @@ ERRORS = (
         f"{MODEL}/closing.rs",
         "+ twice + twice +",
         "+ twice +",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "cut-slide-arm",
@@ -145,7 +145,7 @@ ERRORS = (
         f"{MODEL}/closing.rs",
         "let point = if p.on_b { pb } else { pb + k.offset };",
         "let point = if p.on_b { pb } else { pa };",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "universal-second-axis",
@@ -153,7 +153,7 @@ ERRORS = (
         f"{MODEL}/joint/universal.rs",
         "locks: vec![(a, b)],",
         "locks: vec![(b, a)],",
-        ("motion reactions", "python test_oracle.py"),
+        ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "order-of-turns",
@@ -161,7 +161,7 @@ ERRORS = (
         f"{MODEL}/joint/coordinates.rs",
         "rest = Mat3::about(a, (-angle).sin(), angle.cos()).mul(&rest);",
         "rest = rest.mul(&Mat3::about(a, (-angle).sin(), angle.cos()));",
-        ("motion reactions", "python test_oracle.py"),
+        ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "rate-of-the-second-turn",
@@ -169,7 +169,7 @@ ERRORS = (
         f"{MODEL}/joint/coordinates.rs",
         "axes.push(so_far.apply(*a));",
         "axes.push(*a);",
-        ("motion reactions", "python test_oracle.py"),
+        ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "turns-of-cut-joints",
@@ -185,7 +185,7 @@ ERRORS = (
         f"{MODEL}/force/spring.rs",
         "power: -(self.damping * speed * speed)",
         "power: self.damping * speed * speed",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "torsion-damper-power",
@@ -193,7 +193,7 @@ ERRORS = (
         f"{MODEL}/force/torsion.rs",
         "power: -(self.damping * speed * speed)",
         "power: self.damping * speed * speed",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "spring-energy",
@@ -201,7 +201,7 @@ ERRORS = (
         f"{MODEL}/force/mod.rs",
         "(stiffness * stretch * stretch).scale(0.5)",
         "stiffness * stretch * stretch",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "spring-between-branches",
@@ -209,7 +209,7 @@ ERRORS = (
         f"{MODEL}/force/spring.rs",
         "- xa.centre - ra + self.offset;",
         "- xa.centre - ra;",
-        ("motion every_formulation", "python test_oracle.py"),
+        ("whole motion::every_formulation", "python test_oracle.py"),
     ),
     Error(
         "force-axes",
@@ -217,7 +217,7 @@ ERRORS = (
         f"{MODEL}/force/point_force.rs",
         "if self.turns { G::rot_to(&state.rot)",
         "if !self.turns { G::rot_to(&state.rot)",
-        ("motion model_identities", "motion reactions", "python test_oracle.py"),
+        ("whole motion::model_identities", "whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "universal-effort",
@@ -225,7 +225,7 @@ ERRORS = (
         f"{MODEL}/force/build.rs",
         "{ (own, other) } else { (other, own) }",
         "{ (other, own) } else { (own, other) }",
-        ("motion reactions", "python test_oracle.py"),
+        ("whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "cut-effort-point",
@@ -233,7 +233,7 @@ ERRORS = (
         f"{MODEL}/force/cut_effort.rs",
         "let back = at.tree.place(child, at.s) + arm - at.tree.place(parent, at.s);",
         "let back = at.tree.place(child, at.s) - at.tree.place(parent, at.s);",
-        ("motion model_identities", "motion reactions", "python test_oracle.py"),
+        ("whole motion::model_identities", "whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "gravity-axes",
@@ -241,7 +241,7 @@ ERRORS = (
         f"{MODEL}/numbers.rs",
         "gravity: lift(placed.basis.apply(Vec3(spec.gravity))),",
         "gravity: lift(Vec3(spec.gravity)),",
-        ("motion parameters", "motion model_identities", "python test_oracle.py"),
+        ("whole motion::parameters", "whole motion::model_identities", "python test_oracle.py"),
     ),
     Error(
         "gravity-energy",
@@ -249,7 +249,7 @@ ERRORS = (
         f"{MODEL}/dynamics.rs",
         "potential -= link.mass * G::dot(self.gravity",
         "potential += link.mass * G::dot(self.gravity",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "inertia-axes",
@@ -257,7 +257,7 @@ ERRORS = (
         f"{MODEL}/place.rs",
         "inertia: rot.mul(&Mat3(b.inertia)).mul(&rot.transpose()),",
         "inertia: rot.transpose().mul(&Mat3(b.inertia)).mul(&rot),",
-        ("motion parameters", "motion reactions", "python test_oracle.py"),
+        ("whole motion::parameters", "whole motion::reactions", "python test_oracle.py"),
     ),
     Error(
         "inertia-as-parameter",
@@ -265,7 +265,7 @@ ERRORS = (
         f"{MODEL}/numbers.rs",
         "inertia: rot.mul(&b.inertia).mul(&rot.transpose()),",
         "inertia: rot.transpose().mul(&b.inertia).mul(&rot),",
-        ("motion parameters",),
+        ("whole motion::parameters",),
     ),
     Error(
         "drive-rate",
@@ -273,7 +273,7 @@ ERRORS = (
         f"{MODEL}/coupling/law.rs",
         "Ok(Found { value: value::up_to(read(0) - p, *period), rate: -u, gradient })",
         "Ok(Found { value: value::up_to(read(0) - p, *period), rate: u, gradient })",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "drive-acceleration",
@@ -281,7 +281,7 @@ ERRORS = (
         f"{MODEL}/coupling/law.rs",
         "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2])",
         "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2].scale(0.5))",
-        ("motion model_identities",),
+        ("whole motion::model_identities",),
     ),
     Error(
         "table-slope",
@@ -289,7 +289,7 @@ ERRORS = (
         f"{MODEL}/value.rs",
         "(a.scale(3.0) * x + b.scale(2.0)) * x + c, a",
         "(a.scale(3.0) * x + b) * x + c, a",
-        ("motion scalars",),
+        ("whole motion::scalars",),
     ),
     Error(
         "reaction-point",
@@ -297,7 +297,7 @@ ERRORS = (
         f"{MODEL}/reaction/mod.rs",
         ".about(self.com_now(s, outer) - self.joint_point_now(s, j))",
         ".about(self.joint_point_now(s, j) - self.com_now(s, outer))",
-        ("motion reactions",),
+        ("whole motion::reactions",),
     ),
     Error(
         "reaction-on-the-parent",
@@ -305,7 +305,7 @@ ERRORS = (
         f"{MODEL}/reaction/mod.rs",
         "self.put(s, needed, p.parent, &w, point);",
         "self.put(s, needed, p.parent, &w.opposite(), point);",
-        ("motion reactions",),
+        ("whole motion::reactions",),
     ),
     Error(
         "augmented-arm",
@@ -313,7 +313,7 @@ ERRORS = (
         f"{MODEL}/reaction/augmented.rs",
         "z.axis.cross(self.com_now(s, node - 1) - point)",
         "z.axis.cross(point - self.com_now(s, node - 1))",
-        ("motion reactions",),
+        ("whole motion::reactions",),
     ),
     Error(
         "dyad-branch",
@@ -321,7 +321,7 @@ ERRORS = (
         f"{MODEL}/loop_closure/planar.rs",
         "let h = twice_area.scale(sign) * over_r;",
         "let h = twice_area.scale(sign.abs()) * over_r;",
-        ("closing loop_closure_plane",),
+        ("whole closing::loop_closure_plane",),
     ),
     Error(
         "slider-branch",
@@ -329,7 +329,7 @@ ERRORS = (
         f"{MODEL}/loop_closure/planar.rs",
         "* (l + off.abs())).sqrt().scale(sign);",
         "* (l + off.abs())).sqrt().scale(sign.abs());",
-        ("closing loop_closure_plane",),
+        ("whole closing::loop_closure_plane",),
     ),
     # reduced equations
     Error(
@@ -346,7 +346,7 @@ ERRORS = (
         f"{SYSTEM}/reduction/arithmetic.rs",
         "gamma[i] = row[k];",
         "gamma[i] = T::zero();",
-        ("reducing identities", "motion driven"),
+        ("reducing identities", "whole motion::driven"),
     ),
     Error(
         "measure-scale",
@@ -386,7 +386,7 @@ ERRORS = (
         f"{MODEL}/model.rs",
         "new.reach[l.v] = placed.length;",
         "new.reach[l.v] = 1.0;",
-        ("closing scales",),
+        ("whole closing::scales",),
     ),
     Error(
         "closing-once",
@@ -394,7 +394,7 @@ ERRORS = (
         f"{SYSTEM}/positions/all.rs",
         "for _ in 0..8 {",
         "for _ in 0..1 {",
-        ("motion many_turns",),
+        ("whole motion::many_turns",),
     ),
     Error(
         "closing-newton",
@@ -410,7 +410,7 @@ ERRORS = (
         f"{SYSTEM}/kinematics/assembly/descent.rs",
         "const LAST: usize = 8;",
         "const LAST: usize = 0;",
-        ("closing assembly",),
+        ("whole closing::assembly",),
     ),
     Error(
         "orthogonal-correction",
@@ -426,7 +426,7 @@ ERRORS = (
         f"{SYSTEM}/kinematics/velocity.rs",
         "want[i] = rate - gamma[vi] + dense::dot(row, &g);",
         "want[i] = rate - gamma[vi];",
-        ("motion driven",),
+        ("whole motion::driven",),
     ),
     Error(
         "baumgarte-damping",
@@ -490,7 +490,7 @@ ERRORS = (
         f"{SYSTEM}/formulation/motion/passing.rs",
         "from + h * one / (one + two)",
         "from + h * two / (one + two)",
-        ("motion passages",),
+        ("whole motion::passages",),
     ),
     Error(
         "switches-of-corrections",
@@ -506,7 +506,7 @@ ERRORS = (
         f"{SYSTEM}/equations/full/proximal.rs",
         "const MOST: u64 = 80;",
         "const MOST: u64 = 1;",
-        ("reducing every_formulation", "closing redundant_proximal"),
+        ("reducing every_formulation", "whole closing::redundant_proximal"),
     ),
     Error(
         "chart-turn",
@@ -514,7 +514,7 @@ ERRORS = (
         f"{SYSTEM}/positions/chart.rs",
         "0.5 * once[i] + c * twice[i]",
         "0.5 * once[i] - c * twice[i]",
-        ("motion heavy_top",),
+        ("whole motion::heavy_top",),
     ),
     Error(
         "whole-turns",
@@ -522,7 +522,7 @@ ERRORS = (
         f"{SYSTEM}/positions/turns.rs",
         "*turns = turns.saturating_add(n as i32);",
         "*turns = turns.saturating_sub(n as i32);",
-        ("motion many_turns",),
+        ("whole motion::many_turns",),
     ),
     Error(
         "rest-of-a-turn",
@@ -530,7 +530,7 @@ ERRORS = (
         f"{SYSTEM}/positions/turns.rs",
         "*angle = (*angle - n * TAU) - n * TAU_REST;",
         "*angle = (*angle - n * TAU) + n * TAU_REST;",
-        ("motion many_turns",),
+        ("whole motion::many_turns",),
     ),
     Error(
         "work-of-drives",
@@ -538,7 +538,7 @@ ERRORS = (
         f"{SYSTEM}/tangent/base.rs",
         "Ok(dense::dot(&self.residual, &r.gamma))",
         "Ok(-dense::dot(&self.residual, &r.gamma))",
-        ("motion driven",),
+        ("whole motion::driven",),
     ),
     Error(
         "work-of-drives-in-full",
@@ -546,7 +546,7 @@ ERRORS = (
         f"{SYSTEM}/tangent/all.rs",
         "Ok(-dense::dot(&self.lambda, &self.base.r.a))",
         "Ok(dense::dot(&self.lambda, &self.base.r.a))",
-        ("motion driven", "marching driven", "python test_verdict.py"),
+        ("whole motion::driven", "marching driven", "python test_verdict.py"),
     ),
     Error(
         "redundant",
@@ -554,7 +554,7 @@ ERRORS = (
         f"{SYSTEM}/reduction/rows.rs",
         "pub const REDUNDANT: f64 = 1e-9;",
         "pub const REDUNDANT: f64 = 1e-30;",
-        ("lib mobility determined", "closing"),
+        ("lib mobility determined", "whole closing::"),
     ),
     Error(
         "choice-of-an-output",
@@ -570,7 +570,7 @@ ERRORS = (
         f"{SYSTEM}/formulation/motion/passing.rs",
         "from + h * one / (one + two)",
         "from + h * two / (one + two)",
-        ("motion passages",),
+        ("whole motion::passages",),
     ),
     Error(
         "branch-kept",
@@ -683,7 +683,7 @@ ERRORS = (
         f"{INTEGRATE}/step_size.rs",
         "self.atol[i] = self.asked[i] * size;",
         "self.atol[i] = self.asked[i];",
-        ("marching stepping", "closing scales"),
+        ("marching stepping", "whole closing::scales"),
     ),
     Error(
         "change-of-coordinates",

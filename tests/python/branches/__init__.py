@@ -7,8 +7,10 @@ own tangent the curve goes straight on there, and so must a motion without force
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from drawings import four_bar
@@ -23,6 +25,8 @@ STEP = 4e-3
 """Length of a step along the curve [rad]; its prediction is good to the cube of it."""
 BELIEVED = 0.5 * STEP**2
 """Corrections of that prediction beyond this belong to another branch."""
+SETTLED = 1e-14
+"""Corrections as small as the round-off of angles of some radians end the search for a point [rad]."""
 BESIDE = 0.03
 """Outputs farther than this from the curve are on another branch [rad]."""
 LOST = 1e-2
@@ -126,12 +130,22 @@ def follow(bars: FourBar, x: Array, sign: float, length: float) -> Array:
         moved = 0.0
         for _ in range(8):
             slope = float(bars.gradient(guess + moved * across) @ across)
-            moved -= bars.open(guess + moved * across) / slope if slope else 0.0
+            step = bars.open(guess + moved * across) / slope if slope else 0.0
+            moved -= step
+            if abs(step) < SETTLED:
+                break
         # in the crossing itself nothing says where the curve is but the way so far
         believed = abs(moved) < BELIEVED or len(points) < 6
         after = guess + (moved if believed else 0.0) * across - points[-1]
         points.append(points[-1] + after * (STEP / np.hypot(*after)))
     return np.array(points)
+
+
+@lru_cache(maxsize=64)
+def branch(bars: FourBar, x: tuple[float, ...], sign: float, length: int) -> tuple[Array, Array]:
+    """What `follow` finds, and the size of the gradient at each point: drawn once for all that runs along it."""
+    curve = follow(bars, np.array(x), sign, length)
+    return curve, np.array([np.hypot(*bars.gradient(p)) for p in curve])
 
 
 def mechanism(bars: FourBar, x: Array, rng: np.random.Generator) -> pt.Mechanism:
@@ -167,14 +181,14 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective") 
     angles = np.unwrap(np.array(turns).T, axis=0)
     angles += x - angles[0]
     way = float(np.hypot(*np.diff(angles, axis=0).T).sum())
-    curve = follow(bars, x, np.sign(rate), 1.02 * way + 0.1)
+    curve, gradients = branch(bars, tuple(x.tolist()), float(np.sign(rate)), math.ceil(1.02 * way + 0.1))
     at, beside = 0, 0.0
     for before, now in zip(angles[:1].tolist() + angles[:-1].tolist(), angles, strict=True):
         reach = at + int(3.0 * np.hypot(*(now - before)) / STEP) + 10
         distances = np.hypot(*(curve[max(0, at - 5) : reach] - now).T)
         at = max(0, at - 5) + int(np.argmin(distances))
         beside = max(beside, float(distances.min()))
-    sizes = np.array([np.hypot(*bars.gradient(p)) for p in curve[: at + 1]])
+    sizes = gradients[: at + 1]
     least = (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:]) & (sizes[1:-1] < NEAR)
     energy = run.energy.total
     lost = float(np.ptp(energy) / abs(energy[0]))

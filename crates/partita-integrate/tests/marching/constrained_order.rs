@@ -1,7 +1,7 @@
 //! Marching constrained systems: the order survives corrections and exchanges, drift is that of a first integral,
 //! exchanges carry the state over bit by bit.
 
-use crate::mechanisms::{distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
+use crate::mechanisms::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::{Formulation, Step, Verdict};
@@ -52,7 +52,7 @@ fn whirling() -> (Vec<f64>, Vec<f64>) {
 
 #[test]
 fn order_of_a_pendulum() {
-    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let system = any(Pendulum::RESTING_PIVOT);
     for correction in CORRECTIONS {
         // over the top x and y take turns
         let (errors, exchanges) = errors(&system, &whirling(), 2.0, &PENDULUM_STEPS, &options(correction, 1.25));
@@ -69,7 +69,7 @@ fn order_of_a_pendulum() {
 
 #[test]
 fn order_of_a_four_bar() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     for correction in CORRECTIONS {
         let (errors, exchanges) = errors(&system, &FourBar::start(), 2.0, &FOUR_BAR_STEPS, &options(correction, 1.25));
         assert!(exchanges >= 3, "{exchanges}");
@@ -84,8 +84,8 @@ fn order_of_a_four_bar() {
 #[test]
 fn rods_and_angles_move_alike() {
     let at = times(0.25, 16);
-    let rods = run(&ByHand::new(FourBar), FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
-    let angles = run(&ByHand::new(Angles), FormulationOptions::default(), &Angles::start(), &at, &reference(4.0));
+    let rods = run(&any(FourBar), FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
+    let angles = run(&any(Angles), FormulationOptions::default(), &Angles::start(), &at, &reference(4.0));
     // tolerance 2e-14, a few hundred steps, growth of errors by some hundreds in four seconds
     for (x, y) in rods.iter().zip(&angles) {
         for i in 0..3 {
@@ -100,7 +100,7 @@ fn rods_and_angles_move_alike() {
 /// Without correction |Φ| is the error of a first integral: it adds up linearly and has the order of the method.
 #[test]
 fn drift() {
-    let (system, at) = (ByHand::new(FourBar), times(2.0, 16));
+    let (system, at) = (any(FourBar), times(2.0, 16));
     // single values scatter with the phase of the motion (about two seconds a turn): largest of ten seconds each
     let drift = |h: f64, windows: usize| -> Vec<f64> {
         let at = times(0.5, 20 * windows);
@@ -125,7 +125,7 @@ fn drift() {
 /// Corrections change the energy by no more than the integrator does.
 #[test]
 fn corrections_do_no_work() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let at = times(0.1, 100);
     let drift = CORRECTIONS.map(|c| {
         let samples = run(&system, options(c, 1.25), &FourBar::start(), &at, &grid(10.0, 0.01));
@@ -234,7 +234,7 @@ impl<E: Equations> Formulation for Watched<'_, E> {
 /// A swing of 60 degrees, 2000 steps, other coordinates after every step in which they have a measure of at least 0.3.
 #[test]
 fn changing_after_every_step_costs_nothing() {
-    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let system = any(Pendulum::RESTING_PIVOT);
     let start = (vec![0.75f64.sqrt(), -0.5], vec![0.0, 0.0]);
     let at = times(0.5, 20);
     let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(10.0));
@@ -254,7 +254,7 @@ fn changing_after_every_step_costs_nothing() {
 
 #[test]
 fn exchanging_at_every_opportunity_costs_nothing() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let start = FourBar::start();
     let at = times(0.5, 8);
     let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
@@ -279,12 +279,11 @@ fn exchanging_at_every_opportunity_costs_nothing() {
 fn trajectories_in_other_units() {
     let (q, v) = FourBar::start();
     let at = times(0.5, 4);
-    let metres =
-        run(&ByHand::new(FourBar), FormulationOptions::default(), &(q.clone(), v.clone()), &at, &grid(2.0, 0.01));
+    let metres = run(&any(FourBar), FormulationOptions::default(), &(q.clone(), v.clone()), &at, &grid(2.0, 0.01));
     for (length, angle) in [(1e3, 1.0), (1.0 / 0.0254, 180.0 / std::f64::consts::PI), (1e-3, 1e3)] {
         let s: Vec<f64> = (0..9).map(|i| if i % 3 == 2 { angle } else { length }).collect();
         let to = |x: &[f64]| x.iter().zip(&s).map(|(x, s)| x * s).collect::<Vec<_>>();
-        let system = ByHand::new(InUnits(FourBar, s.clone()));
+        let system = any(InUnits(FourBar, s.clone()));
         let mut other = run(&system, FormulationOptions::default(), &(to(&q), to(&v)), &at, &grid(2.0, 0.01));
         for (x, y) in metres.iter().zip(&mut other) {
             assert_eq!(x.independent, y.independent);

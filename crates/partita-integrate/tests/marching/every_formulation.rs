@@ -1,7 +1,7 @@
 //! Every formulation of the registry, marched: the same motion, the order of the method, the drift of its invariants.
 
 use crate::mechanisms::{
-    described, distance, grid, march, reference, slope, times, Angles, FourBar, Pendulum, Plate, Redundant,
+    any, described, distance, grid, march, reference, slope, times, Angles, FourBar, Pendulum, Plate, Redundant,
 };
 use partita_integrate::simulate::{simulate, Status};
 use partita_system::equations::{ByHand, Equations};
@@ -129,27 +129,20 @@ fn one_motion() {
     }
     // tolerance 2e-14, some hundred steps, growth of errors by some hundreds
     let swing = (vec![0.6, -0.8], vec![0.0, 0.0]);
-    check(
-        "pendulum",
-        &ByHand::new(Pendulum::RESTING_PIVOT),
-        &swing,
-        &|s| Pendulum::RESTING_PIVOT.energy(s),
-        3.0,
-        1e-10,
-    );
+    check("pendulum", &any(Pendulum::RESTING_PIVOT), &swing, &|s| Pendulum::RESTING_PIVOT.energy(s), 3.0, 1e-10);
     let shaken = Pendulum { amplitude: 0.1, frequency: 3.0, mass: 2.0 };
     check(
         "shaken pendulum",
-        &ByHand::new(shaken),
+        &any(shaken),
         &(vec![0.3, -0.91f64.sqrt()], vec![0.3, 0.0]),
         &|s| shaken.energy(s),
         2.0,
         1e-10,
     );
-    check("plate", &ByHand::new(Plate), &Plate::start(), &Plate::energy, 3.0, 1e-10);
-    check("four-bar of rods", &ByHand::new(FourBar), &FourBar::start(), &FourBar::energy, 2.0, 1e-9);
-    check("four-bar in angles", &ByHand::new(Angles), &Angles::start(), &Angles::energy, 2.0, 1e-9);
-    check("redundant four-bar", &ByHand::new(Redundant(FourBar)), &FourBar::start(), &FourBar::energy, 1.0, 1e-9);
+    check("plate", &any(Plate), &Plate::start(), &Plate::energy, 3.0, 1e-10);
+    check("four-bar of rods", &any(FourBar), &FourBar::start(), &FourBar::energy, 2.0, 1e-9);
+    check("four-bar in angles", &any(Angles), &Angles::start(), &Angles::energy, 2.0, 1e-9);
+    check("redundant four-bar", &any(Redundant(FourBar)), &FourBar::start(), &FourBar::energy, 1.0, 1e-9);
 }
 
 /// Order 4 of the classical Runge-Kutta method, whatever is corrected.
@@ -157,7 +150,7 @@ fn one_motion() {
 fn order() {
     // steps in the range where the leading error term rules and round-off does not: the crank whips round once
     const STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
-    let (system, start) = (ByHand::new(Angles), Angles::start());
+    let (system, start) = (any(Angles), Angles::start());
     let at = times(0.2, 10);
     let exact = run("projective", &system, &start, Correction::Partition, &at, &reference(at[9]));
     for &(name, drift) in TABLE {
@@ -175,7 +168,7 @@ fn order() {
 /// Without corrections: by which power of time the constraints are lost, and that the step decides how fast.
 #[test]
 fn drift() {
-    let (system, start) = (ByHand::new(FourBar), FourBar::start());
+    let (system, start) = (any(FourBar), FourBar::start());
     // the motion repeats itself about every two seconds: the largest of ten seconds each, some revolutions
     let windows = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0];
     let lost = |name: &str, h: f64| -> (Vec<f64>, Vec<f64>) {
@@ -213,7 +206,7 @@ fn drift() {
 /// it tells is true all the same: it goes on as the mechanism does, or it stops and says so.
 #[test]
 fn nothing_is_thrown_back_at_a_dead_point() {
-    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let system = any(Pendulum::RESTING_PIVOT);
     // x = 1 is reached after 0.144 s
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
     let at = times(0.02, 50);

@@ -1,6 +1,6 @@
 //! Explicit closing of several loops: block by block, with inputs that the system changes when they run into dead points.
 
-use crate::mechanisms::{distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
+use crate::mechanisms::{any, distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
 use partita_integrate::simulate::{simulate, Status};
 use partita_math::elimination::Pattern;
 use partita_system::closing::{Block, BlockState, Closing};
@@ -397,7 +397,7 @@ fn blocks_are_checked() {
 /// A hand-written closing that cannot close says so, and the step is shortened until nothing is left of it.
 #[test]
 fn a_pendulum_in_x_stops_at_the_side() {
-    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let system = any(Pendulum::RESTING_PIVOT);
     let mut f = ExplicitClosing::new(&system, 1, &FormulationOptions::default()).unwrap();
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
     let outcome =

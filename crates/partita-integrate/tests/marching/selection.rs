@@ -1,10 +1,10 @@
 //! Rules of choice during a run: the motion does not depend on them, how often and how well they choose does.
 
-use crate::mechanisms::{distance, march, reference, run, times, Angles, FourBar, InUnits, LENGTHS};
+use crate::mechanisms::{any, distance, march, reference, run, times, Angles, FourBar, InUnits, LENGTHS};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
@@ -37,7 +37,7 @@ fn by(selection: Selection) -> FormulationOptions {
 
 #[test]
 fn the_motion_does_not_depend_on_the_rule() {
-    let (system, at) = (ByHand::new(FourBar), times(0.25, 16));
+    let (system, at) = (any(FourBar), times(0.25, 16));
     // fast enough to go round
     let start = pose(0.8, 10.0);
     let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(4.0));
@@ -63,7 +63,7 @@ fn the_motion_does_not_depend_on_the_rule() {
 
 #[test]
 fn a_threshold_without_end_keeps_the_first_choice() {
-    let (system, at) = (ByHand::new(Angles), times(0.1, 10));
+    let (system, at) = (any(Angles), times(0.1, 10));
     let q: Vec<f64> = pose(0.8, 0.0).0.iter().skip(2).step_by(3).copied().collect();
     let v = Angles::rates([q[0], q[1], q[2]], 10.0).to_vec();
     for selection in Selection::ALL {
@@ -76,7 +76,7 @@ fn a_threshold_without_end_keeps_the_first_choice() {
 /// The places of the mass centres and the angles by |det C_D|, largest first.
 fn raw_ranking(length: f64, angle: f64) -> Vec<String> {
     let s: Vec<f64> = (0..9).map(|i| if i % 3 == 2 { angle } else { length }).collect();
-    let system = ByHand::new(InUnits(FourBar, s.clone()));
+    let system = any(InUnits(FourBar, s.clone()));
     let q: Vec<f64> = pose(0.8, 0.0).0.iter().zip(&s).map(|(q, s)| q * s).collect();
     let mut r = Reduction::new(&system, 8);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
@@ -98,8 +98,8 @@ fn millimetres_and_degrees_turn_the_determinant_over() {
 }
 
 /// Exchanges over one turn of the crank in small steps, and the least measure met.
-fn one_turn<E: Equations>(equations: E, at: impl Fn(f64) -> Vec<f64>, threshold: f64) -> (usize, f64) {
-    let system = ByHand::new(equations);
+fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, threshold: f64) -> (usize, f64) {
+    let system = any(equations);
     let n = system.size().nv;
     let mut r = Reduction::new(&system, n - 1);
     start::choose_partition(&mut r, 0.0, &at(0.0), None, None).unwrap();
@@ -204,7 +204,7 @@ impl Equations for Joints {
 /// Persistence finds the crank angle among nine coordinates, of which every other one passes zero, and keeps it.
 #[test]
 fn persistence_finds_the_crank() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = pose(0.8, 10.0);
     // crossing of zero is seen whatever the steps
     for h in [0.002, 0.01] {
@@ -230,7 +230,7 @@ fn persistence_finds_the_crank() {
 /// What does not belong together is refused before the run.
 #[test]
 fn contradictions_are_refused() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = FourBar::start();
     let refusal = |options: FormulationOptions| {
         let mut f = Projective::new(&system, 8, &options);
@@ -295,7 +295,7 @@ impl Equations for PointAndCarts {
 /// so. The rules that look at the choice as a whole, persistence with its two coordinates among them, pass.
 #[test]
 fn an_impossible_choice_ends_the_run_by_name() {
-    let system = ByHand::new(PointAndCarts);
+    let system = any(PointAndCarts);
     // ρ = (0.95, 0.3, 0.58, 0.58, 0.58), going round with 1 rad/s
     let (q, v) = ([0.3, -0.91f64.sqrt(), 0.0, 0.0, 0.0], [0.91f64.sqrt(), 0.3, 0.5, 0.5, 0.5]);
     for selection in Selection::ALL {

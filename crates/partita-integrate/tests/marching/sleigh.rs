@@ -1,7 +1,7 @@
 //! A knife edge that does not slip sideways: a constraint on velocities that no constraint on positions stands behind.
 
-use crate::mechanisms::{distance, grid, march, reference, run, slope, times};
-use partita_system::equations::{ByHand, Equations};
+use crate::mechanisms::{any, distance, grid, march, reference, run, slope, times};
+use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
@@ -128,14 +128,14 @@ impl Equations for Sleigh {
 /// `u' = c ω²`, `(J + m c²) ω' = −m c u ω`: u = V tanh(κ t + β), ω = W / cosh(κ t + β).
 #[test]
 fn the_sleigh_against_its_closed_form() {
-    let system = ByHand::new(Sleigh { rod: false });
+    let (sleigh, system) = (Sleigh { rod: false }, any(Sleigh { rod: false }));
     let about_edge = INERTIA + MASS * ARM * ARM;
     let (u, w) = (-1.0, 2.5);
     let energy: f64 = 0.5 * (MASS * u * u + about_edge * w * w);
     let (top, spin) = ((2.0 * energy / MASS).sqrt(), (2.0 * energy / about_edge).sqrt());
     let (kappa, beta) = (MASS * ARM * top / about_edge, (u / top).atanh());
     let mut f = Projective::new(&system, 1, &FormulationOptions::default());
-    let (q, v) = system.equations.start(u, w);
+    let (q, v) = sleigh.start(u, w);
     let samples = march(&mut f, &q, &v, &times(0.1, 30), &reference(3.0));
     // x and y of the centre of mass take turns while the sleigh turns round
     assert!(f.journal().counters.exchanges >= 2, "{:?}", f.journal().events);
@@ -149,7 +149,7 @@ fn the_sleigh_against_its_closed_form() {
         let heading = 0.3 + spin / kappa * (x.sinh().atan() - beta.sinh().atan());
         assert!((s.q[2] - heading).abs() < 1e-11);
         assert!(s.velocity_closure < 1e-14, "{}", s.velocity_closure);
-        assert!((system.equations.energy(s) - energy).abs() < 1e-11 * energy);
+        assert!((sleigh.energy(s) - energy).abs() < 1e-11 * energy);
         // the edge holds what makes the centre of mass turn: m (u ω + c ω'), with ω' = −m c u ω / (J + m c²)
         let side = MASS * (u * w - ARM * MASS * ARM * u * w / about_edge);
         assert!((s.multipliers[0] - side).abs() < 1e-10, "{} against {side}", s.multipliers[0]);
@@ -160,11 +160,11 @@ fn the_sleigh_against_its_closed_form() {
 fn order_and_energy_of_sleighs() {
     const STEPS: [f64; 4] = [0.01, 0.005, 0.0025, 0.00125];
     for rod in [false, true] {
-        let system = ByHand::new(Sleigh { rod });
-        let start = system.equations.start(-1.0, 2.5);
+        let (sleigh, system) = (Sleigh { rod }, any(Sleigh { rod }));
+        let start = sleigh.start(-1.0, 2.5);
         let at = times(0.3, 10);
         let exact = run(&system, FormulationOptions::default(), &start, &at, &reference(3.0));
-        let energy = system.equations.energy(&exact[0]);
+        let energy = sleigh.energy(&exact[0]);
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
             let options = FormulationOptions { correction, ..FormulationOptions::default() };
             let mut lost: f64 = 0.0;
@@ -176,7 +176,7 @@ fn order_and_energy_of_sleighs() {
                     assert!(f.journal().counters.corrections > 0);
                     samples.iter().for_each(|s| assert!(s.closure < 1e-14, "{}", s.closure));
                 }
-                lost = samples.iter().fold(0.0, |m: f64, s| m.max((system.equations.energy(s) - energy).abs()));
+                lost = samples.iter().fold(0.0, |m: f64, s| m.max((sleigh.energy(s) - energy).abs()));
                 distance(&samples, &exact)
             });
             let p = slope(&STEPS, &errors);
@@ -190,8 +190,8 @@ fn order_and_energy_of_sleighs() {
 /// All velocities with multipliers, corrected orthogonally, against the compact form.
 #[test]
 fn both_formulations_pull_the_rod_alike() {
-    let system = ByHand::new(Sleigh { rod: true });
-    let (q, v) = system.equations.start(-1.0, 2.5);
+    let (sleigh, system) = (Sleigh { rod: true }, any(Sleigh { rod: true }));
+    let (q, v) = sleigh.start(-1.0, 2.5);
     let at = times(0.3, 10);
     let x = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     let mut f = registry::by_name("multipliers", &system, 3, &least_moves()).unwrap();
@@ -206,7 +206,7 @@ fn both_formulations_pull_the_rod_alike() {
 /// Rows without a position determine no coordinate: forms with 2k states say so.
 #[test]
 fn two_k_states_need_positions() {
-    let system = ByHand::new(Sleigh { rod: true });
+    let (sleigh, system) = (Sleigh { rod: true }, any(Sleigh { rod: true }));
     for name in ["wehage-haug", "explicit-closing"] {
         match registry::by_name(name, &system, 3, &FormulationOptions::default()) {
             Err(SystemError::Argument { message, .. }) => assert!(message.contains("velocities only"), "{message}"),
@@ -215,7 +215,7 @@ fn two_k_states_need_positions() {
         }
     }
     // the others take them, corrections included
-    let (q, v) = system.equations.start(-1.0, 2.5);
+    let (q, v) = sleigh.start(-1.0, 2.5);
     let at = times(0.3, 10);
     let x = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     for name in ["multipliers", "range-space", "proximal"] {
@@ -232,8 +232,8 @@ fn two_k_states_need_positions() {
 #[test]
 fn tangent_velocities_pull_the_rod_alike() {
     const STEPS: [f64; 4] = [0.01, 0.005, 0.0025, 0.00125];
-    let system = ByHand::new(Sleigh { rod: true });
-    let (q, v) = system.equations.start(-1.0, 2.5);
+    let (sleigh, system) = (Sleigh { rod: true }, any(Sleigh { rod: true }));
+    let (q, v) = sleigh.start(-1.0, 2.5);
     let at = times(0.3, 10);
     let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     for name in ["zero-eigenvalue", "svd", "qr", "gram-schmidt"] {

@@ -1,7 +1,7 @@
 //! Marching with tangent velocities: order, one motion with every form, and how a frozen basis decays.
 
 use crate::mechanisms::{
-    distance, grid, march, reference, run, slope, times, Angles, FourBar, Pendulum, GROUND, LENGTHS,
+    any, distance, grid, march, reference, run, slope, times, Angles, Any, FourBar, Pendulum, GROUND, LENGTHS,
 };
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::TangentSpace;
@@ -31,7 +31,7 @@ fn formulation<'s, E: Equations>(
 
 #[test]
 fn order_of_a_four_bar() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = FourBar::start();
     let at = times(0.2, 10);
     let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(2.0));
@@ -65,7 +65,7 @@ fn order_of_a_four_bar() {
 /// To the tolerance of the reference, over some turns of the crank.
 #[test]
 fn one_motion_with_every_form() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = FourBar::start();
     let at = times(0.5, 8);
     let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
@@ -92,7 +92,7 @@ fn one_motion_with_every_form() {
 /// Renewed after each step, early or never (over an arc that one basis bears): the same motion, errors within a factor 3.
 #[test]
 fn renewing_is_free_of_error() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = FourBar::start();
     // swings down from 0.8 rad with the rocker: half a second keeps the first basis above 0.4
     let at = times(0.05, 10);
@@ -124,7 +124,7 @@ fn renewing_is_free_of_error() {
 /// A mass-orthonormal basis frozen at the crank angle 0.8 rad: √μ after the crank has turned on by so many degrees.
 #[test]
 fn decay_of_a_frozen_basis() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let mut x = Frozen::new(&system, 8, Box::new(Rule::GramSchmidt), 0.5);
     let at = |degrees: f64| {
         let crank = 0.8 + degrees.to_radians();
@@ -152,7 +152,7 @@ fn decay_of_a_frozen_basis() {
 /// The chart of the tangent space is closed wherever it is evaluated, not only at the ends of steps.
 #[test]
 fn every_stage_is_closed() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     let (q, v) = FourBar::start();
     let mut f = TangentSpace::new(&system, 8, &FormulationOptions::default()).unwrap();
     let mut y = vec![0.0; f.dim()];
@@ -178,7 +178,7 @@ const SHAKEN: Pendulum = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
 const SHAKEN_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 
 /// Times at which the shaken pendulum is looked at, from its start, and what the compact form finds there.
-fn shaken(system: &ByHand<Pendulum>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
+fn shaken(system: &ByHand<Any>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
     let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
     let exact = run(system, FormulationOptions::default(), start, &at, &reference(2.0));
     (at, exact)
@@ -188,7 +188,7 @@ fn shaken(system: &ByHand<Pendulum>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>,
 #[test]
 fn a_shaken_pivot() {
     let p = SHAKEN;
-    let system = ByHand::new(p);
+    let system = any(p);
     let (q, v) = (vec![0.6, -0.8], vec![p.pivot(0.0)[1] + 0.8 * 7.0, 0.6 * 7.0]);
     let (at, exact) = shaken(&system, &(q.clone(), v.clone()));
     for name in NAMES {
@@ -250,7 +250,7 @@ impl TangentMap for AlongTheBars {
 #[test]
 fn tangent_velocities_of_the_user() {
     let p = SHAKEN;
-    let system = ByHand::new(p);
+    let system = any(p);
     let (q, v) = (vec![0.6, -0.8], vec![p.pivot(0.0)[1] + 0.8 * 7.0, 0.6 * 7.0]);
     let (at, exact) = shaken(&system, &(q.clone(), v.clone()));
     for bias in [true, false] {
@@ -280,7 +280,7 @@ fn tangent_velocities_of_the_user() {
             }
         }
     }
-    let system = ByHand::new(Angles);
+    let system = any(Angles);
     let (q, v) = Angles::start();
     let at = times(0.25, 8);
     let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
@@ -355,7 +355,7 @@ impl TangentMap for Prescribed {
 #[test]
 fn without_a_degree_of_freedom() {
     for frequency in [2.0, 0.0] {
-        let system = ByHand::new(Prescribed { frequency });
+        let system = any(Prescribed { frequency });
         let tangent: Arc<dyn TangentMap> = Arc::new(Prescribed { frequency });
         let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
         let at = times(0.1, 10);
@@ -418,8 +418,8 @@ fn a_redundant_row() {
             Ok(())
         }
     }
-    let once = ByHand::new(Pendulum::RESTING_PIVOT);
-    let twice = ByHand::new(Twice(Pendulum::RESTING_PIVOT));
+    let once = any(Pendulum::RESTING_PIVOT);
+    let twice = any(Twice(Pendulum::RESTING_PIVOT));
     let (q, v) = (vec![0.6, -0.8], vec![0.8 * 7.0, 0.6 * 7.0]);
     let at = times(0.2, 10);
     let exact = run(&once, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
@@ -441,7 +441,7 @@ fn a_redundant_row() {
 
 #[test]
 fn what_cannot_be_is_refused_in_words() {
-    let system = ByHand::new(FourBar);
+    let system = any(FourBar);
     for renew in [-0.1, 1.5, f64::NAN] {
         let options = FormulationOptions { renew: renew.into(), ..FormulationOptions::default() };
         let refused = registry::by_name("svd", &system, 8, &options).err().unwrap().to_string();

@@ -1,7 +1,7 @@
 //! Small constrained systems written by hand.
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
-use partita_system::equations::Equations;
+use partita_system::equations::{ByHand, Equations};
 use partita_system::record::Sample;
 use partita_system::SystemError;
 
@@ -524,5 +524,55 @@ impl<E: Equations> Equations for InUnits<E> {
     }
     fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Done {
         self.0.bias(t, &self.back(q), &self.back(v), out)
+    }
+}
+
+/// Any equations behind one type, so that what marches and reduces them is compiled once and not for each.
+pub struct Any(Box<dyn Equations>);
+
+/// A system of these equations, of the one type of all.
+pub fn any(equations: impl Equations + 'static) -> ByHand<Any> {
+    ByHand::new(Any(Box::new(equations)))
+}
+
+impl Equations for Any {
+    fn n(&self) -> usize {
+        self.0.n()
+    }
+    fn rows(&self) -> usize {
+        self.0.rows()
+    }
+    fn holonomic(&self) -> usize {
+        self.0.holonomic()
+    }
+    fn name(&self, i: usize) -> String {
+        self.0.name(i)
+    }
+    fn rheonomic(&self) -> bool {
+        self.0.rheonomic()
+    }
+    fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
+        self.0.mass(t, q, out)
+    }
+    fn forces(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Done {
+        self.0.forces(t, q, v, out)
+    }
+    fn constraints(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
+        self.0.constraints(t, q, out)
+    }
+    fn jacobian(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
+        self.0.jacobian(t, q, out)
+    }
+    fn rate(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
+        self.0.rate(t, q, out)
+    }
+    fn bias(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) -> Done {
+        self.0.bias(t, q, v, out)
+    }
+    fn closes(&self) -> Option<&[usize]> {
+        self.0.closes()
+    }
+    fn close(&self, t: f64, q: &mut [f64]) -> Done {
+        self.0.close(t, q)
     }
 }

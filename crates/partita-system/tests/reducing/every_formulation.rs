@@ -1,6 +1,6 @@
 //! Every formulation of the registry on the same systems: one set of accelerations, one set of constraint forces.
 
-use crate::by_hand::{Angles, FourBar, Pendulum, Plate, Redundant};
+use crate::by_hand::{any, Angles, FourBar, Pendulum, Plate, Redundant};
 use crate::instants::{sample, vector, Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
@@ -174,27 +174,27 @@ fn the_table_names_every_formulation() {
 
 #[test]
 fn accelerations_and_reactions_of_mechanisms() {
-    let resting = ByHand::new(Pendulum::RESTING_PIVOT);
+    let resting = any(Pendulum::RESTING_PIVOT);
     assert_eq!(check("pendulum", &resting, 0.0, &[0.6, -0.8], &[0.8 * 1.3, 0.6 * 1.3]), TABLE.len());
     let moving = Pendulum { amplitude: 0.3, frequency: 2.0, mass: 2.0 };
     let t = 0.7;
     let [p, u, _] = moving.pivot(t);
-    let done = check("moving pivot", &ByHand::new(moving), t, &[0.6 + p, -0.8], &[0.8 * 1.3 + u, 0.6 * 1.3]);
+    let done = check("moving pivot", &any(moving), t, &[0.6 + p, -0.8], &[0.8 * 1.3 + u, 0.6 * 1.3]);
     assert_eq!(done, TABLE.len());
     let (q, v) = Plate::start();
-    assert_eq!(check("plate", &ByHand::new(Plate), 0.0, &q, &v), TABLE.len());
+    assert_eq!(check("plate", &any(Plate), 0.0, &q, &v), TABLE.len());
     let (q, v) = Angles::start();
-    assert_eq!(check("four-bar in angles", &ByHand::new(Angles), 0.0, &q, &v), TABLE.len());
-    assert_eq!(check("redundant rows", &ByHand::new(Redundant(Angles)), 0.0, &q, &v), TABLE.len());
+    assert_eq!(check("four-bar in angles", &any(Angles), 0.0, &q, &v), TABLE.len());
+    assert_eq!(check("redundant rows", &any(Redundant(Angles)), 0.0, &q, &v), TABLE.len());
     let (q, v) = FourBar::start();
-    assert_eq!(check("four-bar of free rods", &ByHand::new(FourBar), 0.0, &q, &v), TABLE.len());
-    assert_eq!(check("redundant free rods", &ByHand::new(Redundant(FourBar)), 0.0, &q, &v), TABLE.len());
+    assert_eq!(check("four-bar of free rods", &any(FourBar), 0.0, &q, &v), TABLE.len());
+    assert_eq!(check("redundant free rods", &any(Redundant(FourBar)), 0.0, &q, &v), TABLE.len());
 }
 
 /// The values of the reference four-bar, computed independently to twelve digits.
 #[test]
 fn regression_values_of_the_four_bar() {
-    let system = ByHand::new(Angles);
+    let system = any(Angles);
     let (q, v) = Angles::start();
     let tangent = tangent_at(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
@@ -243,7 +243,7 @@ fn natural_units(mass: &Matrix) -> Vec<f64> {
 
 #[test]
 fn what_is_missing_is_asked_for() {
-    let system = ByHand::new(Angles);
+    let system = any(Angles);
     let refused = |name: &str, o: &FormulationOptions, word: &str| match by_name(name, &system, 2, o) {
         Err(SystemError::Argument { message, .. }) => assert!(message.contains(word), "{message}"),
         Err(other) => panic!("{other}"),
@@ -276,7 +276,7 @@ fn what_is_missing_is_asked_for() {
 /// Options that make no sense are refused by every formulation, whichever it reads.
 #[test]
 fn senseless_options_are_refused() {
-    let system = ByHand::new(Angles);
+    let system = any(Angles);
     let (q, v) = Angles::start();
     let tangent = tangent_at(&system, 0.0, &q, &v);
     type Change = fn(&mut FormulationOptions);
@@ -319,7 +319,7 @@ fn senseless_options_are_refused() {
 fn unread_options_are_named() {
     let plain = FormulationOptions::default();
     let (q, v) = Angles::start();
-    let tangent = tangent_at(&ByHand::new(Angles), 0.0, &q, &v);
+    let tangent = tangent_at(&any(Angles), 0.0, &q, &v);
     let all = FormulationOptions {
         correction: Correction::None,
         exchange: 2.0,
@@ -346,7 +346,7 @@ fn unread_options_are_named() {
 /// itself is lost no choice helps, and none is blamed.
 #[test]
 fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
-    let system = ByHand::new(Pendulum::RESTING_PIVOT);
+    let system = any(Pendulum::RESTING_PIVOT);
     let fixed = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
     for name in ["projective", "fixed"] {
         let mut f = by_name(name, &system, 1, &fixed).unwrap();
@@ -374,7 +374,7 @@ fn a_choice_that_stays_is_told_from_a_singular_mechanism() {
 #[test]
 fn what_is_not_finite_is_refused() {
     for &(name, needs, _) in TABLE {
-        let system = ByHand::new(Angles);
+        let system = any(Angles);
         let (q, v) = Angles::start();
         let tangent = tangent_at(&system, 0.0, &q, &v);
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();

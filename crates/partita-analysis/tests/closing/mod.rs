@@ -1,14 +1,5 @@
 //! Loops closed: assembly, inverse kinematics, reactions of cut joints.
 
-#[path = "../../../partita-integrate/tests/counting/mod.rs"]
-mod counting;
-#[path = "../families/mod.rs"]
-mod families;
-#[path = "../linkages/mod.rs"]
-mod linkages;
-#[path = "../mechanisms/mod.rs"]
-mod mechanisms;
-
 mod assembly;
 mod explicit_closing_runs;
 mod loop_closure_allocations;

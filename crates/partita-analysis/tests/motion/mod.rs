@@ -1,12 +1,5 @@
 //! Whole mechanisms: evaluations, formulations, passages, reactions.
 
-#[path = "../../../partita-integrate/tests/counting/mod.rs"]
-mod counting;
-#[path = "../mechanisms/mod.rs"]
-mod mechanisms;
-#[path = "../planar/mod.rs"]
-mod planar;
-
 mod allocations;
 mod change_points;
 mod driven;
