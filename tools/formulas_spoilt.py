@@ -738,9 +738,9 @@ ERRORS = (
         "shared-drives",
         "the share that a drive has in a self-stress is left out of its effort (R2)",
         f"{ANALYSIS}/sharing.rs",
-        "drives[*d] += effort * alpha;",
-        "drives[*d] += 0.0 * effort * alpha;",
-        ("python test_undetermined.py",),
+        "condition(row, x * alpha);",
+        "condition(row, 0.0 * x * alpha);",
+        ("python test_efforts.py",),
     ),
     Error(
         "body-velocity",
