@@ -600,7 +600,7 @@ impl<S: ConstrainedSystem> Launch<'_, S> {
         Ok(())
     }
 
-    /// Length of the step [s].
+    /// Length of the step (s).
     pub fn length(&self) -> f64 {
         self.h
     }

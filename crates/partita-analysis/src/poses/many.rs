@@ -63,9 +63,9 @@ pub struct Poses {
     pub outcomes: Vec<Outcome>,
     /// How far the goals came on the straight way.
     pub reached: Vec<f64>,
-    /// By how much the nearest position is open [m]; NaN where it is not told.
+    /// By how much the nearest position is open (m); NaN where it is not told.
     pub shortfall: Vec<f64>,
-    /// The same for directions [rad].
+    /// The same for directions (rad).
     pub angle: Vec<f64>,
     /// Was the straight way left?
     pub detour: Vec<bool>,

@@ -130,7 +130,7 @@ pub struct Friction {
     /// Which of its coordinates.
     #[serde(default)]
     pub coordinate: usize,
-    /// Level while it slides [N] or [N m].
+    /// Level while it slides (N) or (N m).
     pub dynamic: Value,
     /// Level that must be overcome; none: that of sliding.
     #[serde(default, rename = "static")]
@@ -325,10 +325,10 @@ pub struct Tyre {
     /// Coefficient of friction that slip forces approach.
     #[serde(default)]
     pub friction: f64,
-    /// Force for a unit of slip along the wheel [N].
+    /// Force for a unit of slip along the wheel (N).
     #[serde(default)]
     pub longitudinal: f64,
-    /// Force for a unit of slip across it [N].
+    /// Force for a unit of slip across it (N).
     #[serde(default)]
     pub lateral: f64,
     /// Speed below which slip is counted as if at it [m/s].
