@@ -55,7 +55,7 @@ lint: $(TOOLS)
 test: test-rust test-python
 
 test-rust: $(TOOLS)
-	cargo test --workspace --exclude partita-py --locked
+	cargo test --release --workspace --locked
 
 test-python: $(BUILT)
 	$(BIN)/python -m pytest

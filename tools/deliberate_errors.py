@@ -34,6 +34,13 @@ SCRATCH = ROOT / "target" / "errors"
 LONGEST = 1200.0
 """Seconds for one command: `make test` as a whole takes less."""
 LIST_TEST = "test_deliberate_errors.py"
+NOT_ASKED = {
+    "lib": ("tests", "tests-hand"),
+    "whole": ("tests-hand",),
+    "marching": ("tests",),
+    "reducing": ("tests",),
+}
+"""For each kind of tests of the core, the crates that have none of that kind."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,8 @@ class Workshop:
         self.all_pass = False
         self.environment = os.environ | {
             "CARGO_TARGET_DIR": str(self.builds),
-            "CARGO_INCREMENTAL": "1",  # one line changes at a time
+            "CARGO_PROFILE_RELEASE_INCREMENTAL": "true",  # one line changes at a time
+            "CARGO_PROFILE_RELEASE_CODEGEN_UNITS": "16",
             "PYO3_PYTHON": sys.executable,
             "PYO3_BUILD_EXTENSION_MODULE": "1",
             "PYTHONPATH": str(self.tree / "python"),
@@ -121,7 +129,7 @@ class Workshop:
         """End a command with all that it started. A compiler cut short may leave pieces of spoilt code in its cache."""
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        shutil.rmtree(self.builds / "debug" / "incremental", ignore_errors=True)
+        shutil.rmtree(self.builds / "release" / "incremental", ignore_errors=True)
 
     def tests(self, tests: str) -> Outcome:
         """Run some of the tests, see `Error.seen_by`."""
@@ -130,7 +138,8 @@ class Workshop:
             folder = "tests/python" if kind == "python" else PACKAGE
             return self.python([f"{folder}/{name}" for name in rest])
         # of the whole workspace always: a crate by itself has other features of its dependencies, and other builds
-        return self.rust(["--lib"] if kind == "lib" else ["--test", kind], rest)
+        names = [f"{kind}::{name}" for name in rest or [""]] if kind in ("marching", "reducing") else rest
+        return self.rust([f"--exclude=partita-{crate}" for crate in NOT_ASKED[kind]], names)
 
     def check_all_tests(self) -> None:
         """Unspoilt they pass; asked when that is first needed."""
@@ -148,7 +157,7 @@ class Workshop:
 
     def rust(self, which: Sequence[str], names: Sequence[str]) -> Outcome:
         """`cargo test`, built first: what does not compile is no failure of a test."""
-        command = ["cargo", "test", "--workspace", "--locked", *which]
+        command = ["cargo", "test", "--release", "--workspace", "--locked", *which]
         code, said = self.run([*command, "--no-run"])
         if code != 0:
             return Outcome(trouble=f"it does not compile:\n{tail(said)}")
@@ -163,12 +172,12 @@ class Workshop:
 
     def python(self, files: Sequence[str]) -> Outcome:
         """`pytest` on these files, or on all, with the native module of the tree."""
-        code, said = self.run(["cargo", "build", "--workspace", "--locked"])
+        code, said = self.run(["cargo", "build", "--release", "--workspace", "--locked"])
         if code != 0:
             return Outcome(trouble=f"it does not compile:\n{tail(said)}")
         built = next(
             path
-            for path in (self.builds / "debug").glob(
+            for path in (self.builds / "release").glob(
                 "lib_core.*",
             )
             if path.suffix in (".so", ".dylib")

@@ -15,7 +15,7 @@ class Error:
     old: str
     new: str
     seen_by: tuple[str, ...]
-    """In the order to try: "whole motion::heavy_top" is a test binary of a crate and a filter, "lib spatial" the unit
+    """In the order to try: "whole motion::heavy_top" is a group of tests and a filter, "lib spatial" the crates' own
     tests, "python test_x.py" a file of tests/python, "docstrings x.py" a file of the package."""
 
 

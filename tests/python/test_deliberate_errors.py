@@ -46,7 +46,12 @@ def test_the_tests_that_should_see_it_are_there(tests: str) -> None:
         folder = ROOT / ("tests/python" if kind == "python" else "python/partita")
         assert rest and all((folder / name).is_file() for name in rest)
         return
-    assert kind == "lib" or len(list(ROOT.glob(f"crates/*/tests/{kind}/main.rs"))) == 1
+    if kind == "lib":
+        return
+    sources = ROOT / "crates" / ("partita-tests" if kind == "whole" else "partita-tests-hand") / "src"
+    for name in rest or [""]:
+        path = name.split("::") if kind == "whole" else [kind, name]
+        assert (sources / "/".join(path)).is_dir() or (sources / f"{'/'.join(path)}.rs").is_file()
 
 
 def test_a_text_that_is_not_there_once_is_refused() -> None:

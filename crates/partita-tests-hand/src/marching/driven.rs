@@ -1,6 +1,6 @@
 //! Constraints that move with time: order, and the power that the drive puts in.
 
-use crate::mechanisms::{any, distance, grid, march, reference, run, slope, times, Any, Pendulum};
+use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Any, Pendulum};
 use partita_integrate::simulate::Settings;
 use partita_system::equations::ByHand;
 use partita_system::formulation::motion::Projective;

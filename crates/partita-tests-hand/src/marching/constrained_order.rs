@@ -1,7 +1,7 @@
 //! Marching constrained systems: the order survives corrections and exchanges, drift is that of a first integral,
 //! exchanges carry the state over bit by bit.
 
-use crate::mechanisms::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
+use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{ByHand, Equations};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::{Formulation, Step, Verdict};

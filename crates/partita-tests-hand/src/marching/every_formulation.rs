@@ -1,6 +1,6 @@
 //! Every formulation of the registry, marched: the same motion, the order of the method, the drift of its invariants.
 
-use crate::mechanisms::{
+use crate::pieces::{
     any, described, distance, grid, march, reference, slope, times, Angles, FourBar, Pendulum, Plate, Redundant,
 };
 use partita_integrate::simulate::{simulate, Status};

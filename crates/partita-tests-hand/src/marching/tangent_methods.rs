@@ -1,6 +1,6 @@
 //! Marching with tangent velocities: order, one motion with every form, and how a frozen basis decays.
 
-use crate::mechanisms::{
+use crate::pieces::{
     any, distance, grid, march, reference, run, slope, times, Angles, Any, FourBar, Pendulum, GROUND, LENGTHS,
 };
 use partita_system::equations::{ByHand, Equations};

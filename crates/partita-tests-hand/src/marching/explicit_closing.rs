@@ -1,6 +1,6 @@
 //! Explicit closing of several loops: block by block, with inputs that the system changes when they run into dead points.
 
-use crate::mechanisms::{any, distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
+use crate::pieces::{any, distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
 use partita_integrate::simulate::{simulate, Status};
 use partita_math::elimination::Pattern;
 use partita_system::closing::{Block, BlockState, Closing};
@@ -193,8 +193,8 @@ impl Closing for Dyads<'_> {
             }
             let first = y.atan2(x) - f64::from(self.state[b].branch) * cos.acos();
             let second = (y - l[i] * first.sin()).atan2(x - l[i] * first.cos());
-            q[i] = crate::mechanisms::nearest_turn(first, q[i]);
-            q[j] = crate::mechanisms::nearest_turn(second, q[j]);
+            q[i] = crate::pieces::nearest_turn(first, q[i]);
+            q[j] = crate::pieces::nearest_turn(second, q[j]);
             self.state[b].pivot = (q[j] - q[i]).sin().abs();
         }
         Ok(())

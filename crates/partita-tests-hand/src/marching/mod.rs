@@ -1,12 +1,5 @@
 //! Marching in time.
 
-#[path = "../counting/mod.rs"]
-mod counting;
-#[path = "../mechanisms/mod.rs"]
-mod mechanisms;
-#[path = "../problems/mod.rs"]
-mod problems;
-
 mod allocations;
 mod constrained_order;
 mod convergence;

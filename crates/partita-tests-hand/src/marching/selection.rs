@@ -1,6 +1,6 @@
 //! Rules of choice during a run: the motion does not depend on them, how often and how well they choose does.
 
-use crate::mechanisms::{any, distance, march, reference, run, times, Angles, FourBar, InUnits, LENGTHS};
+use crate::pieces::{any, distance, march, reference, run, times, Angles, FourBar, InUnits, LENGTHS};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
@@ -68,7 +68,7 @@ fn a_threshold_without_end_keeps_the_first_choice() {
     let v = Angles::rates([q[0], q[1], q[2]], 10.0).to_vec();
     for selection in Selection::ALL {
         let mut f = Projective::new(&system, 2, &FormulationOptions { exchange: f64::INFINITY, ..by(selection) });
-        march(&mut f, &q, &v, &at, &crate::mechanisms::grid(1.0, 0.002));
+        march(&mut f, &q, &v, &at, &crate::pieces::grid(1.0, 0.002));
         assert_eq!((f.journal().counters.exchanges, f.journal().events.len()), (0, 1), "{}", selection.name());
     }
 }
@@ -210,7 +210,7 @@ fn persistence_finds_the_crank() {
     for h in [0.002, 0.01] {
         let at = times(0.5, 20);
         let mut f = Projective::new(&system, 8, &by(Selection::Persistence));
-        let samples = march(&mut f, &q, &v, &at, &crate::mechanisms::grid(10.0, h));
+        let samples = march(&mut f, &q, &v, &at, &crate::pieces::grid(10.0, h));
         let turns = (samples[19].q[2] - q[2]).abs() / TAU;
         assert!(turns > 10.0, "{turns}");
         let events = f.journal().events;
@@ -221,7 +221,7 @@ fn persistence_finds_the_crank() {
         assert!(last.reason.starts_with("angle1 takes the place of"), "{}", last.reason);
         // the collective rule goes on exchanging
         let mut collective = Projective::new(&system, 8, &FormulationOptions::default());
-        march(&mut collective, &q, &v, &at, &crate::mechanisms::grid(10.0, h));
+        march(&mut collective, &q, &v, &at, &crate::pieces::grid(10.0, h));
         let later = collective.journal().events.iter().filter(|e| e.t > last.t).count();
         assert!(later > 30, "{later}");
     }
@@ -301,7 +301,7 @@ fn an_impossible_choice_ends_the_run_by_name() {
     for selection in Selection::ALL {
         let mut f = Projective::new(&system, 3, &by(selection));
         let mut keep = |_: &partita_system::record::Output| Ok(());
-        let settings = crate::mechanisms::grid(20.0, 0.01);
+        let settings = crate::pieces::grid(20.0, 0.01);
         let outcome =
             simulate(&mut f, 0.0, &q, &v, &[20.0], &settings, &mut keep, &mut |_| ControlFlow::Continue(())).unwrap();
         if selection == Selection::Individual {

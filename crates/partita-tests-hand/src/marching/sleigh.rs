@@ -1,6 +1,6 @@
 //! A knife edge that does not slip sideways: a constraint on velocities that no constraint on positions stands behind.
 
-use crate::mechanisms::{any, distance, grid, march, reference, run, slope, times};
+use crate::pieces::{any, distance, grid, march, reference, run, slope, times};
 use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;

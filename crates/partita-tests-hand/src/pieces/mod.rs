@@ -1,10 +1,7 @@
 //! Small constrained systems written by hand, and short ways to march them.
 #![allow(dead_code, unused_imports, reason = "each test file uses the part it needs")]
 
-#[path = "../../../partita-system/tests/by_hand/mod.rs"]
-mod by_hand;
-
-pub use by_hand::*;
+pub use crate::by_hand::*;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{DOP853, RK4};
