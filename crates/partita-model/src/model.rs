@@ -101,6 +101,7 @@ impl Deref for Model {
 }
 
 mod fit;
+mod meant;
 mod system;
 
 /// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
