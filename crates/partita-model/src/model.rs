@@ -104,6 +104,8 @@ mod fit;
 mod meant;
 mod system;
 
+pub use meant::Meant;
+
 /// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
 fn all_welded(spec: &Spec) -> bool {
     let mut held = vec![validate::GROUND];

@@ -41,6 +41,18 @@ const OWN: usize = 12;
 /// and what it takes over from others.
 const EACH: f64 = 3.0;
 
+/// A mechanism as it was meant, and by how much its drawing was off.
+pub struct Meant {
+    /// The mechanism.
+    pub model: Model,
+    /// The joint that was changed most.
+    pub joint: usize,
+    /// The largest displacement of a joint on a body (m).
+    pub shift: f64,
+    /// Its largest turn (rad).
+    pub turn: f64,
+}
+
 /// A step towards the drawing that fits.
 struct Nearer {
     change: Vec<f64>,
@@ -62,7 +74,7 @@ impl Model {
     ///
     /// # Errors
     /// Where nothing can be evaluated at (t, q).
-    pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Self>, SystemError> {
+    pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
         let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
         if spec.joints.len() > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some() {
             return Ok(None);
@@ -82,9 +94,21 @@ impl Model {
         let Some(change) = change.filter(|x| x.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)) else {
             return Ok(None);
         };
-        let meant = self.changed_by(&change, self.coordinates, self.is_planar());
-        let same = |x: &Self| x.size() == self.size() && x.is_planar() == self.is_planar();
-        Ok(meant.filter(same).map(|x| x.with_recursion(self.preference)))
+        let Some(model) = self.changed_by(&change, self.coordinates, self.is_planar()) else { return Ok(None) };
+        if model.size() != self.size() || model.is_planar() != self.is_planar() {
+            return Ok(None);
+        }
+        let most = change.chunks(OWN).enumerate().max_by(|x, y| of_joint(x.1).total_cmp(&of_joint(y.1)));
+        let largest = |places: [usize; 2]| {
+            let part = |x: &[f64], i: usize| Vec3([x[i], x[i + 1], x[i + 2]]).norm();
+            change.chunks(OWN).flat_map(|x| places.map(|i| part(x, i))).fold(0.0, f64::max)
+        };
+        Ok(Some(Meant {
+            joint: most.map_or(0, |x| x.0),
+            shift: largest([0, 6]) * self.placed.size,
+            turn: largest([3, 9]),
+            model: model.with_recursion(self.preference),
+        }))
     }
 
     /// The change of the drawing by which `twin` fits, if singular values below this part of the largest say nothing; None
@@ -134,9 +158,7 @@ impl Model {
         for (j, (joint, placed)) in self.spec.joints.iter().zip(&self.placed.joints).enumerate() {
             let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
             let Some(axis) = Vec3(axis).unit() else { continue };
-            for (node, place, axis) in
-                [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))]
-            {
+            for (node, place, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
                 let turn = s.links[self.placed.link_of(node)].rot;
                 axes.push((j * OWN + place, turn, turn.apply(axis)));
             }
