@@ -20,8 +20,8 @@ use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
 use partita_system::drawing::{fit, openings, Place, Said};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Joints beyond which nothing is sought: the conditions would be a large matrix.
-const LARGEST: usize = 40;
+/// Products of a decomposition beyond which nothing is sought: it would take longer than the run.
+const LARGEST: usize = 150_000_000;
 /// Changes of the drawing: each is quadratically better than the one before, from 1e-4 to rounding in three or four.
 const ROUNDS: usize = 10;
 /// What opens by less, in parts of sizes, is rounding.
@@ -76,7 +76,8 @@ impl Model {
     /// Where nothing can be evaluated at (t, q).
     pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
         let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
-        if spec.joints.len() > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some() {
+        if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some()
+        {
             return Ok(None);
         }
         let Some(found) = fit(self, t, q, tolerance)?.filter(|fit| fit.within && fit.freedoms > 0) else {
@@ -195,6 +196,9 @@ impl Model {
     /// The shortest change of this drawing between free bodies by which all that is said would be nothing.
     fn nearer(&self, places: &[Place], nothing: f64) -> Option<Nearer> {
         let said: usize = places.iter().map(|x| x.said.len()).sum();
+        if said * (OWN * self.spec.joints.len()).pow(2) > LARGEST {
+            return None;
+        }
         let mut rows = Matrix::new(said, OWN * self.spec.joints.len());
         let mut open = Vec::with_capacity(said);
         let mut s = self.full.scratch();
