@@ -152,8 +152,8 @@ def freely(flags: list[bool], kind: str) -> tuple[Any, ...]:
 def by_chance(seed: int) -> Drawing:
     """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry.
 
-    A planar joint lays its slides along axes of its own choice in its plane, by the axes of the drawing: driven along one of
-    them it is another mechanism when it is turned. Such drives are left out.
+    A planar joint lays its slides along axes of its own choice in its plane, by the axes of the drawing: driven along
+    one of them it is another mechanism when it is turned. Such drives are left out.
     """
     d = replace(chance.mechanism(seed), forces=())
     planar = {j.name for j in d.joints if j.kind == "planar"}

@@ -1,5 +1,5 @@
-"""A drawing that misfits within its tolerance runs as the nearest drawing that fits: through singular positions as the exact
-one does, whatever the size of the misfit and the coordinates."""
+"""A drawing that misfits within its tolerance runs as the nearest drawing that fits: through singular positions as the
+exact one does, whatever the size of the misfit and the coordinates."""
 
 from __future__ import annotations
 
@@ -160,7 +160,8 @@ def delta(digits: int) -> pt.Mechanism:
 
 @pytest.mark.parametrize(("digits", "coordinates"), [(6, "relative"), (4, "relative"), (4, "absolute")])
 def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
-    """Some of its own conditions say little beside the others, what rounding left of redundant ones far less: the platform
+    """Some of its own conditions say little beside the others, what rounding left of redundant ones far less: the
+    platform
     has its three displacements, and turns by no more than was rounded."""
     m, off = delta(digits), 10.0**-digits
     assert m.compile(coordinates=coordinates).mobility == 3

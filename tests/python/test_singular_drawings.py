@@ -99,8 +99,8 @@ def test_each_branch_can_be_drawn_and_started_on_either_way() -> None:
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("apart", [1e-4, 3e-4, 1e-3, 1e-2])
 def test_rates_that_hold_together_beside_it(apart: float, coordinates: str) -> None:
-    """One rate more than freedoms: a parallelogram has its cranks turn alike however near it is to the flat position, where
-    the position is known to rounding and the rates to that over the square of the distance."""
+    """One rate more than freedoms: a parallelogram has its cranks turn alike however near it is to the flat position,
+    where the position is known to rounding and the rates to that over the square of the distance."""
     m = linkage(*line(*LINKAGES["parallelogram"]))
     guess, rates = {"A": apart, "B": -apart, "Z": apart}, {"A": 2.0, "B": -2.0, "Z": 2.0}
     start = m.assemble(guess=guess, rates=rates, coordinates=coordinates)
