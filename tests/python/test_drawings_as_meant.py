@@ -161,8 +161,7 @@ def delta(digits: int) -> pt.Mechanism:
 @pytest.mark.parametrize(("digits", "coordinates"), [(6, "relative"), (4, "relative"), (4, "absolute")])
 def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
     """Some of its own conditions say little beside the others, what rounding left of redundant ones far less: the
-    platform
-    has its three displacements, and turns by no more than was rounded."""
+    platform has its three displacements, and turns by no more than was rounded."""
     m, off = delta(digits), 10.0**-digits
     assert m.compile(coordinates=coordinates).mobility == 3
     found = m.report(coordinates=coordinates).to_dict()
