@@ -150,8 +150,14 @@ def freely(flags: list[bool], kind: str) -> tuple[Any, ...]:
 
 
 def by_chance(seed: int) -> Drawing:
-    """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry."""
+    """A mechanism drawn by chance, without forces; all bodies have an extent: masses hide no geometry.
+
+    A planar joint lays its slides along axes of its own choice in its plane, by the axes of the drawing: driven along
+    one of them it is another mechanism when it is turned. Such drives are left out.
+    """
     d = replace(chance.mechanism(seed), forces=())
+    planar = {j.name for j in d.joints if j.kind == "planar"}
+    d = replace(d, drives=tuple(x for x in d.drives if x.joint not in planar or x.coordinate > 1))
     thick = [replace(b, inertia=b.inertia + 0.01 * b.mass * d.size**2 * np.eye(3)) for b in d.bodies]
     return replace(d, bodies=tuple(thick))
 

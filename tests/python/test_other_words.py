@@ -26,8 +26,8 @@ DRAWN: dict[str, Callable[[], pt.Mechanism]] = {
     "double-cardan": lambda: pt.catalogue.load("double-cardan"),
     "spatial-four-bar": lambda: pt.catalogue.load("spatial-four-bar"),
 }
-CHANCE = (0, 2, 4, 8, 9, 12, 14, 20)
-"""Mechanisms drawn by chance: parallelograms, planes, groups of parallel axes, loops in space."""
+CHANCE = (0, 2, 4, 8, 9, 12, 14, 20, 114)
+"""Mechanisms drawn by chance: parallelograms, planes, groups of parallel axes, loops in space, drives."""
 
 
 def drawing(name: str | int) -> Drawing:

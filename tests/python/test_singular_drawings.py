@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import partita as pt
-from partita.errors import SingularityError
+from partita.errors import ArgumentError, SingularityError
 
 Point = tuple[float, float, float]
 
@@ -94,6 +94,26 @@ def test_each_branch_can_be_drawn_and_started_on_either_way() -> None:
                 for joint in ("A", "B", "Z"):
                     assert abs(start.position(joint) - guess.get(joint, 0.0)) < 2e-3, (name, joint)
                 assert m.simulate(0.01, initial=start).success, name
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("apart", [1e-4, 3e-4, 1e-3, 1e-2])
+def test_rates_that_hold_together_beside_it(apart: float, coordinates: str) -> None:
+    """One rate more than freedoms: a parallelogram has its cranks turn alike however near it is to the flat position,
+    where the position is known to rounding and the rates to that over the square of the distance."""
+    m = linkage(*line(*LINKAGES["parallelogram"]))
+    guess, rates = {"A": apart, "B": -apart, "Z": apart}, {"A": 2.0, "B": -2.0, "Z": 2.0}
+    start = m.assemble(guess=guess, rates=rates, coordinates=coordinates)
+    run = m.simulate(0.01, initial=start, coordinates=coordinates)
+    for joint, rate in rates.items():
+        assert run.joint(joint).velocity[0].item() == pytest.approx(rate, abs=2e-13 / apart**2 + 1e-9)
+
+
+def test_rates_that_nearly_hold_together_are_told_with_their_digits() -> None:
+    m = linkage(*line(*LINKAGES["parallelogram"]))
+    with pytest.raises(ArgumentError, match=r"A = 2 \(possible: 2\.00000\d*[1-9]\d*\)") as told:
+        m.assemble(guess={"A": 0.3, "B": -0.3, "Z": 0.3}, rates={"A": 2.0, "Z": 2.000001})
+    assert "cannot hold together" in str(told.value)
 
 
 def test_the_report_goes_on_beside_it() -> None:

@@ -101,7 +101,10 @@ impl Deref for Model {
 }
 
 mod fit;
+mod meant;
 mod system;
+
+pub use meant::Meant;
 
 /// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
 fn all_welded(spec: &Spec) -> bool {

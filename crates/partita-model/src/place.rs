@@ -186,7 +186,7 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
 }
 
 /// How far the child's joint axis in the drawing is turned from the parent's.
-fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
+pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     if let Some(child) = joint.child_frame {
         let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
         return Ok(frame.mul(&Mat3(child).transpose()));

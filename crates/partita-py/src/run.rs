@@ -8,6 +8,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
 use partita_analysis::run::{self, Finding, Journal, Request, Run};
 use partita_integrate::simulate::Status;
+use partita_model::Model;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -231,6 +232,21 @@ pub fn doubt(
         }
     }
     Ok(())
+}
+
+/// What the `drawn` mechanism misfits by where a run of the one that was meant went, and what was changed.
+pub fn bridged(py: Python<'_>, d: &Bound<'_, PyDict>, drawn: &Model, note: String) -> PyResult<()> {
+    let read = |key: &str| -> PyResult<Vec<f64>> {
+        Ok(d.get_item(key)?.and_then(|x| crate::arrays::entries(&x)).unwrap_or_default())
+    };
+    let (t, q) = (read("t")?, read("q")?);
+    let places = t.iter().copied().zip(q.chunks(drawn.size().nq));
+    let misfit = run::meant::misfit(drawn, places).map_err(|e| failure::system(py, e))?;
+    d.set_item("misfit", misfit.max(f64::EPSILON))?;
+    match d.get_item("notes")? {
+        Some(notes) => notes.call_method1("append", (note,)).map(|_| ()),
+        None => Ok(()),
+    }
 }
 
 /// Whose evaluation failed.

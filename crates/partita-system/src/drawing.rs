@@ -15,6 +15,10 @@
 //!
 //! the same whichever rows were left out.
 
+mod openings;
+
+pub use openings::{openings, Place, Said};
+
 use crate::reduction::openness::CLOSED;
 use crate::reduction::{bridged_gap, bridged_row, Reduction, BY_CHOICE, FITS, REDUNDANT};
 use crate::system::{ConstrainedSystem, Fit, SystemError};
@@ -39,6 +43,7 @@ const SEARCHED: usize = 60;
 const MOVED: f64 = 0.1;
 /// ... in so many steps, each closed: Newton's method from a fiftieth of a reach finds the position next to it.
 const STEPS: usize = 5;
+const SHORT: (f64, usize) = (MOVED, STEPS);
 /// A misfit opens a row by no more than this part of what it adds, on so short a motion; next to a singular position, where
 /// it adds as much as the distance, the motion opens it by half its own square.
 const GROWS: f64 = 0.4;
@@ -225,7 +230,7 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], found: &Candidates)
     }
     let mut fits = true;
     let ways = Ways::new(&r, Vec::new());
-    moved(&mut r, (t, &home), &ways, (0, 1.0), &mut |r| {
+    moved(&mut r, (t, &home), &ways, (0, 1.0), SHORT, &mut |r, _| {
         fits &= r.misfit().0 <= FITS;
         fits
     })?;
@@ -266,7 +271,7 @@ fn seen<S: ConstrainedSystem>(
     let ways = Ways::new(&r, weakest);
     for direction in 0..ways.count {
         for sign in [1.0, -1.0] {
-            moved(&mut r, (t, &home), &ways, (direction, sign), &mut |r| {
+            moved(&mut r, (t, &home), &ways, (direction, sign), SHORT, &mut |r, _| {
                 let open = SelfStresses::new(r).map_or(f64::INFINITY, |x| x.opened(r));
                 seen.opened = seen.opened.max(open);
                 seen.opened <= limit
@@ -476,7 +481,8 @@ fn moved<S: ConstrainedSystem>(
     (t, home): (f64, &[f64]),
     ways: &Ways,
     (direction, sign): (usize, f64),
-    look: &mut dyn FnMut(&Reduction<S>) -> bool,
+    (length, steps): (f64, usize),
+    look: &mut dyn FnMut(&Reduction<S>, &[f64]) -> bool,
 ) -> Result<(), SystemError> {
     let system = r.system;
     let mut there = home.to_vec();
@@ -485,14 +491,14 @@ fn moved<S: ConstrainedSystem>(
         return Ok(());
     }
     let rates = ways.rates(r, direction);
-    for _ in 0..STEPS {
+    for _ in 0..steps {
         r.gamma.fill(0.0);
         r.spread(&rates);
         let fastest = system.travel(&r.v);
         if !(fastest.is_finite() && fastest > 0.0) {
             return Ok(());
         }
-        let scale = sign * MOVED / (STEPS as f64 * fastest);
+        let scale = sign * length / (steps as f64 * fastest);
         let by: Vec<f64> = r.v.iter().map(|v| scale * v).collect();
         let before = there.clone();
         system.step(&mut there, &by);
@@ -502,7 +508,7 @@ fn moved<S: ConstrainedSystem>(
             r.position(t, &before)?;
             return Ok(());
         }
-        if !look(r) || r.tangent(t).is_err() {
+        if !look(r, &there) || r.tangent(t).is_err() {
             return Ok(());
         }
     }
@@ -536,7 +542,7 @@ fn in_rows<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], fit: &Fit) -> Re
         let ways = Ways::new(&r, Vec::new());
         for direction in 0..ways.count {
             for sign in [1.0, -1.0] {
-                moved(&mut r, (t, &home), &ways, (direction, sign), &mut |r| {
+                moved(&mut r, (t, &home), &ways, (direction, sign), SHORT, &mut |r, _| {
                     opened.iter_mut().for_each(|(i, most)| *most = most.max(r.phi[*i].abs() / r.row_size(*i)));
                     true
                 })?;

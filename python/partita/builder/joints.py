@@ -220,7 +220,8 @@ def add_planar(
     [rad].
 
     `point` None: the child's origin as drawn. `child_axis` is the normal as it sits on the child in a rough
-    drawing.
+    drawing. The slides go along two axes across the normal that the joint chooses by the axes of the drawing; to drive
+    it along a direction of your own, add a generic joint with a frame.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("puck")

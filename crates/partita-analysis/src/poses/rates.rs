@@ -7,12 +7,10 @@ use partita_math::factor::least_squares_min_norm;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::branching::ways::{self, Asked};
-use partita_system::kinematics::velocity::{momentum, near_with_rates, pushed_with_rates};
+use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
-/// Rates that hold together are met to this part of the largest one: what solutions with a condition up to a million leave.
-const MET: f64 = 1e-9;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-10;
 
@@ -128,9 +126,10 @@ pub fn with_rates(
     let asked = rows.iter().fold(0.0, |m: f64, (x, rate)| m.max(speed(x, *rate)));
     let fastest = (0..n).fold(asked, |m: f64, i| m.max(v[i].abs() / model.reach(i)));
     let miss = |i: usize| dense::dot(&gradients[i], &v) - rows[i].1;
-    if (0..p).any(|i| speed(rows[i].0, miss(i)) > MET * fastest) {
+    let met = met(&mut r);
+    if (0..p).any(|i| speed(rows[i].0, miss(i)) > met * fastest) {
         let words: Vec<String> = (0..p)
-            .map(|i| format!("{} = {} (possible: {:.6})", rows[i].0.name, rows[i].1, dense::dot(&gradients[i], &v)))
+            .map(|i| format!("{} = {}", rows[i].0.name, possible(rows[i].1, dense::dot(&gradients[i], &v))))
             .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.velocity_name(i))))
             .collect();
         let message = format!(

@@ -4,6 +4,7 @@ pub mod cost;
 mod departure;
 mod inconsistent;
 mod journal;
+pub mod meant;
 mod request;
 mod verdict;
 

@@ -12,7 +12,7 @@ use partita_system::{Fit, SystemError};
 
 impl Model {
     /// The same mechanism as free bodies between joints, in space; and its coordinates where this one has q.
-    fn by_bodies(&self, q: &[f64]) -> Option<(Self, Vec<f64>)> {
+    pub(super) fn by_bodies(&self, q: &[f64]) -> Option<(Self, Vec<f64>)> {
         // what could be compiled in one kind of coordinates and not in the other is judged as it stands
         let twin =
             Self::build((*self.spec).clone(), self.callers.functions.clone(), Coordinates::Absolute, false).ok()?;

@@ -8,11 +8,35 @@ use partita_math::factor;
 /// Rates that hold together are met to this part of the largest velocity asked for or forced (in reaches a second): what
 /// solutions with a condition up to a million leave of sixteen digits.
 const MET: f64 = 1e-9;
+/// Next to a singular position rates that hold together are known to this part over the square of the distance from it: of a
+/// position closed to round-off the directions of motion are off by the one over the distance, and what loops make of them by
+/// the other...
+const ROUNDED: f64 = 5e-15;
+/// ... but never to less than this part.
+const AT_MOST: f64 = 1e-5;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-10;
 /// A rate that takes others to this many times its own speed (in reaches a second) is that of a joint which is locked: what
 /// positions closed to round-off leave open of a dead point is the root of it, 1e-8.
 const LOCKED: f64 = 1e7;
+
+/// To which part of the largest velocity rates that hold together are met at the last tangent.
+pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
+    if r.rank() == 0 {
+        return MET;
+    }
+    let (distance, _) = r.distance();
+    (ROUNDED / (distance * distance)).clamp(MET, AT_MOST)
+}
+
+/// A rate that was wanted and the one that is possible, with as many digits as it takes to tell them apart.
+pub fn possible(want: f64, got: f64) -> String {
+    let digits = match (got - want).abs() < 1e-5 * want.abs().max(1.0) {
+        true => 12,
+        false => 6,
+    };
+    format!("{want} (possible: {got:.digits$})")
+}
 
 /// Velocities with `v_i = rate` for the given pairs and least kinetic energy otherwise, at the partition of `r`.
 ///
@@ -52,28 +76,29 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     let zero = vec![0.0; k];
     r.spread(&zero);
     let gamma = r.v.clone(); // [0; η]
+    let (system, met) = (r.system, met(r));
     let failed = |got: &[f64]| {
         let words: Vec<String> = rates
             .iter()
             .zip(got)
-            .map(|(&(i, want), got)| format!("{} = {want} (possible: {got:.6})", r.system.velocity_name(i)))
+            .map(|(&(i, want), &got)| format!("{} = {}", system.velocity_name(i), possible(want, got)))
             .collect();
         SystemError::argument(
             "rates",
             format!("the rates {} cannot hold together: the loops leave {k} degrees of freedom here", words.join(", ")),
         )
     };
-    let reach = |i: usize| r.system.reach(i);
+    let reach = |i: usize| system.reach(i);
     let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / reach(i)));
     let fastest = gamma.iter().enumerate().fold(asked, |m: f64, (i, g)| m.max(g.abs() / reach(i)));
     if k == 0 {
         let got: Vec<f64> = rates.iter().map(|&(i, _)| gamma[i]).collect();
-        let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > MET * fastest * reach(i));
+        let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > met * fastest * reach(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
     }
     if r.by_clusters() {
         let (v, got) = r.least_energy(momentum, rates)?;
-        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > 1e-9 * (1.0 + w.abs()));
+        let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > met * (1.0 + w.abs()));
         return if off { Err(failed(&got)) } else { unlocked(r.system, t, rates, fastest, v) };
     }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
@@ -122,7 +147,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
         let got = rows.matvec(&solution);
         let miss: Vec<f64> = got.iter().zip(&want).zip(&length).map(|((g, w), s)| (g - w) * s).collect();
-        if rates.iter().zip(&miss).any(|(r, miss)| miss.abs() > MET * fastest * reach(r.0)) {
+        if rates.iter().zip(&miss).any(|(r, miss)| miss.abs() > met * fastest * reach(r.0)) {
             let got: Vec<f64> = rates.iter().zip(&miss).map(|(r, miss)| r.1 + miss).collect();
             return Err(failed(&got));
         }

@@ -1,0 +1,281 @@
+//! The mechanism as it was meant: of all drawings that fit, the one nearest to the one that was made.
+//!
+//! Between free bodies every joint is a closing. Its frame on either body may sit a little off, by p (displacements over the
+//! mechanism's length, and turns): along the motion of the mechanism as it was meant each self-stress n asks for
+//!
+//! ```text
+//! nᵀ (Φ + J p) = 0,   J = C times the motion of the body that carries the frame
+//! ```
+//!
+//! and the shortest p that satisfies all of them is the least change of the drawing. What opens by rounding then, opens by
+//! rounding elsewhere. No joint is changed by more than the tolerance: what it takes more to mend is another mechanism.
+
+use super::Model;
+use crate::place::{alignment, Coordinates};
+use crate::spec::{Joint, Spec};
+use crate::tree::TreeScratch;
+use partita_math::dense::Matrix;
+use partita_math::factor::svd;
+use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+use partita_system::drawing::{fit, openings, Place, Said};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Products of a decomposition beyond which nothing is sought: it would take longer than the run.
+const LARGEST: usize = 150_000_000;
+/// Changes of the drawing: each is quadratically better than the one before, from 1e-4 to rounding in three or four.
+const ROUNDS: usize = 10;
+/// What opens by less, in parts of sizes, is rounding.
+const FITS: f64 = 1e-13;
+/// ... and less than this cannot be had.
+const ROUNDING: f64 = 1e-15;
+/// Axes that are parallel within so many tolerances were meant to be.
+const PARALLEL: f64 = 3.0;
+/// Singular values below these parts of the largest say nothing, tried in turn: those of a drawing that misfits are off by some
+/// hundred misfits.
+const NOTHING: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
+/// Where the drawing fits, those that say something are so many times those that do not.
+const CLEAR: f64 = 1e3;
+/// Numbers of a joint: displacement and turn on either side.
+const OWN: usize = 12;
+/// Each joint may be changed by so many tolerances, on both sides together: one in its point and one in its axis on either side,
+/// and what it takes over from others.
+const EACH: f64 = 3.0;
+
+/// A mechanism as it was meant, and by how much its drawing was off.
+pub struct Meant {
+    /// The mechanism.
+    pub model: Model,
+    /// The joint that was changed most.
+    pub joint: usize,
+    /// The largest displacement of a joint on a body (m).
+    pub shift: f64,
+    /// Its largest turn (rad).
+    pub turn: f64,
+}
+
+/// A step towards the drawing that fits.
+struct Nearer {
+    change: Vec<f64>,
+    /// The smallest singular value that says something, and the largest that does not, in parts of the largest.
+    gap: (f64, f64),
+}
+
+impl Nearer {
+    fn is_clear(&self) -> bool {
+        self.gap.0 > CLEAR * self.gap.1
+    }
+}
+
+impl Model {
+    /// The same mechanism, its joints moved by no more than the drawing tolerance so that it fits; None where it fits as it is
+    /// drawn, where the drawing does not say what was meant, or misfits by more.
+    ///
+    /// Cost: some hundred evaluations, and dense decompositions, where the drawing misfits.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at (t, q).
+    pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
+        let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
+        if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some()
+        {
+            return Ok(None);
+        }
+        let Some(found) = fit(self, t, q, tolerance)?.filter(|fit| fit.within && fit.freedoms > 0) else {
+            return Ok(None);
+        };
+        let Some((twin, there)) = self.by_bodies(q) else { return Ok(None) };
+        let mut change = None;
+        for nothing in NOTHING {
+            change = self.change(&twin, (t, &there), found.freedoms, nothing)?;
+            if change.is_some() {
+                break;
+            }
+        }
+        let of_joint = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let Some(change) = change.filter(|x| x.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)) else {
+            return Ok(None);
+        };
+        let Some(model) = self.changed_by(&change, self.coordinates, self.is_planar()) else { return Ok(None) };
+        if model.size() != self.size() || model.is_planar() != self.is_planar() {
+            return Ok(None);
+        }
+        let most = change.chunks(OWN).enumerate().max_by(|x, y| of_joint(x.1).total_cmp(&of_joint(y.1)));
+        let largest = |places: [usize; 2]| {
+            let part = |x: &[f64], i: usize| Vec3([x[i], x[i + 1], x[i + 2]]).norm();
+            change.chunks(OWN).flat_map(|x| places.map(|i| part(x, i))).fold(0.0, f64::max)
+        };
+        Ok(Some(Meant {
+            joint: most.map_or(0, |x| x.0),
+            shift: largest([0, 6]) * self.placed.size,
+            turn: largest([3, 9]),
+            model: model.with_recursion(self.preference),
+        }))
+    }
+
+    /// The change of the drawing by which `twin` fits, if singular values below this part of the largest say nothing; None
+    /// where what was meant is not clear then.
+    fn change(
+        &self,
+        twin: &Self,
+        at: (f64, &[f64]),
+        freedoms: usize,
+        nothing: f64,
+    ) -> Result<Option<Vec<f64>>, SystemError> {
+        let mut change = twin.parallel(at.1);
+        let mut open = f64::INFINITY;
+        let mut now = self.changed_by(&change, Coordinates::Absolute, false);
+        for round in 0..ROUNDS {
+            let drawing = now.as_ref().unwrap_or(twin);
+            let places = openings(drawing, at, freedoms)?;
+            if places.len() < 3 {
+                return Ok(None);
+            }
+            let before = open;
+            open = places.iter().flat_map(|x| &x.said).fold(0.0, |m: f64, x| m.max(x.open.abs()));
+            let Some(found) = drawing.nearer(&places, nothing) else { return Ok(None) };
+            if open < ROUNDING || open > 0.7 * before {
+                return Ok((open < FITS && (round == 0 || found.is_clear())).then_some(change));
+            }
+            if open.is_nan() {
+                return Ok(None);
+            }
+            change.iter_mut().zip(&found.change).for_each(|(x, more)| *x += more);
+            now = self.changed_by(&change, Coordinates::Absolute, false);
+            if now.is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(None)
+    }
+
+    /// The change of this drawing between free bodies by which axes that are nearly parallel where they stand are so exactly:
+    /// where the fit of others is a double root, to first order these would do as they are.
+    fn parallel(&self, q: &[f64]) -> Vec<f64> {
+        let mut change = vec![0.0; OWN * self.spec.joints.len()];
+        let mut s = self.full.scratch();
+        self.full.poses(q, &mut s);
+        // where the turn stands in a change, how its body is turned, and the axis now
+        let mut axes: Vec<(usize, Mat3<f64>, Vec3<f64>)> = Vec::new();
+        for (j, (joint, placed)) in self.spec.joints.iter().zip(&self.placed.joints).enumerate() {
+            let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
+            let Some(axis) = Vec3(axis).unit() else { continue };
+            for (node, place, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
+                let turn = s.links[self.placed.link_of(node)].rot;
+                axes.push((j * OWN + place, turn, turn.apply(axis)));
+            }
+        }
+        let near = PARALLEL * self.spec.drawing_tolerance;
+        while let Some((_, _, first)) = axes.first().copied() {
+            let (group, others): (Vec<_>, Vec<_>) = axes.into_iter().partition(|x| x.2.cross(first).norm() <= near);
+            axes = others;
+            let ahead = |x: Vec3<f64>| x.times(if x.dot(first) < 0.0 { -1.0 } else { 1.0 });
+            // the one that the others are nearest to: where most are exactly parallel, those stay as they are
+            let off = |x: Vec3<f64>| group.iter().map(|y| x.cross(y.2).norm()).sum::<f64>();
+            let least = group.iter().min_by(|x, y| off(x.2).total_cmp(&off(y.2))).map_or(first, |x| ahead(x.2));
+            for &(place, turn, axis) in &group {
+                let across = ahead(axis).cross(least);
+                let (sine, cosine) = (across.norm(), ahead(axis).dot(least));
+                if sine > 0.0 {
+                    let by = turn.apply_transposed(across.times(sine.atan2(cosine) / sine));
+                    change[place..place + 3].copy_from_slice(&by.0);
+                }
+            }
+        }
+        change
+    }
+
+    /// With the frames of the joints changed by so much.
+    fn changed_by(&self, change: &[f64], coordinates: Coordinates, allow_plane: bool) -> Option<Self> {
+        let mut spec: Spec = (*self.spec).clone();
+        for (joint, x) in spec.joints.iter_mut().zip(change.chunks(OWN)) {
+            set(joint, x, self.placed.size, self.is_planar());
+        }
+        Self::build(spec, self.callers.functions.clone(), coordinates, allow_plane).ok()
+    }
+
+    /// The shortest change of this drawing between free bodies by which all that is said would be nothing.
+    fn nearer(&self, places: &[Place], nothing: f64) -> Option<Nearer> {
+        let said: usize = places.iter().map(|x| x.said.len()).sum();
+        if said * (OWN * self.spec.joints.len()).pow(2) > LARGEST {
+            return None;
+        }
+        let mut rows = Matrix::new(said, OWN * self.spec.joints.len());
+        let mut open = Vec::with_capacity(said);
+        let mut s = self.full.scratch();
+        for place in places {
+            self.full.poses(&place.q, &mut s);
+            for said in &place.said {
+                self.slope(place, said, &s, rows.row_mut(open.len()));
+                open.push(-said.open);
+            }
+        }
+        let f = svd(&rows).ok()?;
+        let largest = f.s.first().copied()?;
+        let mut found = Nearer { change: vec![0.0; rows.cols()], gap: (1.0, 0.0) };
+        for (i, s) in f.s.iter().enumerate() {
+            if *s <= nothing * largest {
+                found.gap.1 = s / largest;
+                break;
+            }
+            found.gap.0 = s / largest;
+            let part = (0..rows.rows()).map(|r| f.u[(r, i)] * open[r]).sum::<f64>() / s;
+            found.change.iter_mut().enumerate().for_each(|(j, x)| *x += part * f.v[(j, i)]);
+        }
+        Some(found)
+    }
+
+    /// What a change of each number would open, added up as it is `said`; of a drawing between free bodies.
+    fn slope(&self, place: &Place, said: &Said, s: &TreeScratch<Spatial<f64>>, out: &mut [f64]) {
+        let (pattern, size) = (self.pattern(), self.placed.size);
+        for &(row, weight) in &said.rows {
+            let Some(j) = self.joint_of_row(row) else { continue };
+            let joint = &self.placed.joints[j];
+            for (node, other, point, first) in [
+                (joint.parent, joint.child, joint.parent_point, 0),
+                (joint.child, joint.parent, joint.child_point, OWN / 2),
+            ] {
+                // a frame on the ground moves by as much as the other body would move against it
+                let (body, sign) = if node == 0 { (other, -weight) } else { (node, weight) };
+                let (own, link) = (self.placed.link_of(node), self.placed.link_of(body));
+                let v = self.placed.links[link].v;
+                let mut effort = [0.0; 6];
+                for e in pattern.row(row) {
+                    if let Some(k) = (pattern.col_idx[e] + 3).checked_sub(v).filter(|k| *k < 6) {
+                        effort[k] = sign * place.c[e];
+                    }
+                }
+                let force = Vec3([effort[0], effort[1], effort[2]]);
+                let moment = s.links[link].rot.apply(Vec3([effort[3], effort[4], effort[5]]));
+                let turn = &s.links[own].rot;
+                let here = self.full.place(own, s) + turn.apply(point - self.reference()[own]);
+                let about = moment + (self.full.place(link, s) - here).cross(force);
+                let shift = turn.apply_transposed(force).times(size);
+                let turned = turn.apply_transposed(about);
+                let numbers = &mut out[j * OWN + first..][..OWN / 2];
+                shift.0.iter().chain(&turned.0).zip(numbers).for_each(|(x, out)| *out += x);
+            }
+        }
+    }
+}
+
+/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane it stays the
+/// plane it is.
+fn set(joint: &mut Joint, by: &[f64], size: f64, planar: bool) {
+    let part = |i: usize| Vec3([by[i], by[i + 1], by[i + 2]]);
+    let child = Vec3(joint.child_point.unwrap_or(joint.point)) + part(6).times(size);
+    joint.child_point = Some(child.0);
+    joint.point = (Vec3(joint.point) + part(0).times(size)).0;
+    if planar {
+        return;
+    }
+    let [on_parent, on_child] = [part(3), part(9)].map(|w| Quaternion::exp(w).matrix());
+    let Ok(drawn) = alignment(joint) else { return };
+    for axis in [&mut joint.axis, &mut joint.axis2].into_iter().flatten() {
+        *axis = on_parent.apply(Vec3(*axis)).0;
+    }
+    joint.frame = joint.frame.map(|frame| on_parent.mul(&Mat3(frame)).0);
+    let fits = on_parent.mul(&drawn).mul(&on_child.transpose());
+    let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
+    joint.child_axis = None;
+    joint.child_frame = Some(fits.transpose().mul(&frame).0);
+}

@@ -1,0 +1,176 @@
+"""A drawing that misfits within its tolerance runs as the nearest drawing that fits: through singular positions as the
+exact one does, whatever the size of the misfit and the coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from drawings import EVERY
+from numpy.typing import NDArray
+from test_drawing_tolerance import BOTH, Z, bar, bennett
+
+import partita as pt
+
+Vector = NDArray[np.float64]
+
+PINS = {
+    "in line": [(0, 0, 0), (1, 0, 0), (2.5, 0, 0)],
+    "in line, in three planes": [(0, 0, 0), (1, 0, 0.4), (2.5, 0, -0.3)],
+    "in a triangle": [(0, 0, 0), (1, 0.8, 0.3), (2.5, -0.3, 0)],
+}
+
+
+def cranks(pins: str, turned: dict[str, Vector], off: float = 0.0, unit: float = 1.0) -> pt.Mechanism:
+    """Three equal parallel cranks, one of them too many; hinges tilted as given, pins off by up to `off`."""
+    rng = np.random.default_rng(3)
+    m = pt.Mechanism("cranks", gravity=(0, -9.81 * unit, 0))
+    along = unit * np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    feet = [unit * np.array(pin, dtype=float) for pin in PINS[pins]]
+    bar(m, "coupler", feet[0] + along, feet[2] + along, 1.0)
+    for i, foot in enumerate(feet):
+        bar(m, f"crank{i}", foot, foot + along, 1.0)
+        for name, parent, child, point in (
+            (f"A{i}", m.ground, f"crank{i}", foot),
+            (f"B{i}", f"crank{i}", "coupler", foot + along),
+        ):
+            axis = Z + turned.get(name, np.zeros(3))
+            there = point + unit * off * rng.uniform(-1.0, 1.0, 3)
+            m.add_revolute(name, parent, child, point=point, axis=axis, child_point=there if off else None)
+    return m
+
+
+def path(run: pt.Result) -> Vector:
+    return np.stack([run.body(f"crank{i}").position for i in range(3)])
+
+
+def holds(run: pt.Result) -> bool:
+    return bool(run.success and run.certificate.verdict == "holds")
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+@pytest.mark.parametrize(("pins", "tilted"), [(pins, i) for pins in PINS for i in (0, 2)])
+def test_tilted_cranks_fall_through_their_flat_position_as_exact_ones(pins: str, tilted: int, coordinates: str) -> None:
+    options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
+    meant = path(cranks(pins, {}).simulate(2.0, **options))
+    assert meant[0, :, 1].min() < -0.3  # well through it
+    for off in (1e-14, 1e-8, 1e-5, 1e-4):
+        m = cranks(pins, {f"B{tilted}": off * np.array([1.0, 0.3, 0.0])})
+        assert m.compile(coordinates=coordinates).mobility == 1, off
+        run = m.simulate(2.0, **options)
+        assert holds(run), (off, run.message, run.certificate.findings)
+        assert np.abs(path(run) - meant).max() < 10.0 * off + 1e-6, off
+        # the loops that run are closed to the last digit, and their reactions balance as if nothing had been wrong
+        assert run.certificate.newton_euler < 1e-9 and run.certificate.closure < 1e-9
+        assert run.certificate.misfit <= 5.0 * off + 1e-11
+    for off in (1e-3, 1e-2):
+        m = cranks(pins, {f"B{tilted}": off * np.array([1.0, 0.3, 0.0])})
+        assert m.compile(coordinates=coordinates).mobility == 0
+        assert "out of parallel" in " ".join(m.report(coordinates=coordinates).split())
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+def test_of_any_size(unit: float) -> None:
+    tilt = {"B0": np.array([1e-5, 0.0, 0.0])}
+    for coordinates in BOTH:
+        run = cranks("in line, in three planes", tilt, unit=unit).simulate(1.5, coordinates=coordinates)
+        assert holds(run), run.certificate.findings
+        one = cranks("in line, in three planes", {}, unit=unit).simulate(1.5, coordinates=coordinates)
+        assert np.abs(path(run) - path(one)).max() < 1e-4 * unit
+
+
+@pytest.mark.parametrize("formulation", EVERY)
+def test_every_formulation(formulation: str) -> None:
+    tilt = {"B0": np.array([1e-5, 0.0, 0.0])}
+    run = cranks("in a triangle", tilt).simulate(0.3, formulation=formulation)
+    meant = cranks("in a triangle", {}).simulate(0.3, formulation=formulation)
+    assert holds(run), (run.message, run.certificate.findings)
+    assert np.abs(path(run) - path(meant)).max() < 1e-4
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_lengths_and_axes_off_together(coordinates: str) -> None:
+    """Every hinge off by up to a tolerance in its point and in its axis: what they mean is found by no axis alone."""
+    rng = np.random.default_rng(7)
+    tilts = {f"{side}{i}": rng.uniform(-1.0, 1.0, 3) for side in "AB" for i in range(3)}
+    options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
+    meant = path(cranks("in a triangle", {}).simulate(2.0, **options))
+    for off in (1e-8, 1e-5, 1e-4):
+        run = cranks("in a triangle", {name: off * x for name, x in tilts.items()}, off).simulate(2.0, **options)
+        assert holds(run), (off, run.message, run.certificate.findings)
+        assert np.abs(path(run) - meant).max() < 10.0 * off + 1e-6, off
+        assert run.certificate.newton_euler < 1e-9 and run.certificate.closure < 1e-9
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_what_was_changed_is_said(coordinates: str) -> None:
+    said = [note for note in bennett(1e-5).simulate(0.1, coordinates=coordinates).notes if "nearest drawing" in note]
+    assert len(said) == 1 and "turned by up to" in said[0]
+    assert not any("nearest drawing" in note for note in bennett(0.0).simulate(0.1).notes)
+    # a run may be taken up where another ended
+    m = bennett(1e-5)
+    first = m.simulate(0.2, coordinates=coordinates)
+    model = m.compile(coordinates=coordinates)
+    here = pt.State(0.2, first.q[-1], first.v[-1], names=model.names, velocity_names=model.velocity_names)
+    again = m.simulate(0.2, coordinates=coordinates, initial=here)
+    whole = m.simulate(0.4, coordinates=coordinates)
+    assert holds(again) and not any("does not satisfy" in note for note in again.notes)
+    assert np.abs(again.body("link1").position[-1] - whole.body("link1").position[-1]).max() < 1e-4
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_a_start_elsewhere_is_told_as_before(coordinates: str) -> None:
+    m = bennett(1e-5)
+    start = m.assemble(coordinates=coordinates)
+    rng = np.random.default_rng(1)
+    v = start.v + 0.1 * rng.normal(size=start.v.size)
+    run = m.simulate(0.01, coordinates=coordinates, initial=pt.State(0.0, start.q, v))
+    assert any("does not satisfy the constraints" in note for note in run.notes)
+
+
+def delta(digits: int) -> pt.Mechanism:
+    """Clavel's robot, each forearm four hinges and two rods; where joints sit on their children is rounded."""
+    m = pt.Mechanism("delta", gravity=(0, 0, -9.81))
+    under = np.array([0.02, -0.015, -0.61])
+    m.add_body("platform", mass=0.35, inertia=(1e-3,) * 3, position=under)
+    for leg, angle in enumerate((0.3, 0.3 + 2.0 * np.pi / 3.0, 0.3 + 4.0 * np.pi / 3.0)):
+        out, across = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+        shoulder, elbow, seat = 0.18 * out, 0.43 * out + [0, 0, -0.13], 0.07 * out + under
+        half = 0.045 * across
+        normal = np.cross(across, (seat - elbow) / np.linalg.norm(seat - elbow))
+        normal /= np.linalg.norm(normal)
+        bar(m, f"arm{leg}", shoulder, elbow, 0.4)
+        bar(m, f"upper{leg}", elbow - half, elbow + half, 0.04)
+        bar(m, f"lower{leg}", seat - half, seat + half, 0.04)
+        hinges = [
+            (f"A{leg}", m.ground, f"arm{leg}", shoulder, across),
+            (f"B{leg}", f"arm{leg}", f"upper{leg}", elbow, across),
+        ]
+        for side, name in ((-1, "a"), (1, "b")):
+            first, last = elbow + side * half, seat + side * half
+            bar(m, f"rod{leg}{name}", first, last, 0.08)
+            hinges += [(f"C{leg}{name}", f"upper{leg}", f"rod{leg}{name}", first, normal)]
+            hinges += [(f"D{leg}{name}", f"rod{leg}{name}", f"lower{leg}", last, normal)]
+        for name, parent, child, point, axis in [*hinges, (f"E{leg}", f"lower{leg}", "platform", seat, across)]:
+            there = {"child_point": np.round(point, digits), "child_axis": np.round(axis, digits)}
+            m.add_revolute(name, parent, child, point=point, axis=axis, **there)
+    return m
+
+
+@pytest.mark.parametrize(("digits", "coordinates"), [(6, "relative"), (4, "relative"), (4, "absolute")])
+def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
+    """Some of its own conditions say little beside the others, what rounding left of redundant ones far less: the
+    platform has its three displacements, and turns by no more than was rounded."""
+    m, off = delta(digits), 10.0**-digits
+    assert m.compile(coordinates=coordinates).mobility == 3
+    found = m.report(coordinates=coordinates).to_dict()
+    assert found["mobility"] == 3 and 0.0 < found["misfit"] < 20.0 * off and found["singular"] is None
+    run = m.simulate(0.15, coordinates=coordinates, t_eval=np.linspace(0.0, 0.15, 4))
+    assert holds(run), (run.message, run.certificate.findings)
+    exact = delta(15).simulate(0.15, coordinates=coordinates, t_eval=run.t)
+    moved = exact.body("platform").position
+    assert np.ptp(moved, axis=0).max() > 0.02
+    assert np.abs(run.body("platform").position - moved).max() < 30.0 * off
+    turned = run.body("platform").rotation @ np.swapaxes(run.body("platform").rotation[:1], 1, 2)
+    assert np.abs(turned - np.eye(3)).max() < 30.0 * off
