@@ -26,6 +26,7 @@ __all__ = [
     "EvaluationError",
     "FileFormatError",
     "IntegrationError",
+    "LossyFileWarning",
     "MissingDependencyError",
     "MissingFileError",
     "PartitaError",
@@ -168,3 +169,7 @@ class MissingDependencyError(PartitaError, ImportError):
 
 class ChangedFileWarning(UserWarning):
     """A model file was changed after it was saved; what it says now was read."""
+
+
+class LossyFileWarning(UserWarning):
+    """A mechanism was written in a format that cannot carry all of it; the warning says what is missing."""

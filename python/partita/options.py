@@ -197,6 +197,13 @@ def one_of(what: str, value: Any, known: Iterable[str]) -> str:
     return str(value)
 
 
+def yes_or_no(what: str, value: Any) -> bool:
+    """An argument that is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise ArgumentError(f"{what} is True or False, not {value!r}", argument=what)
+    return bool(value)
+
+
 def _exchange(value: Any) -> float:
     number = positive("exchange", value)
     if number < 1.0:

@@ -10,12 +10,13 @@ from typing import Any
 from ..builder import Builder
 from ..errors import FileFormatError
 from ..files import place, target
-from . import mjcf, robot, sdf, toml, urdf
+from . import mjcf, mjcf_writer, robot, sdf, toml, urdf, urdf_writer
 from .reading import Reading, Remark
 from .toml import Maker
+from .writing import Writing
 from .xmltree import parse
 
-__all__ = ["Reading", "Remark", "read", "save"]
+__all__ = ["Reading", "Remark", "Writing", "read", "save"]
 
 
 def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], Any]:
@@ -44,6 +45,11 @@ def _toml(path: Path, make: Maker, base: str) -> Any:
     return mechanism
 
 
+def _whole(mechanism: Builder, path: Path, strict: bool) -> Writing:
+    toml.write(mechanism, path)
+    return Writing(path, "TOML", [path])
+
+
 # A new format is a module with `read` and, if it can hold a whole mechanism, `write`, and one line here.
 _READERS: dict[str, Callable[[Path, Maker, str], Any]] = {
     ".toml": _toml,
@@ -52,7 +58,12 @@ _READERS: dict[str, Callable[[Path, Maker, str], Any]] = {
     ".sdf": _robot(sdf.read),
     ".xml": _robot(_xml),
 }
-_WRITERS: dict[str, Callable[[Builder, Path], None]] = {".toml": toml.write}
+_WRITERS: dict[str, Callable[[Builder, Path, bool], Writing]] = {
+    ".toml": _whole,
+    ".urdf": urdf_writer.write,
+    ".mjcf": mjcf_writer.write,
+    ".xml": mjcf_writer.write,
+}
 
 
 def read(path: str | PathLike[str], make: Maker, base: str = "fixed") -> Any:
@@ -62,12 +73,12 @@ def read(path: str | PathLike[str], make: Maker, base: str = "fixed") -> Any:
     return reader(where, make, base)
 
 
-def save(mechanism: Builder, path: str | PathLike[str]) -> None:
+def save(mechanism: Builder, path: str | PathLike[str], strict: bool = False) -> Writing:
     """Write a mechanism to a model file; see `Mechanism.save`."""
     where = place(path)
-    writer = _by_suffix(_WRITERS, where, "written")
+    writer: Callable[[Builder, Path, bool], Writing] = _by_suffix(_WRITERS, where, "written")
     target(where)
-    writer(mechanism, where)
+    return writer(mechanism, where, strict)
 
 
 def _by_suffix(table: dict[str, Any], path: Path, verb: str) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import MissingDependencyError
 from .reading import Reading, Remark
-from .robot import Array, Joint, Link, Loop, Robot, Tie, placed
+from .robot import Array, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
 _FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
@@ -95,8 +95,9 @@ class _Reader:
     def name(self, kind: str, i: int) -> str:
         """Its name, or its kind and number where it has none."""
         kinds = self.mujoco.mjtObj
-        of = {"body": kinds.mjOBJ_BODY, "joint": kinds.mjOBJ_JOINT, "equality": kinds.mjOBJ_EQUALITY}[kind]
-        return self.mujoco.mj_id2name(self.model, of, i) or f"{kind} {i}"
+        of: dict[str, Any] = {"body": kinds.mjOBJ_BODY, "joint": kinds.mjOBJ_JOINT, "equality": kinds.mjOBJ_EQUALITY}
+        of["tendon"] = kinds.mjOBJ_TENDON
+        return self.mujoco.mj_id2name(self.model, of[kind], i) or f"{kind} {i}"
 
     def at(self, *tags: str, name: str) -> Element:
         """Where something of that name stands in the file; else the root."""
@@ -111,11 +112,13 @@ class _Reader:
         for i in range(1, m.nbody):
             self.body(i)
         self.equalities()
+        for i in range(m.ntendon):
+            self.tendon(i)
         robot.reading.used.append(Remark(None, f"{m.nbody - 1} bodies, {m.njnt} joints, {m.neq} equalities"))
         left = {
             "geoms (inertias were taken of them where a body has none; they touch nothing)": m.ngeom,
             "actuators: prescribe motions with add_drive, efforts with add_torque": m.nu,
-            "tendons": m.ntendon,
+            "tendons that are no spring between two points": m.ntendon - len(robot.springs),
             "sensors": m.nsensor,
             "keyframes": m.nkey,
         }
@@ -129,6 +132,10 @@ class _Reader:
         inertia = axes @ np.diag(m.body_inertia[i]) @ axes.T
         at = self.at("body", name=name)
         link = Link(name, float(m.body_mass[i]), m.body_ipos[i].copy(), 0.5 * (inertia + inertia.T), at)
+        held = float(m.body_gravcomp[i])
+        link.gravity = held != 1.0
+        if held not in (0.0, 1.0):
+            self.said(robot.reading.dropped, at, f"gravcomp {held:g} of body {name}: gravity is on it, or is not")
         parent = "world" if m.body_parentid[i] == 0 else self.name("body", m.body_parentid[i])
         place = placed(m.body_pos[i], self.turned(m.body_quat[i]))
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
@@ -173,6 +180,25 @@ class _Reader:
                 dropped, at, f"limits {low:g} to {high:g} of joint {name} do not stop it: add_stop makes a stop of them"
             )
         robot.joints[name] = found
+
+    def tendon(self, i: int) -> None:
+        """A tendon between two sites is a spring; others are counted with what is dropped."""
+        m, site = self.model, self.mujoco.mjtWrap.mjWRAP_SITE
+        first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
+        name, rest = self.name("tendon", i), m.tendon_lengthspring[i]
+        stiffness, damping = (float(np.asarray(x[i]).flat[0]) for x in (m.tendon_stiffness, m.tendon_damping))
+        ends = m.wrap_objid[first : first + count]
+        if count != 2 or any(m.wrap_type[first : first + 2] != site) or rest[0] != rest[1]:
+            return
+        if (stiffness == 0.0 and damping == 0.0) or m.site_bodyid[ends[0]] == m.site_bodyid[ends[1]]:
+            return
+        at = self.at("spatial", name=name)
+        for value, words in ((m.tendon_limited[i], "limits"), (m.tendon_frictionloss[i], "frictionloss")):
+            if value != 0.0:
+                self.said(self.made.reading.dropped, at, f"{words} of tendon {name}: add_stop, add_friction")
+        one, other = ((self.link(int(m.site_bodyid[end])), m.site_pos[end].copy()) for end in ends)
+        self.made.springs.append(Spring(name, one, other, stiffness, damping, float(rest[0])))
+        self.said(self.made.reading.used, at, f"tendon {name} is a spring between two points")
 
     def equalities(self) -> None:
         m, kinds, robot = self.model, self.mujoco.mjtEq, self.made

@@ -5,6 +5,7 @@ The readers of URDF, SDFormat and MJCF fill it; `build` draws it. Frames are 4 x
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,6 +37,19 @@ class Link:
     com: Array
     inertia: Array
     at: Element
+    gravity: bool = True
+
+
+@dataclass
+class Spring:
+    """Spring and damper between two points, each with the link that it is on."""
+
+    name: str
+    first: tuple[str, Array]
+    second: tuple[str, Array]
+    stiffness: float
+    damping: float
+    length: float
 
 
 @dataclass
@@ -60,7 +74,7 @@ class Joint:
 
 @dataclass
 class Loop:
-    """A joint between two frames that are to be one: (link, frame in it) of each; `axis` in the first frame."""
+    """A joint between two frames that are to be one: (link, frame in it) of each; axes in the first frame."""
 
     name: str
     kind: str
@@ -68,6 +82,7 @@ class Loop:
     second: tuple[str, Array]
     at: Element | None
     axis: Array | None = None
+    second_axis: Array | None = None
 
 
 @dataclass
@@ -91,6 +106,7 @@ class Robot:
     joints: dict[str, Joint] = field(default_factory=dict)
     loops: list[Loop] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     gimbals: bool = False
@@ -240,6 +256,73 @@ def fold_hinges(robot: Robot) -> None:
         robot.reading.changed.append(Remark(last.at.line, said))
 
 
+def fold_sleeves(robot: Robot) -> None:
+    """A slide and a hinge along one line with nothing of mass between them are a cylindrical joint."""
+    carried = Counter(joint.parent for joint in robot.joints.values())
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    used = _used(robot)
+    for turn in list(robot.joints.values()):
+        slide = carrying.get(turn.parent)
+        if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
+            continue
+        axis = turn.place[:3, :3] @ turn.axis
+        if turn.parent in used or carried[turn.parent] != 1 or not _nothing(robot, turn.parent):
+            continue
+        if float(np.linalg.norm(axis - slide.axis)) > THROUGH:
+            continue
+        place = slide.place @ turn.place
+        robot.joints[turn.name] = Joint(
+            turn.name, "cylindrical", slide.parent, turn.child, place, turn.axis, turn.at, point=turn.point
+        )
+        del robot.joints[slide.name], robot.links[turn.parent]
+        said = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
+        robot.reading.changed.append(Remark(turn.at.line, said))
+
+
+def fold_ends(robot: Robot) -> None:
+    """A link of no mass at the end of a joint, welded to another link, leaves the joint: it closes the loop itself."""
+    carried = Counter(joint.parent for joint in robot.joints.values())
+    carrying = {joint.child: joint for joint in robot.joints.values()}
+    ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
+    tied = {name for tie in robot.ties for name in tie.joints}
+    marked = {link for link, _ in robot.frames.values()}
+    for loop in robot.loops:
+        for one, other in ((loop.first, loop.second), (loop.second, loop.first)):
+            joint = carrying.get(one[0])
+            if loop.kind != "fixed" or joint is None or joint.kind in ("fixed", "free") or joint.name in tied:
+                continue
+            alone = ends[one[0]] == 1 and carried[one[0]] == 0 and one[0] not in marked
+            if not alone or not _nothing(robot, one[0]) or joint.damping > 0.0 or other[0] == joint.parent:
+                continue
+            point = placed(joint.point, np.eye(3))
+            back = np.eye(4)
+            back[:3, :3] = one[1][:3, :3].T
+            back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
+            loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
+            loop.first, loop.second = (joint.parent, joint.place @ point), (other[0], other[1] @ back @ point)
+            said = f'link "{one[0]}" of no mass is left out: {joint.name} closes the loop {loop.name} itself'
+            robot.reading.changed.append(Remark(robot.links[one[0]].at.line, said))
+            robot.frames.pop(joint.name, None)
+            del robot.joints[joint.name], robot.links[one[0]]
+            break
+    for loop in robot.loops:
+        while loop.name in robot.joints:
+            loop.name = f"closing {loop.name}"
+
+
+def _nothing(robot: Robot, link: str) -> bool:
+    """Has this link neither mass nor inertia?"""
+    return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
+
+
+def _used(robot: Robot) -> set[str]:
+    """Names of what is referred to: joints that follow each other or are damped, links with frames or in loops."""
+    found = {name for tie in robot.ties for name in tie.joints}
+    found |= {joint.name for joint in robot.joints.values() if joint.damping > 0.0 or joint.stiffness > 0.0}
+    found |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
+    return found | {link for link, _ in robot.frames.values()}
+
+
 def build(robot: Robot, mechanism: Builder, base: str) -> None:
     """Draw the robot with all its coordinates zero; the root stands, or floats, unless the file says where all are."""
     if robot.poses is not None:
@@ -249,6 +332,8 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
     fold_marks(robot)
     if not robot.gimbals:
         fold_hinges(robot)
+        fold_sleeves(robot)
+        fold_ends(robot)
     order = robot.outwards(root)
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
@@ -277,9 +362,23 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
             continue
         frames = (pose[link1] @ frame1, pose[link2] @ frame2)
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
-        _joint(mechanism, loop.name, loop.kind, (body[link1], body[link2]), frames, (axis, None), loop.at)
+        ends = (body[link1], body[link2])
+        _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
+    for spring in robot.springs:
+        sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
+        (link1, point1), (link2, point2) = sides
+        data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
+        mechanism.add_spring(body[link1], point1, body[link2], point2, name=spring.name, **data)
+
+
+def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
+    """A point of a link that may have become a frame."""
+    if link in robot.links:
+        return link, point
+    carrier, place = robot.frames[link]
+    return carrier, place[:3, :3] @ point + place[:3, 3]
 
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
@@ -313,6 +412,7 @@ def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:
             com=link.com,
             position=pose[:3, 3],
             orientation=nearest(pose[:3, :3]),
+            **({} if link.gravity else {"gravity": False}),
         )
     except DescriptionError as error:
         link.at.fail(f"cannot be a body: {error.message}")
@@ -343,7 +443,9 @@ def _joint(
     axis = here[:3, :3] @ axes[0]
     if apart and kind in ("revolute", "prismatic", "cylindrical"):
         apart["child_axis"] = there[:3, :3] @ axes[0]
-    elif apart and kind == "fixed":
+    elif apart and kind == "planar":
+        apart["child_axis"] = there[:3, :3] @ axes[0]
+    elif apart and kind in ("fixed", "universal"):
         apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
     add: Any = mechanism
     try:

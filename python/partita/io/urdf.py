@@ -30,7 +30,7 @@ _KINDS = {
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
 _SHOWN = ("visual", "collision", "material", "gazebo", "sensor", "contact")
-_PAIR = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
+CLOSING = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
 
 
 def read(path: Path) -> Robot:
@@ -245,7 +245,7 @@ def _closings(robot: Robot) -> None:
         return
     sides: dict[str, list[str]] = {}
     for name in [*robot.links, *robot.frames]:
-        found = _PAIR.fullmatch(name)
+        found = CLOSING.fullmatch(name)
         if found is not None:
             sides.setdefault(found["stem"].rstrip("_-"), []).append(name)
     for stem, names in sides.items():

@@ -7,7 +7,8 @@ from typing import Any
 
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
-from ..io import Reading, save
+from .. import options
+from ..io import Reading, Writing, save
 from . import models, solve
 from .assemblies import assemblies
 from .models import Modelled
@@ -68,21 +69,34 @@ class Mechanism(Modelled):
     compare = compare_mechanism
     report = report
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write a model file; the suffix says which kind (.toml). `partita.load` reads it back to the last
-        bit.
+    def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
+        """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads
+        back to the last bit; .urdf, with a .yaml beside it where loops are closed; .mjcf or .xml (MuJoCo's MJCF).
+
+        Robots' formats carry bodies, joints, loops, springs of joints and couplers of two joints (docs/robots.md). What
+        is said otherwise there, and what they cannot carry, stands in the `Writing` that is returned; of the latter a
+        `LossyFileWarning` is given as well. Numbers are written with all their digits. Each file is there as a whole or
+        not at all.
+
+        Args:
+            path: the file; an older one is replaced.
+            strict: refuse what the format cannot carry in place of a warning.
 
         Raises:
             DescriptionError: a force or drive is a Python function, which a file cannot hold; use a table.
-            FileFormatError: no writer for this suffix.
+            FileFormatError: no writer for this suffix, or what would be lost if `strict`.
+            MissingFileError: the folder does not exist.
 
         >>> import os, tempfile
         >>> import partita as pt
         >>> m = pt.Mechanism("pendulum")
         >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     m.save(os.path.join(folder, "pendulum.toml"))
+        ...     written = m.save(os.path.join(folder, "pendulum.toml"))
         ...     pt.load(os.path.join(folder, "pendulum.toml")).bodies
+        ...     m.save(os.path.join(folder, "pendulum.mjcf"), strict=True).changed[0][:35]
         ('rod',)
+        'body "rod" has mass 1 kg, moments 2'
         """
-        save(self, path)
+        return save(self, path, options.yes_or_no("strict", strict))

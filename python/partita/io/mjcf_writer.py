@@ -1,0 +1,299 @@
+"""A mechanism as MJCF. Joints of several freedoms are several joints of a body; what closes loops are equalities.
+
+A point held is a `connect`, a hinge two of them, a weld is a `weld`. Any other joint that closes a loop carries half of
+its body: the body is cut in two halves of half the mass, one of them carried by the joint, and these are welded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..builder import Builder
+from ..builder.bodies import to_world
+from ..builder.checks import Array
+from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecord, TorsionSpringRecord
+from ..errors import FileFormatError
+from ..files import put
+from .skeleton import (
+    Branch,
+    Closure,
+    Motion,
+    Spring,
+    inverse,
+    leftovers,
+    quoted,
+    skeleton,
+    springs,
+    text,
+    ties,
+    words,
+)
+from .writing import Writing
+
+LEAST = 2e-15
+"""Mass [kg] and moments of inertia [kg m^2] below which MuJoCo refuses a body that moves: twice its bound."""
+DEEP = 500
+"""Bodies within each other that are written: readers of XML have their bounds."""
+
+
+def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
+    """Write the file; the report says what stands there otherwise."""
+    writer = _Writer(mechanism, Writing(path, "MJCF"))
+    model = writer.text()
+    writer.report.judge(strict)
+    writer.report.files.append(put(path, model.encode("utf-8")))
+    return writer.report
+
+
+@dataclass
+class _Writer:
+    mechanism: Builder
+    report: Writing
+    sites: dict[str, list[str]] = field(default_factory=dict)
+    equalities: list[str] = field(default_factory=list)
+    halves: set[str] = field(default_factory=set)
+    cuts: list[str] = field(default_factory=list)
+
+    def text(self) -> str:
+        """The MJCF."""
+        d, report = self.mechanism._description, self.report
+        tree = skeleton(self.mechanism, report)
+        self.names, self.springs = tree.names, springs(d, report)
+        self.called = {name: name for name in d.bodies}
+        if "world" in d.bodies:
+            self.called["world"] = self.names.new("body world")
+            report.changed.append(f'body "world" is called "{self.called["world"]}": the ground has that name')
+        self.size = self.extent()
+        carried: dict[str, list[Branch]] = {}
+        for branch in tree.branches:
+            carried.setdefault(branch.parent, []).append(branch)
+        for closure in tree.closures:
+            self.closure(closure, carried)
+        tied = ties(d, tree, report)
+        for name, follower, leader, factor, offset in tied:
+            ends = f"joint1={quoted(follower)} joint2={quoted(leader)}"
+            coefficients = f'polycoef="{words((offset, factor, 0.0, 0.0, 0.0))}"'
+            self.equalities.append(f"    <joint name={quoted(name)} {ends} {coefficients}/>")
+        tendons = [line for f in d.forces.values() if isinstance(f, SpringRecord) for line in self.spring(f)]
+        bodies = self.bodies(carried)
+        for joint, coordinate in self.springs:
+            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which holds points")
+        leftovers(d, report, (SpringRecord, TorsionSpringRecord))
+        if d.drawing_tolerance != DRAWING_TOLERANCE:
+            report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")
+        parts = [
+            f"<mujoco model={quoted(d.name)}>",
+            '  <compiler angle="radian" inertiafromgeom="false"/>',
+            f'  <option gravity="{words(d.gravity)}"/>',
+            "  <worldbody>",
+            *self.sites.get(GROUND, []),
+            *bodies,
+            "  </worldbody>",
+        ]
+        for tag, lines in (("tendon", tendons), ("equality", self.equalities)):
+            if lines:
+                parts += [f"  <{tag}>", *lines, f"  </{tag}>"]
+        return "\n".join([*parts, "</mujoco>", ""])
+
+    def extent(self) -> float:
+        """How far apart the bodies of the drawing are [m]."""
+        places = np.array([body.position for body in self.mechanism._description.bodies.values()] or [np.zeros(3)])
+        found = float(np.linalg.norm(np.max(places, axis=0) - np.min(places, axis=0)))
+        return found if found > 0.0 else 1.0
+
+    def bodies(self, carried: dict[str, list[Branch]]) -> list[str]:
+        """Bodies within those that carry them."""
+        lines: list[str] = []
+        waiting: list[tuple[Branch | None, int]] = [(b, 2) for b in reversed(carried.get(GROUND, []))]
+        while waiting:
+            branch, depth = waiting.pop()
+            if branch is None:
+                lines.append(f"{'  ' * depth}</body>")
+                continue
+            if depth > DEEP:
+                raise FileFormatError(
+                    f'"{self.report.path}": more than {DEEP} bodies carry each other, which readers of XML refuse; '
+                    "save as .toml or .urdf",
+                    path=str(self.report.path),
+                    line=None,
+                )
+            lines += ["  " * depth + line for line in self.body(branch)]
+            waiting.append((None, depth))
+            if branch.name not in self.halves:
+                lines += self.sites.get(branch.body, [])
+                waiting += [(other, depth + 1) for other in reversed(carried.get(branch.body, []))]
+            else:
+                lines += self.sites.get(branch.name, [])
+        return lines
+
+    def body(self, branch: Branch) -> list[str]:
+        """The element of a body, without its end."""
+        body = self.mechanism._description.bodies[branch.body]
+        half = branch.name in self.halves
+        name = branch.name if half else self.called[branch.body]
+        place = f'pos="{words(branch.place[:3, 3])}" quat="{words(quaternion(branch.place[:3, :3]))}"'
+        held = "" if body.gravity else ' gravcomp="1"'
+        moves = bool(branch.motions) or branch.floats
+        parts = 1 + self.cuts.count(branch.body)
+        lines = [f"<body name={quoted(name)} {place}{held}>", f"  {self.inertial(body, parts, moves)}"]
+        if branch.floats:
+            if branch.parent == GROUND:
+                lines.append(f"  <freejoint name={quoted(branch.name)}/>")
+            else:
+                lines += self.floating(branch)
+        elif not branch.motions and branch.joint is not None:
+            self.report.changed.append(f"weld {branch.name} has no name: bodies within each other are welded")
+        if len(branch.motions) > 1 and branch.joint is not None:
+            what = f"{branch.joint.kind} joint {branch.joint.name}"
+            self.report.changed.append(f"{what} is the joints {', '.join(m.name for m in branch.motions)}")
+        at = f'pos="{words(branch.point)}"'
+        for motion in branch.motions:
+            lines.append(f"  {self.joint(branch, motion, at)}")
+        return lines
+
+    def floating(self, branch: Branch) -> list[str]:
+        """A free joint between two bodies that move."""
+        self.report.changed.append(f"free joint {branch.name} is three slides and a ball: one end is not the ground")
+        names = [*(self.names.new(f"{branch.name} {x}") for x in "xyz"), branch.name]
+        slides = [
+            f'  <joint name={quoted(name)} type="slide" axis="{words(axis)}"/>'
+            for name, axis in zip(names, np.eye(3), strict=False)
+        ]
+        return [*slides, f'  <joint name={quoted(branch.name)} type="ball"/>']
+
+    def joint(self, branch: Branch, motion: Motion, at: str) -> str:
+        """One joint of a body."""
+        name = quoted(motion.name)
+        if motion.kind == "ball":
+            return f'<joint name={name} type="ball" {at}/>'
+        kind = "slide" if motion.kind == "slide" else "hinge"
+        spring: Spring | None = None
+        if branch.joint is not None:
+            spring = self.springs.pop((branch.joint.name, motion.coordinate), None)
+        force = ""
+        if spring is not None:
+            force = f' damping="{text(spring.damping)}"' if spring.damping > 0.0 else ""
+            if spring.stiffness > 0.0:
+                force += f' stiffness="{text(spring.stiffness)}" springref="{text(spring.rest)}"'
+        return f'<joint name={name} type="{kind}" {at} axis="{words(motion.axis)}"{force}/>'
+
+    def inertial(self, body: BodyRecord, parts: int, moves: bool) -> str:
+        """Mass and inertia of a body, or of a part of it; MuJoCo asks for some of both."""
+        mass, inertia = body.mass / parts, body.inertia / parts
+        diagonal = np.array_equal(inertia, np.diag(np.diag(inertia)))
+        moments, axes = (np.diag(inertia), np.eye(3)) if diagonal else np.linalg.eigh(inertia)
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 0] *= -1.0
+        least = LEAST if moves else 0.0
+        given = np.array(moments)
+        moments = np.maximum(given, least)
+        small, middle, large = sorted(moments)
+        if small + middle < large:  # by rounding, or as published with few digits
+            moments[int(np.argmin(moments))] = (large - middle) * (1.0 + 1e-15) + 1e-300
+        if mass < least or np.any(moments != given):
+            asked = f"mass {max(mass, least):g} kg, moments {words(moments)} kg m^2"
+            self.report.changed.append(f'body "{body.name}" has {asked}: MuJoCo asks for some, and for a + b >= c')
+        turned = "" if diagonal else f' quat="{words(quaternion(axes))}"'
+        said = f'mass="{text(max(mass, least))}" diaginertia="{words(moments)}"'
+        return f'<inertial pos="{words(body.com)}"{turned} {said}/>'
+
+    def site(self, body: str, name: str, place: Array) -> str:
+        """A frame on a body, or on a part of one."""
+        called = self.names.new(name)
+        frame = f'pos="{words(place[:3, 3])}" quat="{words(quaternion(place[:3, :3]))}"'
+        self.sites.setdefault(body, []).append(f"    <site name={quoted(called)} {frame}/>")
+        return called
+
+    def closure(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
+        """What closes a loop."""
+        joint, name = closure.joint, closure.joint.name
+        bound = any((name, m.coordinate) in self.springs for m in closure.motions)
+        bound |= any(
+            term.get("joint") == name for c in self.mechanism._description.couplings.values() for term in c.terms
+        )
+        if joint.kind == "fixed":
+            self.hold("weld", name, joint.parent, closure.here, joint.child, closure.there)
+        elif joint.kind in ("spherical", "revolute") and not bound:
+            self.hold("connect", name, joint.parent, closure.here, joint.child, closure.there)
+            if joint.kind == "revolute":
+                along = np.eye(4)
+                along[:3, 3] = self.size * closure.motions[0].axis
+                frames = closure.here @ along, closure.there @ along
+                beside = self.names.new(f"{name} axis")
+                self.hold("connect", beside, joint.parent, frames[0], joint.child, frames[1])
+                self.report.changed.append(f"hinge {name} closes a loop: two points of its line are held")
+        else:
+            self.cut(closure, carried)
+
+    def hold(self, tag: str, name: str, parent: str, here: Array, child: str, there: Array) -> None:
+        """Two frames become one."""
+        sites = self.site(parent, f"{name} parent", here), self.site(child, f"{name} child", there)
+        ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
+        self.equalities.append(f"    <{tag} name={quoted(name)} {ends}/>")
+
+    def cut(self, closure: Closure, carried: dict[str, list[Branch]]) -> None:
+        """Half of the child is carried by the joint and welded to the other half."""
+        joint = closure.joint
+        reverse = joint.child == GROUND
+        body, parent = (joint.parent, GROUND) if reverse else (joint.child, joint.parent)
+        here, there = (closure.there, closure.here) if reverse else (closure.here, closure.there)
+        half = self.names.new(f"{body} half at {joint.name}")
+        sign = -1.0 if reverse else 1.0
+        # axes are given in the frames of the joint, which agree where its coordinates are zero
+        motions = [Motion(m.kind, there[:3, :3] @ (sign * m.axis), m.name, m.coordinate) for m in closure.motions]
+        motions = motions[::-1] if reverse else motions
+        self.halves.add(half)
+        self.cuts.append(body)
+        place = here @ inverse(there)
+        branch = Branch(body, parent, joint, place, there[:3, 3], tuple(motions), name=half)
+        carried.setdefault(parent, []).append(branch)
+        weld = self.names.new(f"{joint.name} closes")
+        sites = self.site(half, f"{weld} half", np.eye(4)), self.site(body, f"{weld} body", np.eye(4))
+        ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
+        self.equalities.append(f"    <weld name={quoted(weld)} {ends}/>")
+        self.report.changed.append(
+            f'{joint.kind} joint {joint.name} closes a loop: it carries a part of "{body}", which is cut in parts of the '
+            f"same mass, and {weld} welds them"
+        )
+
+    def spring(self, record: SpringRecord) -> list[str]:
+        """A tendon between two sites."""
+        if record.stiffness < 0.0 or record.damping < 0.0:
+            self.report.dropped.append(f"spring {record.name}, whose stiffness or damping is negative")
+            return []
+        d, length, ends = self.mechanism._description, record.length, []
+        points = ((record.body1, record.point1), (record.body2, record.point2))
+        if length is None:
+            one, other = (to_world(d, body, point) for body, point in points)
+            length = float(np.linalg.norm(other - one))
+        if length < 0.0:
+            self.report.dropped.append(f"spring {record.name}, whose free length is negative")
+            return []
+        for i, (body, point) in enumerate(points, 1):
+            place = np.eye(4)
+            place[:3, 3] = point
+            ends.append(self.site(body, f"{record.name} end {i}", place))
+        law = f'stiffness="{text(record.stiffness)}" damping="{text(record.damping)}" springlength="{text(length)}"'
+        sites = [f"      <site site={quoted(end)}/>" for end in ends]
+        return [f"    <spatial name={quoted(record.name)} {law}>", *sites, "    </spatial>"]
+
+
+def quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """(w, x, y, z) of a rotation, by the largest of the four."""
+    r = rotation
+    squares = np.array([1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],
+                        1 - r[0, 0] + r[1, 1] - r[2, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2]])  # fmt: skip
+    k = int(np.argmax(squares))
+    w, x, y = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    rows = (
+        (squares[0], w, x, y),
+        (w, squares[1], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]),
+        (x, r[0, 1] + r[1, 0], squares[2], r[1, 2] + r[2, 1]),
+        (y, r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[3]),
+    )
+    found = np.array(rows[k])
+    w, x, y, z = (found / np.linalg.norm(found)).tolist()
+    return w, x, y, z

@@ -1,0 +1,399 @@
+"""A mechanism as robots' files see it: a tree of bodies drawn with all coordinates zero, and what closes its loops.
+
+The joints of the tree are taken apart into slides, turns and balls. A joint that the tree passes from its child to its
+parent has its motions in reverse order along opposite axes, so that its coordinates stay what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..builder import Builder
+from ..builder.checks import Array
+from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, TorqueRecord
+from ..builder.records import TorsionSpringRecord as Torsion
+from .robot import nearest, placed
+from .writing import Writing
+
+_ALWAYS_CUT = 6
+_LAST = 5
+_X, _Y, _Z = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One slide, one turn, or a ball; `axis` in the axes of the body that moves. `coordinate` is its number in the
+    joint of the mechanism."""
+
+    kind: str
+    axis: Array
+    name: str
+    coordinate: int
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A body on the one that carries it; `point`, where the joint sits, in its own axes. Without motions it is welded;
+    `floats` where it is free."""
+
+    body: str
+    parent: str
+    joint: JointRecord | None
+    place: Array
+    point: Array
+    motions: tuple[Motion, ...]
+    floats: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A joint that closes a loop, between a frame of its parent and one of its child; axes of the motions in these."""
+
+    joint: JointRecord
+    here: Array
+    there: Array
+    motions: tuple[Motion, ...]
+
+
+@dataclass
+class Skeleton:
+    """The tree, each body after the one that carries it, and the closures."""
+
+    branches: list[Branch]
+    closures: list[Closure]
+    poses: dict[str, Array]
+    names: Names = field(repr=False)
+
+    def motion(self, joint: str, coordinate: int) -> Motion | None:
+        """The motion that a coordinate of a joint has become."""
+        of = [b.motions for b in self.branches if b.joint is not None and b.joint.name == joint]
+        of += [c.motions for c in self.closures if c.joint.name == joint]
+        return next((m for motions in of for m in motions if m.coordinate == coordinate and m.kind != "ball"), None)
+
+
+class Names:
+    """Names that are used; `new` finds one that is not."""
+
+    def __init__(self, used: Iterable[str]) -> None:
+        self.used = set(used)
+
+    def new(self, wanted: str) -> str:
+        """The wanted name, with a number behind it where it is taken."""
+        name, number = wanted, 1
+        while name in self.used:
+            number += 1
+            name = f"{wanted} {number}"
+        self.used.add(name)
+        return name
+
+
+def inverse(frame: Array) -> Array:
+    """Of a frame."""
+    turned = frame[:3, :3].T
+    return placed(-turned @ frame[:3, 3], turned)
+
+
+def skeleton(mechanism: Builder, report: Writing) -> Skeleton:
+    """The tree and the closures; what cannot be told by slides and turns is said in the report."""
+    d = mechanism._description
+    names = Names([GROUND, "world", *d.bodies, *d.joints, *d.couplings])
+    chosen = _tree(d)
+    beside: dict[str, list[tuple[str, JointRecord]]] = {}
+    for joint in chosen:
+        beside.setdefault(joint.parent, []).append((joint.child, joint))
+        beside.setdefault(joint.child, []).append((joint.parent, joint))
+    drawn = {name: placed(body.position, body.rotation) for name, body in d.bodies.items()} | {GROUND: np.eye(4)}
+    poses = {GROUND: np.eye(4)}
+    branches: list[Branch] = []
+    rough: set[str] = set()
+
+    def outwards(root: str) -> None:
+        queue = [root]
+        for parent in queue:
+            for body, joint in beside.get(parent, []):
+                if body not in poses:
+                    branches.append(_branch(d, joint, parent, body, drawn, poses, rough, names, report))
+                    queue.append(body)
+
+    outwards(GROUND)
+    for body in d.bodies:
+        if body not in poses:
+            poses[body] = drawn[body]
+            name = names.new(f"{body} floats")
+            branches.append(Branch(body, GROUND, None, drawn[body], np.zeros(3), (), True, name))
+            report.changed.append(f'body "{body}", which nothing carries, stands at a free joint, {name}')
+            outwards(body)
+    kept = {joint.name for joint in chosen}
+    closures = [_closure(d, j, drawn, names) for j in d.joints.values() if j.name not in kept and _closes(j, report)]
+    return Skeleton(branches, closures, poses, names)
+
+
+def _closes(joint: JointRecord, report: Writing) -> bool:
+    if joint.kind == "constant_velocity":
+        report.dropped.append(f"constant-velocity joint {joint.name}: two universal joints and a shaft are near it")
+    elif joint.kind == "free":
+        report.changed.append(f"free joint {joint.name}, which holds nothing, is left out")
+    return joint.kind not in ("constant_velocity", "free")
+
+
+def loaded(d: Description) -> set[str]:
+    """Names of joints whose coordinates forces, couplings or drives refer to."""
+    terms = [term for c in d.couplings.values() for term in c.terms] + [drive.measure for drive in d.drives.values()]
+    found = {str(term["joint"]) for term in terms if term.get("of") == "joint"}
+    return found | {f.joint for f in d.forces.values() if isinstance(f, Torsion | TorqueRecord)}
+
+
+def _tree(d: Description) -> list[JointRecord]:
+    """Joints that make a tree: first those that must, that are loaded, that no point held closes; among them the first
+    said."""
+    of, bound = loaded(d), list(d.joints.values())
+
+    def rank(joint: JointRecord) -> int:
+        if joint.kind in ("constant_velocity", "free"):
+            return _ALWAYS_CUT if joint.kind == "constant_velocity" else _LAST
+        if joint.cut != "auto":
+            return 0 if joint.cut == "never" else _LAST - 1
+        return 1 if joint.name in of else 3 if joint.kind in ("revolute", "spherical", "fixed") else 2
+
+    up = {name: name for name in (GROUND, *d.bodies)}
+
+    def top(name: str) -> str:
+        while up[name] != name:
+            up[name] = up[up[name]]
+            name = up[name]
+        return name
+
+    chosen = []
+    for joint in sorted(bound, key=rank):
+        one, other = top(joint.parent), top(joint.child)
+        if one != other and rank(joint) != _ALWAYS_CUT:
+            up[one] = other
+            chosen.append(joint)
+    return chosen
+
+
+def _axes(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
+    """Motions of a joint from its parent to its child, in world axes as drawn on the side of the parent."""
+    unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
+    axis = unit.get("axis", unit.get("normal", unit.get("axis1", _Z)))
+    x, y = _across(axis)
+    slides, ball = {"x": ("slide", x), "y": ("slide", y), "z": ("slide", axis)}, ("ball", _Z)
+    turn, slide = ("turn", axis), ("slide", axis)
+    frame = unit.get("frame", np.eye(3))
+    match joint.kind:
+        case "generic":
+            found = [("slide", frame[:, i]) for i in range(3) if "xyz"[i] in joint.free]
+            turns = [("turn", frame[:, i]) for i in range(3) if f"r{'xyz'[i]}" in joint.free]
+            return (*found, *(turns if len(turns) < 3 else [ball]))
+        case "orientation":
+            return tuple(("slide", frame[:, i]) for i in range(3))
+        case "perpendicular":
+            return (*slides.values(), turn, ("turn", unit["axis2"]))
+    return {
+        "revolute": (turn,),
+        "prismatic": (slide,),
+        "cylindrical": (slide, turn),
+        "screw": (slide, turn),
+        "spherical": (ball,),
+        "universal": (turn, ("turn", unit.get("axis2", _Y))),
+        "planar": (slides["x"], slides["y"], turn),
+        "point_on_line": (slide, ball),
+        "point_on_plane": (slides["x"], slides["y"], ball),
+        "parallel": (*slides.values(), turn),
+    }.get(joint.kind, ())
+
+
+def _across(axis: Array) -> tuple[Array, Array]:
+    """Two directions across an axis and each other."""
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    x /= np.linalg.norm(x)
+    return x, np.cross(axis, x)
+
+
+def _turn_of_child(joint: JointRecord) -> Array:
+    """How far the joint as it sits on the child is turned from the joint as it sits on the parent, as drawn."""
+    if joint.child_frame is not None:
+        return np.asarray(joint.child_frame @ joint.geometry.get("frame", np.eye(3)).T)
+    if joint.child_axis is None:
+        return np.eye(3)
+    axis = next((joint.geometry[word] for word in ("axis", "normal") if word in joint.geometry), None)
+    return np.eye(3) if axis is None else _between(axis, joint.child_axis)
+
+
+def _between(one: Array, other: Array) -> Array:
+    """The smallest rotation that brings one direction to another."""
+    a, b = one / np.linalg.norm(one), other / np.linalg.norm(other)
+    w, cosine = np.cross(a, b), float(a @ b)
+    sine = float(np.linalg.norm(w))
+    if cosine >= 0.0:
+        factor = 1.0 / (1.0 + cosine)
+    else:  # opposite directions do not say about which axis across them
+        w = w if sine > 1e-14 else _across(a)[0]
+        factor = (1.0 - cosine) / float(w @ w)
+    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if sine > 1e-14 else np.zeros((3, 3))
+    return cosine * np.eye(3) + cross + factor * np.outer(w, w)
+
+
+def _point(joint: JointRecord, drawn: dict[str, Array]) -> Array:
+    if joint.point is not None:
+        return joint.point
+    return drawn[joint.parent if joint.child == GROUND else joint.child][:3, 3]
+
+
+def _named(joint: JointRecord, turn: Array, names: Names, reverse: bool) -> tuple[Motion, ...]:
+    """The motions of a joint, their axes turned by `turn`; the last one bears its name, for its coordinate."""
+    order = list(enumerate(_axes(joint)))
+    said = []
+    for kind_axis in reversed(order) if reverse else order:
+        i, (kind, axis) = kind_axis
+        last = len(said) == len(order) - 1
+        name = joint.name if last else names.new(f"{joint.name} {kind} {i}")
+        said.append(Motion(kind, turn @ (-axis if reverse else axis), name, i))
+    return tuple(said)
+
+
+def _branch(
+    d: Description,
+    joint: JointRecord,
+    parent: str,
+    body: str,
+    drawn: dict[str, Array],
+    poses: dict[str, Array],
+    rough: set[str],
+    names: Names,
+    report: Writing,
+) -> Branch:
+    """A body with the joint that carries it, all coordinates zero."""
+    point, reverse = _point(joint, drawn), body != joint.child
+    apart = joint.child_point is not None or joint.child_axis is not None or joint.child_frame is not None
+    if apart:
+        there = placed(point if joint.child_point is None else joint.child_point, _turn_of_child(joint))
+        moved = placed(point, np.eye(3)) @ inverse(there)  # what brings the child to where the parent has the joint
+        place = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
+        place = inverse(place) if reverse else place
+        place[:3, :3] = nearest(place[:3, :3])
+    else:
+        place = inverse(drawn[parent]) @ drawn[body]
+    same = not apart and parent not in rough
+    poses[body] = drawn[body] if same else poses[parent] @ place
+    if not same:
+        rough.add(body)
+    if reverse:
+        said = f'joint {joint.name} leads from "{joint.child}" to "{joint.parent}", about the opposite axis'
+        report.changed.append(f"{said}: its coordinates are the same, its reactions have the other sign")
+        if any(kind == "ball" for kind, _ in _axes(joint)):
+            report.changed[-1] += ", its quaternion is the conjugate"
+    # axes and point as the moving body has them
+    at = inverse(drawn[joint.parent])[:3, :3]
+    in_parent = placed(at @ (point - drawn[joint.parent][:3, 3]), at)
+    seen = in_parent if reverse else inverse(place) @ in_parent
+    floats = joint.kind == "free"
+    motions = () if floats else _named(joint, seen[:3, :3], names, reverse)
+    return Branch(body, parent, joint, place, seen[:3, 3], motions, floats, joint.name)
+
+
+def _closure(d: Description, joint: JointRecord, drawn: dict[str, Array], names: Names) -> Closure:
+    point = _point(joint, drawn)
+    other = point if joint.child_point is None else joint.child_point
+    here = inverse(drawn[joint.parent]) @ placed(point, np.eye(3))
+    there = inverse(drawn[joint.child]) @ placed(other, _turn_of_child(joint))
+    return Closure(joint, here, there, _named(joint, np.eye(3), names, False))
+
+
+def ties(d: Description, tree: Skeleton, report: Writing) -> list[tuple[str, str, str, float, float]]:
+    """Couplers of two joints as (name, follower, leader, factor, offset): follower = factor x leader + offset; threads
+    among them. What couples otherwise is dropped."""
+    found: list[tuple[str, str, str, float, float]] = []
+    for joint in d.joints.values():
+        if joint.kind == "screw" and joint.pitch is not None:
+            slide, turn = tree.motion(joint.name, 0), tree.motion(joint.name, 1)
+            if slide is not None and turn is not None:
+                factor = joint.pitch / (2.0 * np.pi)
+                found.append((tree.names.new(f"{joint.name} thread"), slide.name, turn.name, factor, 0.0))
+                report.changed.append(f"screw {joint.name} is a slide and a turn that follow each other")
+    for coupling in d.couplings.values():
+        pair = _pair(coupling, tree)
+        if pair is None:
+            what = f"{coupling.word} {coupling.name}"
+            report.dropped.append(f"{what}: only two joint coordinates in a fixed ratio can be coupled here")
+        else:
+            found.append(pair)
+    return found
+
+
+def _pair(coupling: CouplingRecord, tree: Skeleton) -> tuple[str, str, str, float, float] | None:
+    if coupling.kind != "linear" or len(coupling.terms) != 2 or any(t.get("of") != "joint" for t in coupling.terms):
+        return None
+    motions = [tree.motion(str(term["joint"]), int(term["coordinate"])) for term in coupling.terms]
+    first, second = coupling.data["factors"]
+    if motions[0] is None or motions[1] is None:
+        return None
+    offset = float(coupling.data["offset"]) / first
+    return coupling.name, motions[0].name, motions[1].name, -second / first, offset
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Springs and dampers of one coordinate, as one."""
+
+    stiffness: float
+    damping: float
+    rest: float
+
+
+def springs(d: Description, report: Writing) -> dict[tuple[str, int], Spring]:
+    """By joint and coordinate; several at one coordinate act as one. Negative ones are dropped."""
+    found: dict[tuple[str, int], Spring] = {}
+    for force in d.forces.values():
+        if not isinstance(force, Torsion):
+            continue
+        if force.stiffness < 0.0 or force.damping < 0.0:
+            report.dropped.append(f"spring {force.name}, whose stiffness or damping is negative")
+            continue
+        one = found.get((force.joint, force.coordinate), Spring(0.0, 0.0, 0.0))
+        stiffness, rest = one.stiffness + force.stiffness, one.rest
+        if force.stiffness > 0.0:
+            pull = one.stiffness * one.rest + force.stiffness * force.angle
+            rest = force.angle if one.stiffness == 0.0 else pull / stiffness
+        found[force.joint, force.coordinate] = Spring(stiffness, one.damping + force.damping, rest)
+    return found
+
+
+def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:
+    """What no robots' format carries: drives, and forces other than of these kinds."""
+    for drive in d.drives.values():
+        report.dropped.append(f"drive {drive.name}: what it drives is free to move")
+    for force in d.forces.values():
+        if not isinstance(force, kinds):
+            report.dropped.append(f"{_word(force)} {force.name}")
+    for joint in d.joints.values():
+        if joint.compliance is not None:
+            report.dropped.append(f"compliance of joint {joint.name}")
+    if d.changing_gravity is not None:
+        report.dropped.append("gravity that changes")
+
+
+def _word(force: object) -> str:
+    kind = getattr(force, "kind", None)
+    return str(kind) if kind is not None else type(force).__name__.removesuffix("Record").lower()
+
+
+def text(value: float) -> str:
+    """The shortest text of a number that gives the same one back."""
+    return repr(float(value) + 0.0)
+
+
+def words(values: Iterable[float]) -> str:
+    """Several of them."""
+    return " ".join(text(value) for value in values)
+
+
+def quoted(name: str) -> str:
+    """A name as the value of an attribute, quotes included."""
+    for sign, said in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;")):
+        name = name.replace(sign, said)
+    return f'"{name}"'

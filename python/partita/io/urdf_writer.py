@@ -1,0 +1,282 @@
+"""A mechanism as URDF; a YAML file beside it lists what closes its loops, in the words that `sidecar` reads.
+
+A joint of more than one freedom is a chain of slides and turns through links of no mass, which the reader makes one
+joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of its child.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..builder import Builder
+from ..builder.checks import Array
+from ..builder.records import GROUND, DRAWING_TOLERANCE, TorsionSpringRecord
+from ..files import put
+from .robot import MASSLESS
+from .skeleton import (
+    Branch,
+    Closure,
+    Motion,
+    Names,
+    Spring,
+    inverse,
+    leftovers,
+    quoted,
+    skeleton,
+    springs,
+    text,
+    ties,
+    words,
+)
+from .urdf import CLOSING
+from .writing import Writing
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""What readers of URDF take, which itself has none."""
+FAR = 1e9
+"""Limits [m] of a slide that has none: URDF asks for them."""
+_GIMBAL = (("turn", np.array([1.0, 0.0, 0.0])), ("turn", np.array([0.0, 1.0, 0.0])), ("turn", np.array([0.0, 0.0, 1.0])))
+
+
+def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
+    """Write the file and, where it is needed, the one beside it; the report says what stands there otherwise."""
+    writer = _Writer(mechanism, Writing(path, "URDF"))
+    robot, beside = writer.text(), writer.sidecar()
+    report = writer.report
+    report.judge(strict)
+    if beside is not None:
+        report.files.append(put(path.with_suffix(".yaml"), beside.encode("utf-8")))
+    report.files.insert(0, put(path, robot.encode("utf-8")))
+    return report
+
+
+@dataclass
+class _Writer:
+    mechanism: Builder
+    report: Writing
+    links: list[str] = field(default_factory=list)
+    joints: list[str] = field(default_factory=list)
+    pairs: list[tuple[str, str]] = field(default_factory=list)
+    kinds: list[str] = field(default_factory=list)
+    loops: list[str] = field(default_factory=list)
+
+    def text(self) -> str:
+        """The URDF."""
+        d, report = self.mechanism._description, self.report
+        tree = skeleton(self.mechanism, report)
+        self.names: Names = tree.names
+        self.world = "world" if "world" not in d.bodies else self.names.new("world of the robot")
+        self.springs = springs(d, report)
+        self.mimics: dict[str, tuple[str, float, float]] = {}
+        self.ties(ties(d, tree, report))
+        self.frames = {GROUND: np.eye(4)}  # of links in their bodies
+        self.links.append(f"  <link name={quoted(self.world)}/>")
+        shifted = []
+        for branch in tree.branches:
+            own = np.eye(4)
+            if branch.motions:
+                own[:3, 3] = branch.point
+            if np.any(own[:3, 3]):
+                shifted.append(branch.body)
+            self.frames[branch.body] = own
+            self.body(branch.body)
+            self.branch(branch)
+        if shifted:
+            report.changed.append(f"a link's frame is that of its joint; it has moved in {', '.join(shifted)}")
+        for closure in tree.closures:
+            self.closure(closure)
+        for joint, coordinate in self.springs:
+            report.dropped.append(f"damper of coordinate {coordinate} of joint {joint}: URDF damps hinges and slides")
+        leftovers(d, report, (TorsionSpringRecord,))
+        weightless = [name for name, body in d.bodies.items() if not body.gravity]
+        if weightless:
+            report.dropped.append(f"gravity is on all bodies, on {', '.join(weightless)} too")
+        if d.drawing_tolerance != DRAWING_TOLERANCE:
+            report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")
+        head = f"<robot name={quoted(d.name)}>"
+        return "\n".join(['<?xml version="1.0" encoding="utf-8"?>', head, *self.links, *self.joints, "</robot>", ""])
+
+    def ties(self, found: list[tuple[str, str, str, float, float]]) -> None:
+        """Couplers as mimics: a joint mimics one other joint."""
+        for name, follower, leader, factor, offset in found:
+            if follower in self.mimics:
+                follower, leader, factor, offset = leader, follower, 1.0 / factor, -offset / factor
+            if follower in self.mimics:
+                self.report.dropped.append(f"coupler {name}: both joints mimic another one already")
+            else:
+                self.mimics[follower] = (leader, factor, offset)
+
+    def link(self, name: str, inside: str = "") -> None:
+        """A link, of no mass if nothing stands in it."""
+        self.links.append(f"  <link name={quoted(name)}{f'>{inside}' if inside else '/>'}")
+
+    def body(self, name: str) -> None:
+        """A body with its inertia."""
+        body = self.mechanism._description.bodies[name]
+        com, j = body.com - self.frames[name][:3, 3], body.inertia
+        if body.mass == 0.0 and not np.any(j):
+            self.link(self.of(name))
+            return
+        if body.mass <= MASSLESS:
+            self.report.changed.append(f'body "{name}" of {body.mass:g} kg: readers may take it for a frame')
+        moments = zip(("xx", "xy", "xz", "yy", "yz", "zz"), j[np.triu_indices(3)], strict=True)
+        inertia = " ".join(f'i{axes}="{text(value)}"' for axes, value in moments)
+        self.link(
+            self.of(name),
+            f'\n    <inertial>\n      <origin xyz="{words(com)}" rpy="0 0 0"/>\n      <mass value="{text(body.mass)}"/>\n'
+            f"      <inertia {inertia}/>\n    </inertial>\n  </link>",
+        )
+
+    def of(self, body: str) -> str:
+        """The link of a body."""
+        return self.world if body == GROUND else body
+
+    def branch(self, branch: Branch) -> None:
+        place = inverse(self.frames[branch.parent]) @ branch.place @ self.frames[branch.body]
+        ends = self.of(branch.parent), self.of(branch.body)
+        if not branch.motions:
+            self.joint(branch.name, "floating" if branch.floats else "fixed", ends, place)
+            return
+        assert branch.joint is not None
+        self.chain(branch.joint.name, branch.joint.kind, branch.motions, ends, place)
+
+    def chain(
+        self,
+        name: str,
+        kind: str,
+        motions: tuple[Motion, ...],
+        ends: tuple[str, str],
+        place: Array,
+    ) -> None:
+        """Slides and turns, one after the other, through links of no mass."""
+        if kind == "planar" and not any((name, m.coordinate) in self.springs or m.name in self.mimics for m in motions):
+            normal = next(m.axis for m in motions if m.kind == "turn")
+            if not any(leader in {m.name for m in motions} for leader, _, _ in self.mimics.values()):
+                self.joint(name, "planar", ends, place, normal)
+                return
+        steps: list[tuple[str, Array, str, int]] = []
+        for motion in motions:
+            if motion.kind != "ball":
+                steps.append((motion.kind, motion.axis, motion.name, motion.coordinate))
+                continue
+            for i, (turn, axis) in enumerate(_GIMBAL):
+                last = motion is motions[-1] and i == 2
+                steps.append((turn, axis, name if last else self.names.new(f"{name} turn {i}"), -1))
+        if len(steps) > 1:
+            links = f"{len(steps)} joints with links of no mass between them"
+            self.report.changed.append(f"{kind} joint {name} is {links}")
+        here = ends[0]
+        for i, (motion_kind, axis, step, coordinate) in enumerate(steps):
+            there = ends[1] if i == len(steps) - 1 else self.names.new(f"{name} link {i}")
+            if there != ends[1]:
+                self.link(there)
+            spring = self.springs.pop((name, coordinate), None)
+            kind_word = "prismatic" if motion_kind == "slide" else "continuous"
+            self.joint(step, kind_word, (here, there), place if i == 0 else np.eye(4), axis, spring)
+            here = there
+
+    def joint(
+        self,
+        name: str,
+        kind: str,
+        ends: tuple[str, str],
+        place: Array,
+        axis: Array | None = None,
+        spring: Spring | None = None,
+    ) -> None:
+        """One joint of the file."""
+        lines = [
+            f"  <joint name={quoted(name)} type={quoted(kind)}>",
+            f'    <origin xyz="{words(place[:3, 3])}" rpy="{words(rpy(place[:3, :3]))}"/>',
+            f"    <parent link={quoted(ends[0])}/>",
+            f"    <child link={quoted(ends[1])}/>",
+        ]
+        if axis is not None:
+            lines.append(f'    <axis xyz="{words(axis)}"/>')
+        if kind == "prismatic":
+            lines.append(f'    <limit lower="{-FAR:g}" upper="{FAR:g}" effort="{FAR:g}" velocity="{FAR:g}"/>')
+        if spring is not None and spring.damping > 0.0:
+            lines.append(f'    <dynamics damping="{text(spring.damping)}"/>')
+        if spring is not None and spring.stiffness > 0.0:
+            self.report.dropped.append(f"stiffness {spring.stiffness:g} of joint {name}")
+        if name in self.mimics:
+            leader, factor, offset = self.mimics[name]
+            said = f'joint={quoted(leader)} multiplier="{text(factor)}" offset="{text(offset)}"'
+            lines.append(f"    <mimic {said}/>")
+        self.joints += [*lines, "  </joint>"]
+
+    def closure(self, closure: Closure) -> None:
+        """Two frames that are one: on the parent, or at the end of a chain from it, and on the child."""
+        joint = closure.joint
+        parent, child = self.of(joint.parent), self.of(joint.child)
+        here = inverse(self.frames[joint.parent]) @ closure.here
+        there = inverse(self.frames[joint.child]) @ closure.there
+        word = "meeting" if joint.kind == "spherical" else "closing"  # frames called closing are welded where no file says
+        first, second = (self.names.new(f"{word} {joint.name} {side}") for side in "12")
+        self.mark(second, child, there)
+        if joint.kind in ("fixed", "spherical"):
+            self.mark(first, parent, here)
+        else:
+            self.link(first)
+            self.chain(joint.name, joint.kind, closure.motions, (parent, first), here)
+        self.pairs.append((first, second))
+        self.kinds.append("3d" if joint.kind == "spherical" else "6d")
+        self.loops.append(joint.name)
+
+    def mark(self, name: str, link: str, place: Array) -> None:
+        """A frame of a link."""
+        self.link(name)
+        self.joint(self.names.new(f"{name} on {link}"), "fixed", (link, name), place)
+
+    def sidecar(self) -> str | None:
+        """The YAML beside it; None where it would say nothing, and none is there that would be read with the URDF."""
+        d = self.mechanism._description
+        driven = [d.measure["joint"] for d in d.drives.values() if d.measure.get("of") == "joint"]
+        motors = list(dict.fromkeys(map(str, driven)))
+        gravity = tuple(d.gravity.tolist())
+        beside = any(self.report.path.with_suffix(end).exists() for end in (".yaml", ".yml"))
+        misread = any(CLOSING.fullmatch(name) for name in d.bodies)
+        if not (self.pairs or motors or gravity != GRAVITY or beside or misread):
+            return None
+        lines = [
+            f"closed_loop: {_listed([_listed(map(_scalar, pair)) for pair in self.pairs])}",
+            f"type: {_listed(map(_scalar, self.kinds))}",
+            f"name: {_listed(map(_scalar, self.loops))}",
+            f"name_mot: {_listed(map(_scalar, motors))}",
+        ]
+        if gravity != GRAVITY:
+            lines.append(f"gravity: {_listed(_float(x) for x in gravity)}")
+            said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) stands in the file beside it"
+            self.report.changed.append(f"{said}; other programs take (0, 0, -9.81)")
+        return "\n".join([*lines, ""])
+
+
+def _listed(items: Iterable[str]) -> str:
+    return f"[{', '.join(items)}]"
+
+
+def _scalar(name: str) -> str:
+    """A text in YAML: quoted as in JSON, which is YAML."""
+    return json.dumps(name, ensure_ascii=False)
+
+
+def _float(value: float) -> str:
+    """A number in YAML, which asks for a point before the exponent."""
+    said = text(value)
+    return said if "e" not in said or "." in said else said.replace("e", ".0e")
+
+
+def rpy(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch and yaw about fixed axes that make a rotation."""
+    r = rotation
+    cosine = math.hypot(r[0, 0], r[1, 0])
+    # where x points up or down, roll and yaw turn about the same line: yaw is what it is, roll goes by it
+    yaw = math.atan2(r[1, 0], r[0, 0]) if cosine > 0.0 else 0.0
+    s, c = math.sin(yaw), math.cos(yaw)
+    return math.atan2(r[0, 2] * s - r[1, 2] * c, r[1, 1] * c - r[0, 1] * s), math.atan2(-r[2, 0], cosine), yaw

@@ -1,0 +1,73 @@
+"""What a writer made of a mechanism: everything that stands otherwise in the file, or not at all; nothing in silence."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import FileFormatError, LossyFileWarning
+
+_SHOWN = 3
+"""Remarks in a warning or an error; all of them stand in the report."""
+
+
+@dataclass
+class Writing:
+    """What became of a mechanism in a file; `print(m.save("robot.urdf"))`.
+
+    Attributes:
+        path: the file that was asked for.
+        kind: its format, such as "URDF".
+        files: all files that were written.
+        changed: what is said otherwise there, and means the same.
+        dropped: what the format cannot carry: without it the file is of another mechanism.
+    """
+
+    path: Path
+    kind: str
+    files: list[Path] = field(default_factory=list)
+    changed: list[str] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        parts = [f"{self.kind} {', '.join(map(str, self.files))}"]
+        for title, remarks in (("changed", self.changed), ("dropped", self.dropped)):
+            if remarks:
+                parts += [f"  {title}:", *(f"    {remark}" for remark in remarks)]
+        return "\n".join(parts)
+
+    def to_dict(self) -> dict[str, object]:
+        """All of it, ready for JSON.
+
+        >>> from pathlib import Path
+        >>> Writing(Path("a.urdf"), "URDF", dropped=["spring s"]).to_dict()["dropped"]
+        ['spring s']
+        """
+        return {
+            "path": str(self.path),
+            "kind": self.kind,
+            "files": [str(file) for file in self.files],
+            "changed": list(self.changed),
+            "dropped": list(self.dropped),
+        }
+
+    def judge(self, strict: bool) -> None:
+        """Before anything is written: refuse what would be lost, or warn of it."""
+        if not self.dropped:
+            return
+        shown = "; ".join(self.dropped[:_SHOWN])
+        more = f"; and {len(self.dropped) - _SHOWN} more" if len(self.dropped) > _SHOWN else ""
+        if strict:
+            raise FileFormatError(
+                f'"{self.path}": {self.kind} cannot carry: {shown}{more}. Save as .toml, which carries all, or without '
+                "strict",
+                path=str(self.path),
+                line=None,
+            )
+        warnings.warn(
+            f'"{self.path}" holds another mechanism: {self.kind} cannot carry {shown}{more}. What save returns lists '
+            "all of it; strict=True refuses, .toml carries all",
+            LossyFileWarning,
+            stacklevel=5,
+        )
