@@ -55,8 +55,11 @@ def parser() -> argparse.ArgumentParser:
     view.add_argument("-o", "--output", metavar="FILE", help="page to write (.html); default: beside RESULT")
 
     convert = _command(words, "convert", commands.convert, "read one model file and write another")
-    convert.add_argument("source", metavar="A", help="model file to read")
+    convert.add_argument("source", metavar="A", help="model file to read, or a name of the catalogue")
     convert.add_argument("target", metavar="B", help="model file to write; its ending decides the format")
+    convert.add_argument("--strict", action="store_true", help="refuse what the format cannot carry")
+    convert.add_argument("--json", action="store_true", help="print what was changed and dropped as JSON")
+    convert.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
     return top
 
 

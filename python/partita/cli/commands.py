@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
+import warnings
 from pathlib import Path
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, LossyFileWarning
 from .models import open_model
 
 
@@ -49,11 +51,15 @@ def view(arguments: argparse.Namespace) -> int:
 
 
 def convert(arguments: argparse.Namespace) -> int:
-    """Read one model file and write another."""
-    from ..mechanism import load
-
-    load(arguments.source).save(arguments.target)
-    print(f"wrote {arguments.target}")
+    """Read one model file, write another, and print what the other says otherwise, or cannot carry."""
+    opened = open_model(arguments.source, base=arguments.base)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LossyFileWarning)  # printed below
+        written = opened.mechanism.save(arguments.target, strict=arguments.strict)
+    if arguments.json:
+        print(json.dumps(written.to_dict(), indent=2))
+    else:
+        print(f"wrote {written}")
     return 0
 
 
