@@ -140,6 +140,9 @@ class _Writer:
         parts = 1 + self.cuts.count(branch.body)
         lines = [f"<body name={quoted(name)} {place}{held}>", f"  {self.inertial(body, parts, moves)}"]
         if branch.floats:
+            if np.any(branch.point):
+                said = f'free joint {branch.name} tells where the origin of "{branch.body}" is, not its own point'
+                self.report.changed.append(said)
             if branch.parent == GROUND:
                 lines.append(f"  <freejoint name={quoted(branch.name)}/>")
             else:
@@ -255,8 +258,8 @@ class _Writer:
         ends = f"site1={quoted(sites[0])} site2={quoted(sites[1])}"
         self.equalities.append(f"    <weld name={quoted(weld)} {ends}/>")
         self.report.changed.append(
-            f'{joint.kind} joint {joint.name} closes a loop: it carries a part of "{body}", which is cut in parts of the '
-            f"same mass, and {weld} welds them"
+            f'{joint.kind} joint {joint.name} closes a loop: it carries a part of "{body}", which is cut in parts of '
+            f"the same mass, and {weld} welds them"
         )
 
     def spring(self, record: SpringRecord) -> list[str]:

@@ -370,7 +370,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         sides = [_on_body(robot, *side) for side in (spring.first, spring.second)]
         (link1, point1), (link2, point2) = sides
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
-        mechanism.add_spring(body[link1], point1, body[link2], point2, name=spring.name, **data)
+        mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
@@ -441,9 +441,7 @@ def _joint(
     if not np.array_equal(here, there):
         apart = {"child_point": there[:3, 3]}
     axis = here[:3, :3] @ axes[0]
-    if apart and kind in ("revolute", "prismatic", "cylindrical"):
-        apart["child_axis"] = there[:3, :3] @ axes[0]
-    elif apart and kind == "planar":
+    if (apart and kind in ("revolute", "prismatic", "cylindrical")) or (apart and kind == "planar"):
         apart["child_axis"] = there[:3, :3] @ axes[0]
     elif apart and kind in ("fixed", "universal"):
         apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)

@@ -247,7 +247,7 @@ def _point(joint: JointRecord, drawn: dict[str, Array]) -> Array:
 def _named(joint: JointRecord, turn: Array, names: Names, reverse: bool) -> tuple[Motion, ...]:
     """The motions of a joint, their axes turned by `turn`; the last one bears its name, for its coordinate."""
     order = list(enumerate(_axes(joint)))
-    said = []
+    said: list[Motion] = []
     for kind_axis in reversed(order) if reverse else order:
         i, (kind, axis) = kind_axis
         last = len(said) == len(order) - 1

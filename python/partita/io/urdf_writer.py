@@ -16,7 +16,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import GROUND, DRAWING_TOLERANCE, TorsionSpringRecord
+from ..builder.records import DRAWING_TOLERANCE, GROUND, TorsionSpringRecord
 from ..files import put
 from .robot import MASSLESS
 from .skeleton import (
@@ -41,7 +41,11 @@ GRAVITY = (0.0, 0.0, -9.81)
 """What readers of URDF take, which itself has none."""
 FAR = 1e9
 """Limits [m] of a slide that has none: URDF asks for them."""
-_GIMBAL = (("turn", np.array([1.0, 0.0, 0.0])), ("turn", np.array([0.0, 1.0, 0.0])), ("turn", np.array([0.0, 0.0, 1.0])))
+_GIMBAL = (
+    ("turn", np.array([1.0, 0.0, 0.0])),
+    ("turn", np.array([0.0, 1.0, 0.0])),
+    ("turn", np.array([0.0, 0.0, 1.0])),
+)
 
 
 def write(mechanism: Builder, path: Path, strict: bool) -> Writing:
@@ -80,7 +84,7 @@ class _Writer:
         shifted = []
         for branch in tree.branches:
             own = np.eye(4)
-            if branch.motions:
+            if branch.motions or branch.floats:
                 own[:3, 3] = branch.point
             if np.any(own[:3, 3]):
                 shifted.append(branch.body)
@@ -129,7 +133,8 @@ class _Writer:
         inertia = " ".join(f'i{axes}="{text(value)}"' for axes, value in moments)
         self.link(
             self.of(name),
-            f'\n    <inertial>\n      <origin xyz="{words(com)}" rpy="0 0 0"/>\n      <mass value="{text(body.mass)}"/>\n'
+            f'\n    <inertial>\n      <origin xyz="{words(com)}" rpy="0 0 0"/>\n'
+            f'      <mass value="{text(body.mass)}"/>\n'
             f"      <inertia {inertia}/>\n    </inertial>\n  </link>",
         )
 
@@ -217,7 +222,9 @@ class _Writer:
         parent, child = self.of(joint.parent), self.of(joint.child)
         here = inverse(self.frames[joint.parent]) @ closure.here
         there = inverse(self.frames[joint.child]) @ closure.there
-        word = "meeting" if joint.kind == "spherical" else "closing"  # frames called closing are welded where no file says
+        word = (
+            "meeting" if joint.kind == "spherical" else "closing"
+        )  # frames called closing are welded where no file says
         first, second = (self.names.new(f"{word} {joint.name} {side}") for side in "12")
         self.mark(second, child, there)
         if joint.kind in ("fixed", "spherical"):

@@ -1,4 +1,4 @@
-"""What a writer made of a mechanism: everything that stands otherwise in the file, or not at all; nothing in silence."""
+"""What a writer made of a mechanism: all that stands otherwise in the file, or not at all; nothing in silence."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
+from .. import options
 from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
-from .. import options
 from ..io import Reading, Writing, save
 from . import models, solve
 from .assemblies import assemblies
