@@ -1,0 +1,71 @@
+//! Inputs as the functions that a model calls: what they are over the present step.
+
+use partita_model::value::Functions;
+use std::error::Error;
+use std::sync::{Arc, Mutex, PoisonError};
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// An input over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Course {
+    /// An effort that is held.
+    Effort(f64),
+    /// A position from (t, x), its rate, and its constant acceleration.
+    Motion {
+        /// Since when (s).
+        t: f64,
+        /// Where it was then.
+        x: f64,
+        /// Rate then.
+        rate: f64,
+        /// Acceleration.
+        growth: f64,
+    },
+}
+
+impl Course {
+    /// Position, rate and acceleration at t; an effort has its value in place of all.
+    pub fn at(&self, t: f64) -> [f64; 3] {
+        match *self {
+            Self::Effort(value) => [value; 3],
+            Self::Motion { t: t0, x, rate, growth } => {
+                let past = t - t0;
+                [x + (rate + 0.5 * growth * past) * past, rate + growth * past, growth]
+            }
+        }
+    }
+}
+
+/// The courses, shared between a model and who sets them.
+#[derive(Clone, Default)]
+pub struct Inputs(Arc<Mutex<Vec<Course>>>);
+
+impl Inputs {
+    /// Replace all courses; they are as many as ever.
+    pub fn set(&self, courses: &[Course]) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.clear();
+        all.extend_from_slice(courses);
+    }
+
+    fn at(&self, i: usize, t: f64) -> Result<[f64; 3], Failure> {
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.get(i).map(|course| course.at(t)).ok_or_else(|| format!("there is no input {i}").into())
+    }
+}
+
+impl Functions for Inputs {
+    fn count(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+    fn scalar(&self, i: usize, t: f64, _: &[f64], _: &[f64]) -> Result<f64, Failure> {
+        self.at(i, t).map(|x| x[0])
+    }
+    fn vector(&self, i: usize, _: f64, _: &[f64], _: &[f64]) -> Result<[f64; 3], Failure> {
+        Err(format!("input {i} is no force of three components").into())
+    }
+    fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Failure> {
+        self.at(i, t)
+    }
+}

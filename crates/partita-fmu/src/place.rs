@@ -1,0 +1,54 @@
+//! Where the resources lie: the URI that an environment hands over, as a path.
+
+use std::path::PathBuf;
+
+/// The path that a `file:` URI means; a path without a scheme is taken as it is.
+pub fn path(uri: &str) -> Result<PathBuf, String> {
+    let Some(rest) = uri.strip_prefix("file:") else {
+        return match uri.contains("://") {
+            true => Err(format!("the resources lie at {uri}, which is no file: URI")),
+            false => Ok(PathBuf::from(uri)),
+        };
+    };
+    // file:///path, file://localhost/path, file:/path
+    let rest = rest.strip_prefix("//").map_or(rest, |x| x.strip_prefix("localhost").unwrap_or(x));
+    let decoded = decoded(rest).ok_or_else(|| format!("the URI of the resources is not well formed: {uri}"))?;
+    let drive = decoded.as_bytes().get(2) == Some(&b':') && cfg!(windows);
+    Ok(PathBuf::from(if drive { decoded.trim_start_matches('/') } else { &decoded[..] }))
+}
+
+/// The text with %XX replaced by the bytes that they stand for.
+fn decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.bytes();
+    while let Some(byte) = rest.next() {
+        if byte == b'%' {
+            let digits = [rest.next()?, rest.next()?];
+            let digits = std::str::from_utf8(&digits).ok()?;
+            bytes.push(u8::from_str_radix(digits, 16).ok()?);
+        } else {
+            bytes.push(byte);
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uris_are_paths() {
+        for (uri, wanted) in [
+            ("file:///tmp/a%20b/%C3%A9", "/tmp/a b/é"),
+            ("file://localhost/tmp/x", "/tmp/x"),
+            ("file:/tmp/x", "/tmp/x"),
+            ("/tmp/x", "/tmp/x"),
+        ] {
+            assert_eq!(path(uri), Ok(PathBuf::from(wanted)));
+        }
+        for uri in ["http://example.org/x", "file:///tmp/%", "file:///tmp/%zz", "file:///%ff"] {
+            assert!(path(uri).is_err(), "{uri}");
+        }
+    }
+}

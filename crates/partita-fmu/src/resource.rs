@@ -1,0 +1,103 @@
+//! What the FMU's writer has put into `resources/model.json`.
+
+use partita_analysis::run::Request;
+use partita_model::spec::Spec;
+use serde::Deserialize;
+
+/// The version of the file that is read.
+pub const VERSION: u32 = 1;
+
+/// The whole file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resource {
+    /// Version.
+    pub fmu: u32,
+    /// The same as in `modelDescription.xml`.
+    pub guid: String,
+    /// The mechanism; value number i of its functions is input number i.
+    pub model: Spec,
+    /// Tolerances and methods; its times are those of no run.
+    pub options: Request,
+    /// Where it starts.
+    pub start: Start,
+    /// Inputs: value references 0, 1, ...
+    pub inputs: Vec<Input>,
+    /// Outputs: value references after those of the inputs.
+    pub outputs: Vec<Shown>,
+}
+
+/// A state.
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// Time (s).
+    pub t: f64,
+    /// Coordinates.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+}
+
+/// What an input does.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Input {
+    /// An effort along a joint coordinate, held over a step.
+    Effort {
+        /// At the start.
+        start: f64,
+    },
+    /// The rate of a drive at the end of a step.
+    Rate {
+        /// Rate at the start.
+        start: f64,
+        /// What is driven, at the start.
+        position: f64,
+    },
+}
+
+/// What an output is.
+#[derive(Clone, Deserialize)]
+#[serde(tag = "what", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Shown {
+    /// A coordinate of a joint.
+    Position {
+        /// The joint.
+        joint: String,
+        /// Its coordinate.
+        component: usize,
+    },
+    /// A velocity of a joint.
+    Velocity {
+        /// The joint.
+        joint: String,
+        /// Its velocity.
+        component: usize,
+    },
+    /// A component of the reaction force on the child, world axes.
+    Force {
+        /// The joint.
+        joint: String,
+        /// x, y, z.
+        component: usize,
+    },
+    /// A component of the reaction moment on the child, world axes.
+    Moment {
+        /// The joint.
+        joint: String,
+        /// x, y, z.
+        component: usize,
+    },
+    /// Effort of the drive along a joint coordinate.
+    Effort {
+        /// The joint.
+        joint: String,
+        /// Its coordinate.
+        component: usize,
+    },
+    /// Kinetic energy.
+    Kinetic,
+    /// Potential energy.
+    Potential,
+}
