@@ -4,6 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TOOLS := .venv/.tools
 BUILT := .venv/.built
+FMU := .venv/.fmu
 
 # Everything that the native module is made of.
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml')
@@ -16,7 +17,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install format lint test test-rust test-python trust errors bench docs compare-docs demo paper clean
+.PHONY: all install fmu format lint test test-rust test-python trust errors bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -35,6 +36,26 @@ $(TOOLS): constraints.txt
 $(BUILT): $(TOOLS) pyproject.toml $(RUST)
 	$(BIN)/maturin develop --release --locked
 	@touch $@
+
+# The binary inside FMUs, put beside the Python sources. For tests the profile of `cargo test`, whose core it only links.
+put_fmu = mkdir -p python/partita/_fmu && cp $(wildcard $(1)/libpartita_fmu.so $(1)/libpartita_fmu.dylib $(1)/partita_fmu.dll) \
+	python/partita/_fmu/
+CARGO_OUT := $(or $(CARGO_TARGET_DIR),target)
+
+$(FMU): $(TOOLS) $(RUST)
+	cargo build --package partita-fmu --locked
+	@$(MAKE) --no-print-directory put-fmu FROM=$(CARGO_OUT)/debug
+	@touch $@
+
+.PHONY: put-fmu
+put-fmu:
+	@$(call put_fmu,$(FROM))
+
+## fmu: the binary inside FMUs, built for speed; a wheel made afterwards holds it
+fmu: $(TOOLS)
+	cargo build --package partita-fmu --release --locked
+	@$(MAKE) --no-print-directory put-fmu FROM=$(CARGO_OUT)/release
+	@touch $(FMU)
 
 ## format: rewrite the sources in the house style
 format: $(TOOLS)
@@ -57,7 +78,7 @@ test: test-rust test-python
 test-rust: $(TOOLS)
 	cargo test --release --workspace --locked
 
-test-python: $(BUILT)
+test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
 ## trust: N=5000 mechanisms drawn by chance against an independent program; RUNS=2000 keep their branch; verdicts; the zoo
@@ -105,4 +126,4 @@ demo: $(BUILT)
 clean:
 	rm -rf .venv target out dist .pytest_cache .mypy_cache .ruff_cache
 	find python tests -name '__pycache__' -type d -prune -exec rm -rf {} +
-	rm -f python/partita/_core*.so
+	rm -rf python/partita/_core*.so python/partita/_fmu

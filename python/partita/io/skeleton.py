@@ -176,7 +176,7 @@ def _tree(d: Description) -> list[JointRecord]:
     return chosen
 
 
-def _axes(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
+def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
     """Motions of a joint from its parent to its child, in world axes as drawn on the side of the parent."""
     unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
     axis = unit.get("axis", unit.get("normal", unit.get("axis1", _Z)))
@@ -246,7 +246,7 @@ def _point(joint: JointRecord, drawn: dict[str, Array]) -> Array:
 
 def _named(joint: JointRecord, turn: Array, names: Names, reverse: bool) -> tuple[Motion, ...]:
     """The motions of a joint, their axes turned by `turn`; the last one bears its name, for its coordinate."""
-    order = list(enumerate(_axes(joint)))
+    order = list(enumerate(axes_of(joint)))
     said: list[Motion] = []
     for kind_axis in reversed(order) if reverse else order:
         i, (kind, axis) = kind_axis
@@ -285,7 +285,7 @@ def _branch(
     if reverse:
         said = f'joint {joint.name} leads from "{joint.child}" to "{joint.parent}", about the opposite axis'
         report.changed.append(f"{said}: its coordinates are the same, its reactions have the other sign")
-        if any(kind == "ball" for kind, _ in _axes(joint)):
+        if any(kind == "ball" for kind, _ in axes_of(joint)):
             report.changed[-1] += ", its quaternion is the conjugate"
     # axes and point as the moving body has them
     at = inverse(drawn[joint.parent])[:3, :3]

@@ -11,6 +11,7 @@ from ..comparison import compare_mechanism
 from ..io import Reading, Writing, save
 from . import models, solve
 from .assemblies import assemblies
+from .fmu import to_fmu
 from .models import Modelled
 from .poses import assemble_many
 from .report import report
@@ -68,6 +69,7 @@ class Mechanism(Modelled):
     simulate = solve.simulate
     compare = compare_mechanism
     report = report
+    to_fmu = to_fmu
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads

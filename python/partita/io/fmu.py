@@ -1,0 +1,331 @@
+"""FMI 2.0 for co-simulation: what an FMU's inputs and outputs mean, its description, and the archive.
+
+The binary is the same in all of them: the core without Python, which reads the mechanism from the resources.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import platform
+import re
+import sys
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .. import _core
+from ..builder.joints import scalars, speeds
+from ..builder.records import Description, JointRecord, TorqueRecord
+from ..builder.spec import Writer
+from ..builder.values import Constant, Function
+from ..errors import ArgumentError, DescriptionError, MissingDependencyError
+from ..files import put
+from ..state import Layout
+from .skeleton import axes_of, quoted, text
+
+BINARIES = Path(__file__).parents[1] / "_fmu"
+"""Where the binary is put when Partita is built."""
+_SYSTEMS = {"linux": ("linux64", "libpartita_fmu.so", ".so"), "darwin": ("darwin64", "libpartita_fmu.dylib", ".dylib")}
+_WINDOWS = ("win64", "partita_fmu.dll", ".dll")
+_PARTS = ("position", "velocity", "force", "moment", "effort")
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input: an effort along a joint coordinate, or the rate of a drive."""
+
+    name: str
+    kind: str
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output: its name, its unit, what it is, and what the resources call it."""
+
+    name: str
+    unit: str
+    words: str
+    means: Mapping[str, Any]
+
+
+def prepared(d: Description, names: Iterable[str]) -> tuple[Description, list[Input]]:
+    """The mechanism with what its inputs act by: torques and drives that it has, a torque for each joint named."""
+    copy, found = d.copy(), list[Input]()
+    for name in _listed("inputs", names):
+        kinds = [
+            kind for kind, table in (("force", d.forces), ("drive", d.drives), ("joint", d.joints)) if name in table
+        ]
+        if len(kinds) != 1:
+            known = [n for n, f in d.forces.items() if isinstance(f, TorqueRecord)]
+            known += [*d.drives, *(j.name for j in d.joints.values() if scalars(j))]
+            why = f"is the name of a {' and of a '.join(kinds)}" if kinds else "is no torque, drive or joint"
+            raise ArgumentError(f'inputs: "{name}" {why}; choose among {", ".join(known)}', argument="inputs")
+        if name in {x.name for x in found}:
+            raise ArgumentError(f'inputs: "{name}" is there twice', argument="inputs")
+        found.append(_input(copy, name, kinds[0]))
+    return copy, found
+
+
+def _listed(argument: str, names: Any) -> list[str]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise ArgumentError(f"{argument} must be a list of names, not {names!r:.80}", argument=argument)
+    listed = [str(name) if hasattr(name, "mechanism") else name for name in names]
+    if not all(isinstance(name, str) for name in listed):
+        raise ArgumentError(f"{argument} must be a list of names, not {names!r:.80}", argument=argument)
+    return listed
+
+
+def _input(d: Description, name: str, kind: str) -> Input:
+    """Give the mechanism what the input acts by."""
+    if kind == "drive":
+        drive = d.drives[name]
+        if drive.measure.get("of") != "joint" or drive.slides or "coordinate" not in drive.measure:
+            raise ArgumentError(
+                f'inputs: drive "{name}" is not of one joint coordinate; only those can be inputs', argument="inputs"
+            )
+        joint = d.joints[str(drive.measure["joint"])]
+        unit = _unit(joint, int(drive.measure["coordinate"]), "rate")
+        return Input(name, "rate", unit, f"rate of drive {name} at the end of a step")
+    if kind == "force":
+        force = d.forces[name]
+        if not isinstance(force, TorqueRecord):
+            raise ArgumentError(f'inputs: force "{name}" is no torque (see add_torque)', argument="inputs")
+        start = force.value if isinstance(force.value, Constant) and force.over is None else Constant(0.0)
+        d.forces[name] = replace(force, value=start, over=None, periodic=False)
+        unit = _unit(d.joints[force.joint], force.coordinate, "effort")
+        return Input(name, "effort", unit, f"effort {name} along joint {force.joint}, held over a step")
+    joint = d.joints[name]
+    if scalars(joint) != 1:
+        raise ArgumentError(
+            f'inputs: joint "{name}" has {scalars(joint)} slides and angles; add_torque says along which one, and its '
+            "name can be an input",
+            argument="inputs",
+        )
+    d.store(d.forces, TorqueRecord(_fresh(d, f"input {name}"), name, 0, Constant(0.0)))
+    return Input(name, "effort", _unit(joint, 0, "effort"), f"effort along joint {name}, held over a step")
+
+
+def _fresh(d: Description, wanted: str) -> str:
+    name, number = wanted, 1
+    while name in d.forces:
+        number += 1
+        name = f"{wanted} {number}"
+    return name
+
+
+def _unit(joint: JointRecord, coordinate: int, of: str) -> str:
+    kinds = [kind for kind, _ in axes_of(joint)] or ["slide"] * 3
+    slide = kinds[min(coordinate, len(kinds) - 1)] == "slide"
+    return {"rate": ("rad/s", "m/s"), "effort": ("N.m", "N")}[of][slide]
+
+
+def outputs_of(d: Description, names: Iterable[str] | None) -> list[Output]:
+    """What is shown: "A.position", "A.force", ...; "A" is position and velocity of joint A, "energy" both energies."""
+    if names is None:
+        names = [*(name for name, joint in d.joints.items() if _coordinates(joint)), "energy"]
+    found: list[Output] = []
+    for name in _listed("outputs", names):
+        new = _outputs(d, name)
+        taken = {x.name for x in found}
+        if any(x.name in taken for x in new):
+            raise ArgumentError(f'outputs: "{name}" is there twice', argument="outputs")
+        found += new
+    return found
+
+
+def _outputs(d: Description, name: str) -> list[Output]:
+    energies = {
+        "energy.kinetic": Output("energy.kinetic", "J", "kinetic energy", {"what": "kinetic"}),
+        "energy.potential": Output("energy.potential", "J", "potential energy", {"what": "potential"}),
+    }
+    if name in d.joints:
+        return [x for part in ("position", "velocity") for x in _of_joint(d.joints[name], part)]
+    if name == "energy":
+        return list(energies.values())
+    if name in energies:
+        return [energies[name]]
+    joint, _, part = name.rpartition(".")
+    if joint not in d.joints or part not in _PARTS:
+        raise ArgumentError(
+            f'outputs: "{name}" is nothing that is known; give a joint ({", ".join(d.joints)}), JOINT.position, '
+            ".velocity, .force, .moment or .effort, or energy",
+            argument="outputs",
+        )
+    found = _of_joint(d.joints[joint], part)
+    if not found:
+        raise ArgumentError(f'outputs: joint "{joint}" has no {part}', argument="outputs")
+    return found
+
+
+def _coordinates(joint: JointRecord) -> list[str]:
+    """Units of the coordinates of a joint."""
+    kinds = ["slide"] * 3 + ["ball"] if joint.kind == "free" else [kind for kind, _ in axes_of(joint)]
+    return [unit for kind in kinds for unit in {"slide": ["m"], "turn": ["rad"], "ball": ["1"] * 4}[kind]]
+
+
+def _of_joint(joint: JointRecord, part: str) -> list[Output]:
+    coordinates = [] if joint.kind == "constant_velocity" else _coordinates(joint)
+    if part == "position":
+        units = coordinates
+    elif part == "velocity":
+        units = ["m/s" if unit == "m" else "rad/s" for unit in coordinates]
+        units = units[: 0 if joint.kind == "constant_velocity" else speeds(joint)]
+    elif part == "effort":
+        units = ["N" if unit == "m" else "N.m" for unit in coordinates[: scalars(joint)]]
+    else:
+        units = ["N" if part == "force" else "N.m"] * 3
+    along = part in ("force", "moment")
+    words = f"{part} of joint {joint.name}" + (" on its child, world axes" if along else "")
+    return [
+        Output(
+            f"{joint.name}.{part}" + (f".{_AXES[i] if along else i}" if len(units) > 1 else ""),
+            unit,
+            words,
+            {"what": part, "joint": joint.name, "component": i},
+        )
+        for i, unit in enumerate(units)
+    ]
+
+
+def model_of(d: Description, layout: Layout, inputs: list[Input]) -> dict[str, Any]:
+    """The mechanism as the core reads it, its inputs in the place of functions. Refuses Python functions."""
+    for drive in d.drives.values():
+        if drive.name in {x.name for x in inputs if x.kind == "rate"}:
+            d.drives[drive.name] = replace(drive, motion=Constant(0.0), level="position", rate=0.0)
+    writer = Writer(d, layout)
+    model = writer.spec()
+    if writer.functions:
+        which = ", ".join(_functions(d)) or "couplings, forces"
+        raise DescriptionError(
+            f"{len(writer.functions)} Python functions act in {d.name!r} ({which}), which an FMU cannot hold; sample "
+            "them into tables, or make inputs of them",
+            element="mechanism",
+            name=d.name,
+        )
+    for number, one in enumerate(inputs):
+        function = {"function": number}
+        if one.kind == "rate":
+            next(x for x in model["drives"] if x["name"] == one.name)["motion"] = function
+        else:
+            wanted = one.name if one.name in d.forces else f"input {one.name}"
+            next(x for x in model["forces"] if x["name"] == wanted)["value"] = function
+    return model
+
+
+def _functions(d: Description) -> list[str]:
+    values = [(x.name, x.motion) for x in d.drives.values()]
+    values += [(x.name, x.value) for x in d.forces.values() if isinstance(x, TorqueRecord)]
+    return [name for name, value in values if isinstance(value, Function)]
+
+
+def binary() -> tuple[str, Path, str]:
+    """Folder in the archive, file and suffix of the binary for this system."""
+    folder, name, suffix = _SYSTEMS.get(sys.platform, _WINDOWS)
+    path = BINARIES / name
+    wide = platform.machine().lower() in ("x86_64", "amd64") or sys.platform == "darwin"
+    if not path.is_file() or not wide:
+        raise MissingDependencyError(
+            f"this installation of Partita has no binary for FMUs ({path}); `make fmu` in its sources builds it",
+            package="partita",
+        )
+    return folder, path, suffix
+
+
+def archive(
+    path: Path,
+    name: str,
+    resource: dict[str, Any],
+    inputs: list[Input],
+    starts: list[float],
+    outputs: list[Output],
+    experiment: dict[str, float],
+) -> None:
+    """Write the FMU. The same mechanism gives the same bytes."""
+    folder, file, suffix = binary()
+    content = file.read_bytes()
+    digest = hashlib.sha256(json.dumps(resource).encode() + hashlib.sha256(content).digest()).hexdigest()
+    guid = "{" + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
+    identifier = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    identifier = identifier if identifier[:1].isalpha() else f"m_{identifier}"
+    members = {
+        "modelDescription.xml": _described(name, guid, identifier, inputs, starts, outputs, experiment).encode("utf-8"),
+        "resources/model.json": json.dumps({**resource, "guid": guid}).encode(),
+        f"binaries/{folder}/{identifier}{suffix}": content,
+    }
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w") as packed:
+        for member, data in members.items():
+            info = zipfile.ZipInfo(member, (1980, 1, 1, 0, 0, 0))
+            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            packed.writestr(info, data)
+    put(path, whole.getvalue())
+
+
+_UNITS = {
+    "m": {"m": 1},
+    "rad": {"rad": 1},
+    "m/s": {"m": 1, "s": -1},
+    "rad/s": {"rad": 1, "s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+}
+
+
+def _described(
+    name: str,
+    guid: str,
+    identifier: str,
+    inputs: list[Input],
+    starts: list[float],
+    outputs: list[Output],
+    experiment: dict[str, float],
+) -> str:
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<fmiModelDescription fmiVersion="2.0" modelName={quoted(name)} guid="{guid}"'
+        f' generationTool="Partita {_core.version()}" variableNamingConvention="flat" numberOfEventIndicators="0">',
+        f'  <CoSimulation modelIdentifier="{identifier}" canHandleVariableCommunicationStepSize="true"'
+        ' canGetAndSetFMUstate="true"/>',
+        "  <UnitDefinitions>",
+    ]
+    used = dict.fromkeys(unit for unit in [*(x.unit for x in inputs), *(x.unit for x in outputs)] if unit in _UNITS)
+    for unit in used or ["m"]:
+        base = " ".join(f'{key}="{power}"' for key, power in _UNITS[unit].items())
+        lines.append(f'    <Unit name="{unit}"><BaseUnit {base}/></Unit>')
+    times = " ".join(f'{key}="{text(value)}"' for key, value in experiment.items())
+    lines += [
+        "  </UnitDefinitions>",
+        "  <LogCategories>",
+        '    <Category name="logStatusWarning"/>',
+        '    <Category name="logStatusError"/>',
+        "  </LogCategories>",
+        f"  <DefaultExperiment {times}/>",
+        "  <ModelVariables>",
+    ]
+    for number, one in enumerate(inputs):
+        lines.append(
+            f'    <ScalarVariable name={quoted(one.name)} valueReference="{number}" causality="input"'
+            f' variability="continuous" description={quoted(one.words)}>'
+            f'<Real unit="{one.unit}" start="{text(starts[number])}"/></ScalarVariable>'
+        )
+    for number, shown in enumerate(outputs, len(inputs)):
+        unit = f' unit="{shown.unit}"' if shown.unit in _UNITS else ""
+        lines.append(
+            f'    <ScalarVariable name={quoted(shown.name)} valueReference="{number}" causality="output"'
+            f' variability="continuous" initial="calculated" description={quoted(shown.words)}>'
+            f"<Real{unit}/></ScalarVariable>"
+        )
+    lines += ["  </ModelVariables>", "  <ModelStructure>"]
+    indices = range(len(inputs) + 1, len(inputs) + len(outputs) + 1)
+    for part in ("Outputs", "InitialUnknowns"):
+        if outputs:
+            lines += [f"    <{part}>", *(f'      <Unknown index="{i}"/>' for i in indices), f"    </{part}>"]
+    return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])

@@ -1,0 +1,121 @@
+"""A mechanism as an FMU: `Mechanism.to_fmu`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from .. import options as run_options
+from ..builder.records import TorqueRecord
+from ..builder.values import Constant
+from ..errors import ArgumentError
+from ..files import target
+from ..io import fmu
+from ..state import State
+from .models import Modelled, layout_of
+from .solve import assemble, convert
+
+
+def to_fmu(
+    self: Modelled,
+    path: str | PathLike[str],
+    inputs: Iterable[str] = (),
+    outputs: Iterable[str] | None = None,
+    *,
+    initial: State | None = None,
+    duration: float = 10.0,
+    communication_step: float = 0.01,
+    rtol: float = 1e-9,
+    atol: float = 1e-11,
+    method: str = "dop853",
+    formulation: str = "projective",
+) -> Path:
+    """Write an FMU (FMI 2.0, co-simulation): the mechanism as a part of other programs' simulations.
+
+    It holds the mechanism and Partita's core, built before: neither a compiler nor Python is needed, here or there. An
+    FMU runs on the system that it was written on (Linux, macOS, Windows; 64 bit).
+
+    Args:
+        path: the file, such as "four-bar.fmu"; an older one is replaced.
+        inputs: names of torques (`add_torque`), whose values they become; of drives of joint coordinates, whose rates
+            they become; of joints with one coordinate, along which they act as an effort. An effort is held over a
+            communication step; the rate of a drive changes linearly over it and is reached at its end.
+        outputs: "A.position", "A.velocity", "A.force", "A.moment" (reaction on the child, world axes) and "A.effort"
+            (of a drive) of a joint A; "A" for position and velocity; "energy.kinetic", "energy.potential", "energy" for
+            both. None: all joints, and the energies. Angles of joints that close loops in space are told within a turn.
+        initial: where it starts; None: as drawn, assembled, at rest.
+        duration, communication_step: what the FMU proposes [s].
+        rtol, atol, method, formulation: as in `simulate`; the environment may give another rtol.
+
+    Returns:
+        The path.
+
+    Raises:
+        ArgumentError: names that do not exist or cannot be an input or output, or a state of another mechanism.
+        DescriptionError: a Python function acts in the mechanism.
+        AssemblyError: its loops cannot be closed.
+        MissingDependencyError: this installation has no binary.
+
+    A step costs a start of the integrator, and each output that is a reaction an evaluation. A step that cannot be done
+    (a singular position, a drive that contradicts) is discarded with the reason, and the FMU stays where it was.
+
+    >>> import os, tempfile
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     m.to_fmu(os.path.join(folder, "four-bar.fmu"), inputs=["A"], outputs=["A", "energy"]).name
+    'four-bar.fmu'
+    """
+    where = target(path, "an FMU ")
+    if where.suffix.lower() != ".fmu":
+        raise ArgumentError(f'"{where}": the name of an FMU ends in .fmu', argument="path")
+    if initial is not None and not isinstance(initial, State):
+        raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
+    description, known = fmu.prepared(self._description, inputs)
+    shown = fmu.outputs_of(self._description, outputs)
+    start = assemble(self) if initial is None else convert(self, initial, "relative")
+    changed = Modelled(self.name, (0.0, 0.0, 0.0), self.drawing_tolerance)
+    changed._description = description
+    model, layout = layout_of(changed, "relative")
+    q, v = start.q, start.v
+    if start.names != model.names:
+        q, v = model.core.carried_over(layout_of(self, "relative")[0].core, start.q, start.v)
+    state = State(start.t, q, v, layout=layout)
+    span = run_options.positive("duration", duration)
+    step = run_options.positive("communication_step", communication_step)
+    options = run_options.options(
+        start.t, span, model.velocity_names, rtol=rtol, atol=atol, method=method, formulation=formulation
+    )
+    told: list[dict[str, object]] = []
+    starts: list[float] = []
+    for one in known:
+        if one.kind == "rate":
+            measure = description.drives[one.name].measure
+            joint, i = str(measure["joint"]), int(measure["coordinate"])
+            position, rate = (_scalar(x, i) for x in (state.position(joint), state.velocity(joint)))
+            told.append({"kind": "rate", "start": rate, "position": position})
+            starts.append(rate)
+        else:
+            force = description.forces[one.name if one.name in description.forces else f"input {one.name}"]
+            value = force.value.value if isinstance(force, TorqueRecord) and isinstance(force.value, Constant) else 0.0
+            told.append({"kind": "effort", "start": value})
+            starts.append(value)
+    resource = {
+        "fmu": 1,
+        "model": fmu.model_of(description, layout, known),
+        "options": options,
+        "start": {"t": start.t, "q": q.tolist(), "v": v.tolist()},
+        "inputs": told,
+        "outputs": [dict(x.means) for x in shown],
+    }
+    experiment = {"startTime": start.t, "stopTime": start.t + span, "stepSize": step, "tolerance": options["rtol"]}
+    fmu.archive(where, self.name, resource, known, starts, shown, experiment)
+    return where
+
+
+def _scalar(value: object, i: int) -> float:
+    """Coordinate number i of what a state says about a joint."""
+    return float(np.ravel(np.asarray(value, dtype=float))[i])

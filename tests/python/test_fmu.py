@@ -1,0 +1,276 @@
+"""FMUs as other programs see them: FMPy finds nothing to object, and steps give what `simulate` gives."""
+
+import ctypes
+import json
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import partita as pt
+from partita.io import fmu as archive
+
+if not list(archive.BINARIES.glob("*partita_fmu*")):
+    pytest.skip("the binary for FMUs is not built (make fmu)", allow_module_level=True)
+
+STEP = 0.02
+TIMES = np.linspace(0.0, 1.0, 51)
+
+
+def four_bar(torque: Any = 0.0) -> pt.Mechanism:
+    """The four-bar of the catalogue, with a motor at its crank."""
+    m = pt.catalogue.load("four-bar")
+    m.add_torque("A", value=torque, name="motor")
+    return m
+
+
+def written(m: pt.Mechanism, folder: Path, **options: Any) -> Path:
+    return m.to_fmu(folder / "model.fmu", rtol=1e-11, atol=1e-13, **options)
+
+
+class Instance:
+    """An FMU, unpacked and loaded, by its C functions alone."""
+
+    def __init__(self, path: Path, folder: Path, guid: str | None = None) -> None:
+        with zipfile.ZipFile(path) as packed:
+            packed.extractall(folder)
+            binary = next(n for n in packed.namelist() if n.startswith("binaries/"))
+            self.model = json.loads(packed.read("resources/model.json"))
+        self.said: list[str] = []
+        kind = ctypes.CFUNCTYPE(
+            None, *[ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p]
+        )
+
+        def log(_: Any, __: bytes, status: int, category: bytes, message: bytes) -> None:
+            self.said.append(message.decode())
+
+        self.logger = kind(log)
+        self.callbacks = (ctypes.c_void_p * 5)(ctypes.cast(self.logger, ctypes.c_void_p).value, None, None, None, None)
+        self.library = ctypes.CDLL(str(folder / binary))
+        make = self.library.fmi2Instantiate
+        make.restype = ctypes.c_void_p
+        uri = (folder / "resources").as_uri()
+        guid = self.model["guid"] if guid is None else guid
+        self.at = make(b"it", 1, guid.encode(), uri.encode(), ctypes.byref(self.callbacks), 0, 1)
+
+    def call(self, name: str, *arguments: Any) -> int:
+        return int(getattr(self.library, name)(ctypes.c_void_p(self.at), *arguments))
+
+    def begin(self, t: float = 0.0) -> None:
+        assert self.call("fmi2SetupExperiment", 0, ctypes.c_double(0), ctypes.c_double(t), 0, ctypes.c_double(0)) == 0
+        assert self.call("fmi2EnterInitializationMode") == 0
+        assert self.call("fmi2ExitInitializationMode") == 0
+
+    def step(self, t: float, step: float = STEP) -> int:
+        return self.call("fmi2DoStep", ctypes.c_double(t), ctypes.c_double(step), 1)
+
+    def set(self, reference: int, value: float) -> int:
+        return self.call(
+            "fmi2SetReal", (ctypes.c_uint * 1)(reference), ctypes.c_size_t(1), (ctypes.c_double * 1)(value)
+        )
+
+    def get(self, *references: int) -> list[float]:
+        values = (ctypes.c_double * len(references))()
+        count = ctypes.c_size_t(len(references))
+        assert self.call("fmi2GetReal", (ctypes.c_uint * len(references))(*references), count, values) == 0, self.said
+        return list(values)
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[Any]:
+    """Opens FMUs, and frees them."""
+    made: list[Instance] = []
+
+    def make(path: Path, guid: str | None = None) -> Instance:
+        made.append(Instance(path, tmp_path / f"unpacked {len(made)} é", guid))
+        return made[-1]
+
+    yield make
+    for one in made:
+        if one.at:
+            one.library.fmi2FreeInstance(ctypes.c_void_p(one.at))
+
+
+def test_fmpy_finds_nothing_and_runs_it(tmp_path: Path) -> None:
+    """Co-simulation with a constant torque is the run: coordinates, rates, reactions and energies to 1e-8."""
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.validation import validate_fmu
+
+    path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A", "C", "D.force", "A.moment", "energy"])
+    assert validate_fmu(str(path)) == []
+    told = fmpy.read_model_description(str(path), validate=True)
+    assert [x.name for x in told.modelVariables][:3] == ["motor", "A.position", "A.velocity"]
+    names = [x.name for x in told.modelVariables if x.causality == "output"]
+    found = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=STEP, output_interval=STEP, output=names,
+                              start_values={"motor": 0.8})  # fmt: skip
+    r = four_bar(0.8).simulate(1.0, t_eval=TIMES, rtol=1e-11, atol=1e-13)
+    assert np.abs(found["time"] - TIMES).max() < 1e-9
+    a, c, d = (r.joint(name) for name in "ACD")
+    wanted = {
+        "A.position": a.position[:, 0],
+        "A.velocity": a.velocity[:, 0],
+        "C.position": c.position[:, 0],
+        "C.velocity": c.velocity[:, 0],
+        **{f"D.force.{axis}": d.force[:, i] for i, axis in enumerate("xyz")},
+        **{f"A.moment.{axis}": a.moment[:, i] for i, axis in enumerate("xyz")},
+        "energy.kinetic": r.energy.kinetic,
+        # a torque that is the same for ever has a potential; one that is an input does work
+        "energy.potential": r.energy.potential + 0.8 * (a.position[:, 0] - a.position[0, 0]),
+    }
+    assert set(wanted) == set(names)
+    for name, values in wanted.items():
+        assert np.abs(found[name] - values).max() < 1e-8 * max(1.0, np.abs(values).max()), name
+
+
+def test_inputs_that_change_act_over_their_steps(tmp_path: Path, opened: Any) -> None:
+    """Efforts are held: the same as runs one after the other, each with its own torque."""
+    one = opened(written(four_bar(), tmp_path, inputs=["motor"], outputs=["A", "D.force"]))
+    one.begin()
+    state, m = four_bar().assemble(), four_bar()
+    for k in range(5):
+        torque = np.sin(3.0 * k)
+        assert one.set(0, torque) == 0 and one.step(k * STEP) == 0, one.said
+        r = m.simulate(STEP, initial=state, t_eval=[k * STEP, (k + 1) * STEP], rtol=1e-11, atol=1e-13,
+                       parameters={"motor.value": torque})  # fmt: skip
+        state = pt.State(r.t[-1], r.q[-1], r.v[-1], layout=state._layout)
+        shown = one.get(1, 2, 3, 4, 5)
+        wanted = [r.joint("A").position[-1, 0], r.joint("A").velocity[-1, 0], *r.joint("D").force[-1]]
+        assert np.abs(np.array(shown) - wanted).max() < 1e-8 * max(1.0, np.abs(wanted).max())
+    assert one.get(0) == [torque]
+
+
+def test_a_joint_and_a_drive_as_inputs(tmp_path: Path, opened: Any) -> None:
+    """The rate of a drive is reached at the end of each step; its effort is that of the same run with a table."""
+    m = pt.catalogue.load("four-bar")
+    m.add_drive("A", velocity=1.0, name="crank")
+    one = opened(written(m, tmp_path, inputs=["crank", "D"], outputs=["A", "A.effort"]))
+    one.begin(5.0)
+    assert abs(one.get(0)[0] - 1.0) < 1e-12
+    angle = one.get(2)[0]
+    for k, rate in enumerate((1.0, 1.5, 0.5)):
+        before = one.get(3)[0]
+        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.said
+        angle += 0.5 * (before + rate) * STEP
+        assert np.abs(np.array(one.get(2, 3)) - (angle, rate)).max() < 1e-12
+    other = pt.catalogue.load("four-bar")
+    growth = -1.0 / STEP
+    first = angle - 0.5 * (1.5 + 0.5) * STEP
+    drawn = other.assemble()
+    other.add_drive("A", lambda t: first + 1.5 * t + 0.5 * growth * t * t, name="crank")
+    other.add_torque("D", value=0.3)
+    start = other.assemble(near=drawn)
+    r = other.simulate(STEP, initial=start, rtol=1e-11, atol=1e-13)
+    effort = one.get(4)[0]
+    assert abs(r.joint("A").drive[-1, 0] - effort) < 1e-7 * max(1.0, abs(effort))
+
+
+def test_a_state_is_come_back_to(tmp_path: Path, opened: Any) -> None:
+    one = opened(written(four_bar(), tmp_path, inputs=["motor"], outputs=["A"]))
+    one.begin()
+    assert one.set(0, 0.5) == 0 and one.step(0.0) == 0
+    kept = ctypes.c_void_p()
+    assert one.call("fmi2GetFMUstate", ctypes.byref(kept)) == 0
+    assert one.step(STEP) == 0
+    there = one.get(1, 2)
+    assert one.call("fmi2SetFMUstate", kept) == 0
+    assert one.step(STEP) == 0 and one.get(1, 2) == there
+    assert one.call("fmi2FreeFMUstate", ctypes.byref(kept)) == 0 and not kept.value
+    assert one.call("fmi2Reset") == 0
+    one.begin()
+    assert one.get(0) == [0.0]
+
+
+def test_what_goes_wrong_is_said(tmp_path: Path, opened: Any) -> None:
+    path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A"])
+    assert not opened(path, guid="{other}").at
+    one = opened(path)
+    assert one.step(0.0) == 3 and "not allowed" in one.said[-1]
+    one.begin()
+    place = one.get(1, 2)
+    for t, step, words in ((1.0, STEP, "stands at 0"), (0.0, -1.0, "a step of -1"), (0.0, float("nan"), "NaN")):
+        assert one.step(t, step) == 2 and words in one.said[-1], one.said
+    assert one.set(0, float("inf")) == 3 and one.set(1, 1.0) == 3 and "no input" in one.said[-1]
+    assert one.call("fmi2GetReal", (ctypes.c_uint * 1)(99), ctypes.c_size_t(1), (ctypes.c_double * 1)()) == 3
+    assert one.call("fmi2GetReal", None, ctypes.c_size_t(1), None) == 3
+    assert one.call("fmi2GetInteger", None, ctypes.c_size_t(0), None) == 0
+    assert one.call("fmi2CancelStep") == 3
+    assert one.set(0, 1e300) == 0 and one.step(0.0) != 0
+    assert one.get(1, 2) == place  # it stays where it was
+    assert one.set(0, 0.0) == 0 and one.step(0.0) == 0
+    assert one.library.fmi2DoStep(None, ctypes.c_double(0), ctypes.c_double(1), 0) == 3
+
+
+@pytest.mark.parametrize("damage", ["", "{", '{"fmu": 1}', None])
+def test_damaged_resources_are_refused(damage: str | None, tmp_path: Path, opened: Any) -> None:
+    path = written(four_bar(), tmp_path, inputs=["motor"])
+    with zipfile.ZipFile(path) as packed:
+        members = {name: packed.read(name) for name in packed.namelist()}
+    with zipfile.ZipFile(path, "w") as packed:
+        for name, content in members.items():
+            if name.endswith(".json"):
+                told = json.loads(content)
+                told["start"]["q"] = []
+                content = json.dumps(told).encode() if damage is None else damage.encode()
+            packed.writestr(name, content)
+    if damage is None:
+        one = opened(path)
+        assert not one.at and "0 coordinates" in one.said[-1]
+    else:
+        with pytest.raises((json.JSONDecodeError, KeyError)):
+            opened(path)
+        (tmp_path / "unpacked 0 é" / "x").write_text("x")
+
+
+def test_the_same_mechanism_gives_the_same_bytes(tmp_path: Path) -> None:
+    one = written(four_bar(), tmp_path, inputs=["motor"]).read_bytes()
+    assert written(four_bar(), tmp_path, inputs=["motor"]).read_bytes() == one
+
+
+def test_the_description_is_one(tmp_path: Path) -> None:
+    """What the standard asks of it, without its schema: order, references, indices, names in any letters."""
+    m = four_bar()
+    m.add_torque("B", value=0.25, name='a "b" & <c> é')
+    path = written(m, tmp_path, inputs=["motor", 'a "b" & <c> é', "D"])
+    with zipfile.ZipFile(path) as packed:
+        root = ElementTree.fromstring(packed.read("modelDescription.xml"))
+        assert [n.partition("/")[0] for n in packed.namelist()] == ["modelDescription.xml", "resources", "binaries"]
+    tags = ["CoSimulation", "UnitDefinitions", "LogCategories", "DefaultExperiment", "ModelVariables", "ModelStructure"]
+    assert [child.tag for child in root] == tags
+    variables = list(root.iterfind("ModelVariables/ScalarVariable"))
+    assert [int(x.get("valueReference", -1)) for x in variables] == list(range(len(variables)))
+    assert len({x.get("name") for x in variables}) == len(variables) == 3 + 8 + 2
+    starts = [x.find("Real").get("start") for x in variables if x.get("causality") == "input"]  # type: ignore[union-attr]
+    assert starts == ["0.0", "0.25", "0.0"] and variables[1].get("name") == 'a "b" & <c> é'
+    units = {x.get("name") for x in root.iterfind("UnitDefinitions/Unit")}
+    assert {x.find("Real").get("unit") for x in variables} <= units  # type: ignore[union-attr]
+    for part in ("Outputs", "InitialUnknowns"):
+        indices = [int(x.get("index", 0)) for x in root.iterfind(f"ModelStructure/{part}/Unknown")]
+        assert indices == [i for i, x in enumerate(variables, 1) if x.get("causality") == "output"]
+
+
+BAD = [
+    ({"inputs": ["nothing"]}, "is no torque, drive or joint"),
+    ({"inputs": "motor"}, "list of names"),
+    ({"inputs": ["motor", "motor"]}, "twice"),
+    ({"inputs": [1.0]}, "list of names"),
+    ({"outputs": ["A.colour"]}, "nothing that is known"),
+    ({"outputs": ["A", "A.position"]}, "twice"),
+    ({"duration": -1.0}, "duration"),
+    ({"communication_step": 0.0}, "communication_step"),
+    ({"initial": 1.0}, "State"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), BAD)
+def test_bad_arguments(options: dict[str, Any], words: str, tmp_path: Path) -> None:
+    with pytest.raises(pt.errors.ArgumentError, match=words):
+        four_bar().to_fmu(tmp_path / "x.fmu", **options)
+    with pytest.raises(pt.errors.ArgumentError, match=r"\.fmu"):
+        four_bar().to_fmu(tmp_path / "x.zip")
+    with pytest.raises(pt.errors.DescriptionError, match="Python functions"):
+        four_bar(lambda t, state: t).to_fmu(tmp_path / "x.fmu")
+    assert not list(tmp_path.iterdir())
