@@ -504,7 +504,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "method": "dop853",
                 "formulation": "projective",
             },
-        ),  # fmt: skip
+        ),
         "Mechanism.save": (loop().save, {"path": "none/x.urdf", "strict": True}),
         "load": (pt.load, {"path": "none.toml", "base": "fixed"}),
         "sweep": (pt.sweep, {"model": abs_of, "parameters": {"x": [1.0]}, "executor": None, "workers": 1}),

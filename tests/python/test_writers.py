@@ -319,6 +319,28 @@ def test_names_and_old_files(tmp_path: Path) -> None:
     assert back.joints == m.joints and back.bodies[0] == odd and back.bodies[1] == "body world"
 
 
+def test_what_mujoco_cannot_move_is_lost(tmp_path: Path) -> None:
+    """Moments raised beyond what anybody knows of them make another mechanism; a slender rod's own hardly matter."""
+    small = pt.Mechanism("watch")
+    small.add_body("wheel", mass=1e-9, inertia=(1e-18, 1e-18, 2e-18))
+    small.add_revolute("A", small.ground, "wheel", point=(0, 0, 0))
+    with pytest.raises(pt.errors.FileFormatError, match="MuJoCo asks"):
+        small.save(tmp_path / "watch.mjcf", strict=True)
+    rod = pt.Mechanism("rod")
+    rod.add_rod("rod", (0, 0, 0), (1, 0, 0), mass=1.0)
+    rod.add_revolute("A", rod.ground, "rod", point=(0, 0, 0))
+    assert any("MuJoCo asks" in said for said in rod.save(tmp_path / "rod.mjcf", strict=True).changed)
+
+
+def test_a_file_of_that_name_that_closes_nothing_stays(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text("colour: red\n", "utf-8")
+    m = pt.Mechanism("rod", gravity=(0, 0, -9.81))
+    m.add_rod("rod", (0, 0, 0), (1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, "rod", point=(0, 0, 0), axis=(0, 1, 0))
+    assert m.save(tmp_path / "robot.urdf").files == [tmp_path / "robot.urdf"]
+    assert (tmp_path / "robot.yaml").read_text("utf-8") == "colour: red\n"
+
+
 def test_numbers_keep_their_digits(tmp_path: Path) -> None:
     m = pt.Mechanism("digits", gravity=(1e-17, -1e22, 0.1))
     inertia = ((0.1, 1e-19, 0.2 / 3), (1e-19, 1 / 3, -0.0), (0.2 / 3, -0.0, 0.3))

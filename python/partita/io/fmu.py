@@ -264,7 +264,7 @@ def archive(
         for member, data in members.items():
             info = zipfile.ZipInfo(member, (1980, 1, 1, 0, 0, 0))
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            packed.writestr(info, data)
+            packed.writestr(info, data, compresslevel=1)
     put(path, whole.getvalue())
 
 

@@ -35,6 +35,8 @@ from .writing import Writing
 
 LEAST = 2e-15
 """Mass [kg] and moments of inertia [kg m^2] below which MuJoCo refuses a body that moves: twice its bound."""
+SLIGHT = 1e-9
+"""Part of the largest moment of inertia by which another one may be raised: inertias are not known so well."""
 DEEP = 500
 """Bodies within each other that are written: readers of XML have their bounds."""
 
@@ -198,7 +200,9 @@ class _Writer:
             moments[int(np.argmin(moments))] = (large - middle) * (1.0 + 1e-15) + 1e-300
         if mass < least or np.any(moments != given):
             asked = f"mass {max(mass, least):g} kg, moments {words(moments)} kg m^2"
-            self.report.changed.append(f'body "{body.name}" has {asked}: MuJoCo asks for some, and for a + b >= c')
+            said = f'body "{body.name}" has {asked}: MuJoCo asks for some, and for a + b >= c'
+            slight = mass >= least and float(np.max(np.abs(moments - given))) <= SLIGHT * float(np.max(np.abs(given)))
+            (self.report.changed if slight else self.report.dropped).append(said)
         turned = "" if diagonal else f' quat="{words(quaternion(axes))}"'
         said = f'mass="{text(max(mass, least))}" diaginertia="{words(moments)}"'
         return f'<inertial pos="{words(body.com)}"{turned} {said}/>'

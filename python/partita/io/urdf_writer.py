@@ -18,6 +18,7 @@ from ..builder import Builder
 from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, TorsionSpringRecord
 from ..files import put
+from . import sidecar
 from .robot import MASSLESS
 from .skeleton import (
     Branch,
@@ -115,6 +116,7 @@ class _Writer:
                 self.report.dropped.append(f"coupler {name}: both joints mimic another one already")
             else:
                 self.mimics[follower] = (leader, factor, offset)
+                self.report.changed.append(f"coupler {name} has no name: joint {follower} mimics {leader}")
 
     def link(self, name: str, inside: str = "") -> None:
         """A link, of no mass if nothing stands in it."""
@@ -247,7 +249,7 @@ class _Writer:
         driven = [d.measure["joint"] for d in d.drives.values() if d.measure.get("of") == "joint"]
         motors = list(dict.fromkeys(map(str, driven)))
         gravity = tuple(d.gravity.tolist())
-        beside = any(self.report.path.with_suffix(end).exists() for end in (".yaml", ".yml"))
+        beside = any(_closes(self.report.path.with_suffix(end)) for end in (".yaml", ".yml"))
         misread = any(CLOSING.fullmatch(name) for name in d.bodies)
         if not (self.pairs or motors or gravity != GRAVITY or beside or misread):
             return None
@@ -262,6 +264,16 @@ class _Writer:
             said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) stands in the file beside it"
             self.report.changed.append(f"{said}; other programs take (0, 0, -9.81)")
         return "\n".join([*lines, ""])
+
+
+def _closes(path: Path) -> bool:
+    """Is there a file that would be read as one that closes loops? Another file of that name stays as it is."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(sidecar.SIZE)
+    except OSError:
+        return False
+    return b"closed_loop" in content or b"gravity" in content
 
 
 def _listed(items: Iterable[str]) -> str:
