@@ -37,25 +37,22 @@ $(BUILT): $(TOOLS) pyproject.toml $(RUST)
 	$(BIN)/maturin develop --release --locked
 	@touch $@
 
-# The binary inside FMUs, put beside the Python sources. For tests the profile of `cargo test`, whose core it only links.
-put_fmu = mkdir -p python/partita/_fmu && cp $(wildcard $(1)/libpartita_fmu.so $(1)/libpartita_fmu.dylib $(1)/partita_fmu.dll) \
-	python/partita/_fmu/
-CARGO_OUT := $(or $(CARGO_TARGET_DIR),target)
+# The binary inside FMUs, put beside the Python sources. Asked for by way of its test, cargo takes the core that the other
+# tests stand on; asked for alone, it would compile all of it again with fewer features.
+FMU_LIBRARY = $(wildcard $(addprefix $(or $(CARGO_TARGET_DIR),target)/release/deps/,libpartita_fmu.so libpartita_fmu.dylib partita_fmu.dll))
 
 $(FMU): $(TOOLS) $(RUST)
-	cargo build --package partita-fmu --locked
-	@$(MAKE) --no-print-directory put-fmu FROM=$(CARGO_OUT)/debug
+	cargo build --release --workspace --test fmu_wall --locked
+	@$(MAKE) --no-print-directory put-fmu
 	@touch $@
 
 .PHONY: put-fmu
 put-fmu:
-	@$(call put_fmu,$(FROM))
+	@mkdir -p python/partita/_fmu
+	cp $(FMU_LIBRARY) python/partita/_fmu/
 
-## fmu: the binary inside FMUs, built for speed; a wheel made afterwards holds it
-fmu: $(TOOLS)
-	cargo build --package partita-fmu --release --locked
-	@$(MAKE) --no-print-directory put-fmu FROM=$(CARGO_OUT)/release
-	@touch $(FMU)
+## fmu: the binary inside FMUs; a wheel that is made afterwards holds it
+fmu: $(FMU)
 
 ## format: rewrite the sources in the house style
 format: $(TOOLS)

@@ -4,6 +4,7 @@
 //! long as it says, and that an instance is one that was made here and not yet freed, is the environment's promise (FMI
 //! 2.0.4, section 2.1). A panic ends in an error.
 #![allow(unsafe_code)]
+#![allow(missing_docs)] // what the functions do is said in the standard
 
 use crate::place;
 use crate::slave::{Slave, State};

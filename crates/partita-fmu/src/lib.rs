@@ -4,7 +4,7 @@
 //! functions of FMI 2.0, the only place with pointers; no panic passes it.
 
 mod inputs;
-mod interface;
+pub mod interface;
 mod place;
 mod resource;
 mod slave;
