@@ -23,18 +23,23 @@ ROOT = Path(__file__).parents[2]
 CRATES = ROOT / "crates"
 PACKAGE = ROOT / "python" / "partita"
 
-<<<<<<< HEAD
-FLOOR = {"math": 0, "system": 1, "integrate": 2, "model": 2, "analysis": 3, "py": 4, "tests": 4, "tests-hand": 4}
+FLOOR = {
+    "math": 0,
+    "system": 1,
+    "integrate": 2,
+    "model": 2,
+    "analysis": 3,
+    "py": 4,
+    "fmu": 4,
+    "tests": 4,
+    "tests-hand": 4,
+}
 """Floor of each crate; a crate sees the floors below its own and nothing beside it. Nothing stands on tests."""
-=======
-FLOOR = {"math": 0, "system": 1, "integrate": 2, "model": 2, "analysis": 3, "py": 4, "fmu": 4}
-"""Floor of each crate; a crate sees the floors below its own and nothing beside it."""
->>>>>>> dd13b7d (FMUs: a mechanism with the core inside, for co-simulation)
 
 ONLY_IN = {"pyo3": {"py"}, "numpy": {"py"}, "faer": {"math", "system", "analysis"}}
 """Crates from outside that belong to certain floors: Python stays at the door, linear algebra below."""
 
-WITHOUT_CIRCLES = ("analysis", "integrate", "math", "model", "py", "system")
+WITHOUT_CIRCLES = ("analysis", "fmu", "integrate", "math", "model", "py", "system")
 """Crates whose rooms are held to it that none uses itself by way of others."""
 
 CORE_USERS = {"__init__", "builder", "io", "partition", "results", "system"}
