@@ -11,6 +11,7 @@ pub mod error;
 pub mod evaluator;
 pub mod force;
 pub mod gauge;
+mod grip;
 pub mod horizon;
 pub mod joint;
 mod knots;
