@@ -322,7 +322,7 @@ impl Placed {
                 _ => true,
             });
             let motion = |joint: &str, i: usize| numbers.get(joint).and_then(|&j| shapes[j].motion_of(i));
-            let pressed = grip::needs_space(spec, |x| basis.apply(Vec3(x)).0[2], motion);
+            let pressed = grip::needs_space(spec, basis.0[2], motion);
             if !fits || !flat || !along || pressed {
                 plane = None;
             }

@@ -113,10 +113,12 @@ def add_friction(
     constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F| across the
     axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then share F
     and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the axis.
-    `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide. Of a
-    mechanism that moves in a plane the reaction in the plane counts, unless `collar`, the `length` of a turn, the
-    `radius` of a slide, or, where a slide has friction, gravity across the plane or forces on bodies ask for the
-    rest: then all of it does.
+    `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
+
+    Of a mechanism that moves in a plane the reaction in the plane counts where that is all: for a turn without collar
+    and length, for a slide as long as nothing is seen to push across the plane (gravity, forces; functions of forces
+    and contacts count as such) and, with a length, everything lies in one plane. Else its joints are taken in space,
+    where what they share may not be determined.
 
     Prefer the coefficient where loads change along the motion. An evaluation then solves for the accelerations once
     more, densely: (n + m)^3 / 6 multiplications for n velocities and m constraint rows.

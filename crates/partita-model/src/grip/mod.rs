@@ -11,7 +11,10 @@
 //! m rows, whatever the formulation.
 
 mod levels;
+mod plane;
 mod respond;
+
+pub(crate) use plane::needs_space;
 
 use crate::error::DescriptionError;
 use crate::evaluator::{Engine, Evaluator, Scratch};
@@ -89,28 +92,6 @@ pub(crate) struct Hold {
     levels: Levels,
 }
 
-/// Does a friction need what a mechanism that moves in a plane (z of `across`) has no rows for?
-pub(crate) fn needs_space(spec: &Spec, across: impl Fn([f64; 3]) -> f64, motion: impl Fn(&str, usize) -> Option<Motion>) -> bool {
-    let pushed = || {
-        let leaves = |x: [f64; 3]| across(x).abs() > 1e-12 * x.iter().map(|x| x.abs()).fold(0.0, f64::max);
-        leaves(spec.gravity)
-            || spec.forces.iter().any(|f| {
-                !matches!(
-                    f,
-                    Force::TorsionSpring { .. } | Force::Torque { .. } | Force::Friction(_) | Force::Stop(_) | Force::Weightless(_)
-                )
-            })
-    };
-    spec.forces.iter().any(|f| match f {
-        Force::Friction(x) => x.follows.as_ref().is_some_and(|follows| match motion(&x.joint, x.coordinate) {
-            Some(Motion::Turn(_)) => follows.length.is_some() || follows.collar.is_some(),
-            Some(Motion::Slide(_)) => follows.radius.is_some() || pushed(),
-            _ => false,
-        }),
-        _ => false,
-    })
-}
-
 impl<S: Scalar> Following<S> {
     /// How many there are.
     pub(crate) fn count(&self) -> usize {
@@ -157,6 +138,14 @@ impl Following<f64> {
             }
             let child = placed.link_of(p.child);
             grips.push(Grip { element, name: x.name.clone(), joint: x.joint.clone(), number, child, read, turn });
+        }
+        let motion = |joint: &str, i: usize| {
+            placed.joint_numbers.get(joint).and_then(|&j| placed.joints[j].shape.motion_of(i))
+        };
+        if placed.planar && needs_space(spec, placed.basis.0[2], motion) {
+            let message = "a friction follows a reaction that these numbers take out of the plane of the mechanism; describe \
+                           it anew with them";
+            return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
         let dependent = DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.light.is_empty();
