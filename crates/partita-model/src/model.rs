@@ -191,7 +191,8 @@ impl Model {
         let links = Links::new(&placed);
         let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
         let placed = Arc::new(placed);
-        let (mut own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
+        let (mut own, [row_names, full_rows]) =
+            Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = Look { spec: &spec, placed: &placed };
         let (columns, row_reach, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
             Engine::Flat(tree) => (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows),

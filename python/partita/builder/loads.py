@@ -177,7 +177,7 @@ def add_friction(
     if coefficient is not None:
         if dynamic is not None or static is not None:
             element.fail(
-                "levels (dynamic, static) and a coefficient exclude one another; give the levels, or a coefficient that "
+                "levels (dynamic, static) and a coefficient exclude one another; give levels, or a coefficient that "
                 "makes them from the reaction of the joint"
             )
         above = ("radius", "length")

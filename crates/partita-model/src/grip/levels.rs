@@ -19,6 +19,8 @@ const ONE_LINE: f64 = 1e-9;
 const MOST_TERMS: usize = 12;
 /// Newton's steps at the most; where the answer is one, some ten suffice.
 const MOST_STEPS: usize = 200;
+/// What is nearer than this to having no solution has none: friction would be a thousand million times what presses.
+const MARGIN: f64 = 1e-9;
 /// What may stay open of (G1), in parts of what stands in it.
 const OPEN: f64 = 1e-12;
 
@@ -73,9 +75,15 @@ fn size(x: &[f64; 3]) -> f64 {
 impl Levels {
     /// Room for so many frictions with so many terms.
     pub fn fit(&mut self, frictions: usize, terms: usize) {
-        for x in
-            [&mut self.kappa, &mut self.base, &mut self.f, &mut self.normal, &mut self.open, &mut self.tried, &mut self.step]
-        {
+        for x in [
+            &mut self.kappa,
+            &mut self.base,
+            &mut self.f,
+            &mut self.normal,
+            &mut self.open,
+            &mut self.tried,
+            &mut self.step,
+        ] {
             x.resize(frictions, 0.0);
         }
         self.terms.resize(terms, Term::default());
@@ -117,8 +125,8 @@ impl Levels {
         }
     }
 
-    /// Elimination without pivoting: the least pivot that is not above zero, if there is one. A matrix with no positive
-    /// entry beside its diagonal is an M-matrix if there is none.
+    /// Does elimination without pivoting meet a pivot that is not above zero? A matrix with no positive entry beside its
+    /// diagonal is an M-matrix if it does not.
     fn fails(&mut self) -> bool {
         let n = self.kappa.len();
         let m = &mut self.matrix;
@@ -182,7 +190,7 @@ impl Levels {
 
     /// Is there one solution for every load?
     fn single(&mut self) -> bool {
-        self.fill(-1.0, true, |_, b| size(b));
+        self.fill(-1.0 - MARGIN, true, |_, b| size(b));
         if !self.fails() {
             return true;
         }
@@ -200,7 +208,7 @@ impl Levels {
         (0..1usize << terms).all(|corner| {
             let sign = |t: usize| if corner >> t & 1 == 1 { 1.0 } else { -1.0 };
             self.fill(1.0, false, |t, b| sign(t) * dot(&lines[t], b));
-            self.determinant() > 0.0
+            self.determinant() > MARGIN
         })
     }
 
@@ -211,7 +219,7 @@ impl Levels {
         for i in 0..n {
             let own = self.terms.iter().enumerate().filter(|(_, x)| x.of == i);
             let returned = own.map(|(t, x)| x.weight * size(&self.b[t * n + i])).sum::<f64>() * self.kappa[i].abs();
-            if !(returned <= jam.returned) {
+            if returned.is_nan() || returned > jam.returned {
                 jam = Jam { which: i, returned };
             }
         }
@@ -371,7 +379,6 @@ mod tests {
 
     #[test]
     fn two_frictions_that_no_contraction_shows_to_be_single() {
-        // each returns 0.9 of the other: 1.1 of it in sum with its own, but the determinant is 1 + ... in all corners
         let mut x = Levels::default();
         x.fit(2, 2);
         x.kappa.copy_from_slice(&[1.0, 1.0]);
@@ -385,7 +392,7 @@ mod tests {
         let exact_2 = -2.0 / 1.9;
         let exact_1 = -(1.0 + 0.9 * exact_2) / 1.5;
         assert!((x.f[1] - exact_2).abs() < 1e-14 && (x.f[0] - exact_1).abs() < 1e-14, "{:?}", x.f);
-        // three in a ring, each returning 1.2 of the next, with signs that turn it back: no contraction
+        // two that press each other alone
         let mut x = Levels::default();
         x.fit(2, 2);
         x.kappa.copy_from_slice(&[1.0, 0.5]);

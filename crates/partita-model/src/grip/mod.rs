@@ -101,11 +101,7 @@ impl<S: Scalar> Following<S> {
 
 impl Following<f64> {
     /// Those of a mechanism, if there are any.
-    pub(crate) fn new(
-        own: &Evaluator<f64>,
-        spec: &Spec,
-        pattern: &Pattern,
-    ) -> Result<Option<Self>, DescriptionError> {
+    pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
         let placed = &own.placed;
         let mut grips = Vec::new();
         for (element, e) in own.full.elements.iter().enumerate() {
@@ -139,11 +135,11 @@ impl Following<f64> {
             let child = placed.link_of(p.child);
             grips.push(Grip { element, name: x.name.clone(), joint: x.joint.clone(), number, child, read, turn });
         }
-        let motion = |joint: &str, i: usize| {
-            placed.joint_numbers.get(joint).and_then(|&j| placed.joints[j].shape.motion_of(i))
-        };
+        let motion =
+            |joint: &str, i: usize| placed.joint_numbers.get(joint).and_then(|&j| placed.joints[j].shape.motion_of(i));
         if placed.planar && needs_space(spec, placed.basis.0[2], motion) {
-            let message = "a friction follows a reaction that these numbers take out of the plane of the mechanism; describe \
+            let message =
+                "a friction follows a reaction that these numbers take out of the plane of the mechanism; describe \
                            it anew with them";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
@@ -168,7 +164,9 @@ fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, c
     let first = turns.next();
     let (link, axis) = match p.shape.motion_of(coordinate)? {
         // the second of two turns is about an axis of the child
-        Motion::Turn(a) if turns.next() == Some(a) && first != Some(a) => (placed.link_of(p.child), p.on_child.apply(a)),
+        Motion::Turn(a) if turns.next() == Some(a) && first != Some(a) => {
+            (placed.link_of(p.child), p.on_child.apply(a))
+        }
         Motion::Turn(a) | Motion::Slide(a) => (placed.link_of(p.parent), p.on_parent.apply(a)),
         Motion::Ball => return None,
     };

@@ -31,7 +31,8 @@ pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, u
 
 /// Do masses, joints and forces lie in one plane, so that nothing turns a body out of it?
 fn lies_flat(spec: &Spec, normal: Vec3<f64>) -> bool {
-    let mut heights: Vec<(f64, f64)> = spec.joints.iter().map(|j| (normal.dot(Vec3(j.point)), Vec3(j.point).norm())).collect();
+    let mut heights: Vec<(f64, f64)> =
+        spec.joints.iter().map(|j| (normal.dot(Vec3(j.point)), Vec3(j.point).norm())).collect();
     let mut straight = true;
     for b in &spec.bodies {
         let rot = Mat3(b.orientation);

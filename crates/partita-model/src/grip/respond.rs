@@ -174,7 +174,14 @@ impl Following<f64> {
     }
 
     /// M and the rows of C factored, the right-hand sides brought into the mass metric; the rank of C.
-    fn eliminate(&self, model: &Evaluator<f64>, t: f64, n: usize, m: usize, x: &mut Hold) -> Result<usize, SystemError> {
+    fn eliminate(
+        &self,
+        model: &Evaluator<f64>,
+        t: f64,
+        n: usize,
+        m: usize,
+        x: &mut Hold,
+    ) -> Result<usize, SystemError> {
         if !x.c.iter().chain(&x.y).all(|x| x.is_finite()) {
             return Err(SystemError::NotFinite { what: "what a friction depends on".into(), t });
         }
@@ -381,9 +388,8 @@ fn transmit<G: Space<S = f64>>(
         each(acts, |p| add_push::<G>(wrench, p, -1.0));
     }
     let (length, mut largest) = (model.placed.length, 0.0f64);
-    let size = |moment: G::Ang, force: G::Vec| {
-        G::dot(force, force).sqrt().max(G::dot_ang(moment, moment).sqrt() / length)
-    };
+    let size =
+        |moment: G::Ang, force: G::Vec| G::dot(force, force).sqrt().max(G::dot_ang(moment, moment).sqrt() / length);
     for k in &tree.closings {
         let (moment, force) = tree.closing_wrench(k, s, cause.lambda);
         largest = largest.max(size(moment, force));
