@@ -803,7 +803,7 @@ ERRORS = (
     Error(
         "friction-acts-back",
         "what a unit of friction does to the reaction it follows",
-        f"{MODEL}/grip/levels.rs",
+        f"{MODEL}/levels.rs",
         "(0..3).for_each(|c| r[c] += b[c] * f)",
         "(0..3).for_each(|c| r[c] += 0.9 * b[c] * f)",
         ("python test_friction_of_reactions.py",),

@@ -11,7 +11,7 @@ use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
 use crate::force::{Element, Room};
-use crate::grip::{Following, Hold};
+use crate::levels::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
@@ -62,6 +62,14 @@ pub(crate) enum Engine<S: Scalar> {
     Full,
 }
 
+/// Forces that take the motion to be found: added to those gathered without them.
+pub(crate) trait Follow<S: Scalar>: Send + Sync {
+    /// How many of them there are.
+    fn count(&self) -> usize;
+    /// Add them at (t, q, v), the poses and twists last computed, and leave their levels in the room of the forces.
+    fn add(&self, model: &Evaluator<S>, at: (S, &[S], &[S]), s: &mut Scratch<S>) -> Result<(), SystemError>;
+}
+
 /// Memory of evaluations.
 #[derive(Clone, Debug)]
 pub struct Scratch<S: Scalar> {
@@ -74,7 +82,7 @@ pub struct Scratch<S: Scalar> {
     pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
     /// Memory of frictions that follow reactions.
-    pub(crate) grip: Hold,
+    pub(crate) hold: Hold,
 }
 
 /// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
@@ -107,7 +115,7 @@ pub struct Evaluator<S: Scalar> {
     pub(crate) numbers: Numbers<S>,
     pub(crate) callers: Arc<Callers>,
     /// Frictions that follow reactions.
-    pub(crate) following: Option<Arc<Following<S>>>,
+    pub(crate) following: Option<Arc<dyn Follow<S>>>,
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -148,7 +156,7 @@ impl<S: Scalar> Evaluator<S> {
             flat_forces: Room::default(),
             full_forces: Room::default(),
             forces_at: false,
-            grip: Hold::default(),
+            hold: Hold::default(),
         }
     }
 
@@ -211,7 +219,7 @@ impl<S: Scalar> Evaluator<S> {
             _ => self.full.apply(self.instant(t, q, v), &mut s.full, &mut s.full_forces)?,
         }
         if let Some(following) = &self.following {
-            (following.level)(self, following, t, q, v, s)?;
+            following.add(self, (t, q, v), s)?;
         }
         s.forces_at = true;
         Ok(())

@@ -4,7 +4,7 @@ use crate::clusters::{self, Preference};
 use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
-use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Scratch};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
 use crate::grip::Following;
@@ -125,6 +125,15 @@ fn all_welded(spec: &Spec) -> bool {
     held.len() > spec.bodies.len()
 }
 
+/// Frictions that follow reactions, if there are any.
+fn following(
+    own: &Evaluator<f64>,
+    spec: &Spec,
+    of: &Pattern,
+) -> Result<Option<Arc<dyn Follow<f64>>>, DescriptionError> {
+    Ok(Following::new(own, spec, of)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
+}
+
 impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
@@ -210,7 +219,7 @@ impl Model {
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        own.following = Following::new(&own, &spec, &pattern)?.map(Arc::new);
+        own.following = following(&own, &spec, &pattern)?;
         let clusters = match &own.engine {
             Engine::Flat(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
@@ -254,7 +263,7 @@ impl Model {
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.light.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
-            model.own.following = Following::new(&model.own, &model.spec, &model.pattern)?.map(Arc::new);
+            model.own.following = following(&model.own, &model.spec, &model.pattern)?;
         }
         Ok(model)
     }

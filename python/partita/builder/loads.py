@@ -187,7 +187,7 @@ def add_friction(
             if value is not None
         }
         follows["preload"] = pressed
-        said = {"joint": found.name, "coordinate": where or None, "stick_velocity": stick, **follows}
+        said: dict[str, Any] = {"joint": found.name, "coordinate": where or None, "stick_velocity": stick, **follows}
         said["preload"] = pressed or None
         means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
         return store(self, LoadRecord(element.name, "friction", said, means))

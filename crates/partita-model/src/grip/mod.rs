@@ -4,27 +4,22 @@
 //! M v' = h + Σ_j b_j f_j + Cᵀ λ,   C v' + b = 0,   f_i = −κ_i N_i(v', λ)                       (G2)
 //! ```
 //! v' and λ, and with them every reaction, are affine in the efforts f. So one elimination with a right-hand side for each
-//! friction tells what a unit of each does, and the small system [`levels`] has the rest. All this is within the applied forces:
+//! friction tells what a unit of each does, and the small system [`levels`](crate::levels) has the rest. All this is within the applied forces:
 //! what comes out is h(q, v, t), and no formulation need know.
 //!
 //! Cost: one dense factor of M and one of the rows of C for each evaluation, n³/6 + n²m/2 + nm²/2 + m³/6 for n velocities and
 //! m rows, whatever the formulation.
 
-mod levels;
-mod plane;
 mod respond;
 
-pub(crate) use plane::needs_space;
-
 use crate::error::DescriptionError;
-use crate::evaluator::{Engine, Evaluator, Scratch};
+use crate::evaluator::{Engine, Evaluator, Follow, Scratch};
+use crate::flat::needs_space;
 use crate::force::Element;
 use crate::joint::Motion;
 use crate::place::{Placed, PlacedJoint};
 use crate::spec::{Force, Spec};
-use levels::Levels;
 use partita_math::elimination::Pattern;
-use partita_math::scalar::Scalar;
 use partita_math::spatial::Vec3;
 use partita_system::SystemError;
 
@@ -52,11 +47,9 @@ struct Grip {
     turn: bool,
 }
 
-type Level<S> = fn(&Evaluator<S>, &Following<S>, S, &[S], &[S], &mut Scratch<S>) -> Result<(), SystemError>;
-
 /// All frictions of a mechanism that follow reactions.
 #[derive(Clone, Debug)]
-pub(crate) struct Following<S: Scalar> {
+pub(crate) struct Following {
     grips: Vec<Grip>,
     /// Of C.
     pattern: Pattern,
@@ -64,42 +57,12 @@ pub(crate) struct Following<S: Scalar> {
     dependent: f64,
     /// Is M singular by itself?
     short_of_mass: bool,
-    /// Finds the levels and adds what they do to the forces gathered without them.
-    pub level: Level<S>,
 }
 
 /// Rows closer to those before them than this (rad) are taken as combinations of them.
 const DEPENDENT: f64 = 3e-6;
 
-/// Memory of an evaluation.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Hold {
-    phi: Vec<f64>,
-    c: Vec<f64>,
-    a: Vec<f64>,
-    b: Vec<f64>,
-    mass: Vec<f64>,
-    /// Right-hand sides; later the accelerations.
-    y: Vec<f64>,
-    /// Rows in the mass metric, each of length 1.
-    w: Vec<f64>,
-    scale: Vec<f64>,
-    gram: Vec<f64>,
-    perm: Vec<usize>,
-    x: Vec<f64>,
-    lambda: Vec<f64>,
-    still: Vec<f64>,
-    levels: Levels,
-}
-
-impl<S: Scalar> Following<S> {
-    /// How many there are.
-    pub(crate) fn count(&self) -> usize {
-        self.grips.len()
-    }
-}
-
-impl Following<f64> {
+impl Following {
     /// Those of a mechanism, if there are any.
     pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
         let placed = &own.placed;
@@ -146,7 +109,7 @@ impl Following<f64> {
         let dependent = DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
         let short_of_mass = !placed.light.is_empty();
         let pattern = pattern.clone();
-        Ok((!grips.is_empty()).then_some(Self { grips, pattern, dependent, short_of_mass, level }))
+        Ok((!grips.is_empty()).then_some(Self { grips, pattern, dependent, short_of_mass }))
     }
 }
 
@@ -173,25 +136,28 @@ fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, c
     Some(Read::Cut { closing, link, axis })
 }
 
-/// Levels, and their effect, after the forces were gathered without them.
-fn level(
-    model: &Evaluator<f64>,
-    f: &Following<f64>,
-    t: f64,
-    q: &[f64],
-    v: &[f64],
-    s: &mut Scratch<f64>,
-) -> Result<(), SystemError> {
-    let mut hold = std::mem::take(&mut s.grip);
-    let at = model.instant(t, q, v);
-    let found = match (&model.engine, &mut s.flat) {
-        (Engine::Flat(tree), Some(x)) => {
-            let found = f.levels(model, tree, &at, x, &mut s.flat_forces, &mut hold);
-            s.full_forces.grips.clone_from(&s.flat_forces.grips);
-            found
-        }
-        _ => f.levels(model, &model.full, &at, &mut s.full, &mut s.full_forces, &mut hold),
-    };
-    s.grip = hold;
-    found
+impl Follow<f64> for Following {
+    fn count(&self) -> usize {
+        self.grips.len()
+    }
+
+    fn add(
+        &self,
+        model: &Evaluator<f64>,
+        (t, q, v): (f64, &[f64], &[f64]),
+        s: &mut Scratch<f64>,
+    ) -> Result<(), SystemError> {
+        let mut hold = std::mem::take(&mut s.hold);
+        let at = model.instant(t, q, v);
+        let found = match (&model.engine, &mut s.flat) {
+            (Engine::Flat(tree), Some(x)) => {
+                let found = self.levels(model, tree, &at, x, &mut s.flat_forces, &mut hold);
+                s.full_forces.grips.clone_from(&s.flat_forces.grips);
+                found
+            }
+            _ => self.levels(model, &model.full, &at, &mut s.full, &mut s.full_forces, &mut hold),
+        };
+        s.hold = hold;
+        found
+    }
 }

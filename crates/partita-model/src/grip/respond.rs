@@ -1,9 +1,9 @@
 //! What presses the frictions: reactions without them, and for a unit of each.
 
-use super::levels::Jam;
-use super::{Following, Grip, Hold, Read};
+use super::{Following, Grip, Read};
 use crate::evaluator::Evaluator;
 use crate::force::{Acts, At, Bearing, Effect, Element, Friction, Push, Room};
+use crate::levels::{Hold, Jam, Term};
 use crate::mechanics::Mechanics;
 use crate::tree::TreeScratch;
 use crate::value::Instant;
@@ -38,7 +38,7 @@ fn terms<S>(bearing: &Bearing<S>, turn: bool) -> usize {
     across + usize::from(if turn { bearing.collar.is_some() } else { bearing.radius.is_some() })
 }
 
-impl Following<f64> {
+impl Following {
     /// Levels at the last twists, the forces without them gathered; leaves them in the room and adds what they do.
     pub(super) fn levels<G: Space<S = f64>>(
         &self,
@@ -83,7 +83,7 @@ impl Following<f64> {
             let cause = Cause { vdot: y, lambda: &x.lambda, whole: column == 0, acts: unit.as_ref() };
             transmit(model, tree, at, s, &cause)?;
             self.press(model, tree, s, &x.lambda, |t, of, weight, force| match column.checked_sub(1) {
-                None => x.levels.terms[t] = super::levels::Term { of, weight, a: force },
+                None => x.levels.terms[t] = Term { of, weight, a: force },
                 Some(j) => x.levels.b[t * k + j] = force,
             });
         }

@@ -24,9 +24,30 @@ const MARGIN: f64 = 1e-9;
 /// What may stay open of (G1), in parts of what stands in it.
 const OPEN: f64 = 1e-12;
 
+/// Memory of an evaluation.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Hold {
+    pub phi: Vec<f64>,
+    pub c: Vec<f64>,
+    pub a: Vec<f64>,
+    pub b: Vec<f64>,
+    pub mass: Vec<f64>,
+    /// Right-hand sides; later the accelerations.
+    pub y: Vec<f64>,
+    /// Rows in the mass metric, each of length 1.
+    pub w: Vec<f64>,
+    pub scale: Vec<f64>,
+    pub gram: Vec<f64>,
+    pub perm: Vec<usize>,
+    pub x: Vec<f64>,
+    pub lambda: Vec<f64>,
+    pub still: Vec<f64>,
+    pub levels: Levels,
+}
+
 /// A force that presses a friction.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Term {
+pub(crate) struct Term {
     /// Which friction.
     pub of: usize,
     /// Its arm.
@@ -37,7 +58,7 @@ pub(super) struct Term {
 
 /// Why there are no levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Jam {
+pub(crate) struct Jam {
     /// The friction that contracts least.
     pub which: usize,
     /// What a unit of effort of it returns.
@@ -46,7 +67,7 @@ pub(super) struct Jam {
 
 /// The small system and its memory.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Levels {
+pub(crate) struct Levels {
     /// κ.
     pub kappa: Vec<f64>,
     /// What presses beside the reaction.
