@@ -801,6 +801,22 @@ ERRORS = (
         ("python test_forces_engineers.py",),
     ),
     Error(
+        "friction-acts-back",
+        "what a unit of friction does to the reaction it follows",
+        f"{MODEL}/levels.rs",
+        "(0..3).for_each(|c| r[c] += b[c] * f)",
+        "(0..3).for_each(|c| r[c] += 0.9 * b[c] * f)",
+        ("python test_friction_of_reactions.py",),
+    ),
+    Error(
+        "friction-couple",
+        "the couple of two short bearings",
+        f"{MODEL}/grip/respond.rs",
+        "moment.cross(axis).times(1.0 / length)",
+        "moment.cross(axis).times(0.5 / length)",
+        ("python test_friction_of_reactions.py",),
+    ),
+    Error(
         "buffer-potential",
         "what a contact has stored",
         f"{MODEL}/force/resistance.rs",

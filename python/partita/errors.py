@@ -133,8 +133,8 @@ class SingularityError(PartitaError, RuntimeError):
 
 
 class EvaluationError(PartitaError, RuntimeError):
-    """A function or a table gave no usable value. Fields: time `t` [s] and `where`, the element that
-    asked."""
+    """A function or a table gave no usable value, or a friction and the reaction that it follows have none that agree.
+    Fields: time `t` [s] and `where`, the element that asked."""
 
     t: float
     where: str

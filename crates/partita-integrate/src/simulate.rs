@@ -190,7 +190,7 @@ fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option
         StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {
             (Status::Singular, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
-        StepFailure::TooSmall { last: Some(e @ SystemError::Jump { .. }), .. } => {
+        StepFailure::TooSmall { last: Some(e @ (SystemError::Jump { .. } | SystemError::Jammed { .. })), .. } => {
             (Status::EvaluationFailed, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),

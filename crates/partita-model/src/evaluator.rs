@@ -11,6 +11,7 @@ use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
 use crate::force::{Element, Room};
+use crate::levels::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
 use crate::place::Placed;
@@ -61,6 +62,14 @@ pub(crate) enum Engine<S: Scalar> {
     Full,
 }
 
+/// Forces that take the motion to be found: added to those gathered without them.
+pub(crate) trait Follow<S: Scalar>: Send + Sync {
+    /// How many of them there are.
+    fn count(&self) -> usize;
+    /// Add them at (t, q, v), the poses and twists last computed, and leave their levels in the room of the forces.
+    fn add(&self, model: &Evaluator<S>, at: (S, &[S], &[S]), s: &mut Scratch<S>) -> Result<(), SystemError>;
+}
+
 /// Memory of evaluations.
 #[derive(Clone, Debug)]
 pub struct Scratch<S: Scalar> {
@@ -72,6 +81,8 @@ pub struct Scratch<S: Scalar> {
     pub(crate) flat_forces: Room<Planar<S>>,
     pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
+    /// Memory of frictions that follow reactions.
+    pub(crate) hold: Hold,
 }
 
 /// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
@@ -103,6 +114,8 @@ pub struct Evaluator<S: Scalar> {
     pub drives: Vec<DriveRow>,
     pub(crate) numbers: Numbers<S>,
     pub(crate) callers: Arc<Callers>,
+    /// Frictions that follow reactions.
+    pub(crate) following: Option<Arc<dyn Follow<S>>>,
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -128,7 +141,7 @@ impl<S: Scalar> Evaluator<S> {
         } else {
             (Engine::Full, full_rows.clone())
         };
-        Ok((Self { engine, full, placed, drives, numbers, callers }, [rows, full_rows]))
+        Ok((Self { engine, full, placed, drives, numbers, callers, following: None }, [rows, full_rows]))
     }
 
     /// New scratch.
@@ -143,6 +156,7 @@ impl<S: Scalar> Evaluator<S> {
             flat_forces: Room::default(),
             full_forces: Room::default(),
             forces_at: false,
+            hold: Hold::default(),
         }
     }
 
@@ -192,12 +206,37 @@ impl<S: Scalar> Evaluator<S> {
         if s.forces_at {
             return Ok(());
         }
+        if let Some(following) = &self.following {
+            // gathered without them first
+            let count = following.count();
+            for grips in [&mut s.flat_forces.grips, &mut s.full_forces.grips] {
+                grips.clear();
+                grips.resize(count, S::zero());
+            }
+        }
         match (&self.engine, &mut s.flat) {
             (Engine::Flat(tree), Some(x)) => tree.apply(self.instant(t, q, v), x, &mut s.flat_forces)?,
             _ => self.full.apply(self.instant(t, q, v), &mut s.full, &mut s.full_forces)?,
         }
+        if let Some(following) = &self.following {
+            following.add(self, (t, q, v), s)?;
+        }
         s.forces_at = true;
         Ok(())
+    }
+
+    /// The levels of frictions that follow reactions at any (t, q, v), left where elements look for them.
+    pub(crate) fn grip_at(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<(), SystemError> {
+        if self.following.is_none() {
+            return Ok(());
+        }
+        with_engine!(self, s, |tree, x| {
+            tree.poses(q, x);
+            tree.inertias(x);
+            tree.twists(v, x);
+        });
+        s.forces_at = false;
+        self.forces(t, q, v, s)
     }
 
     /// Dense M (nv x nv) and h (nv), after [`velocity`](Self::velocity).                       (S1)
@@ -335,18 +374,21 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// Kinetic energy, potential energy, and the power of the forces that have no potential, after
-    /// [`velocity`](Self::velocity).
+    /// [`velocity`](Self::velocity). The power of frictions that follow reactions is there after the dynamics only.
     pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
         let instant = self.instant(t, q, v);
         // plain numbers need no room, unless it is for a law
         match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut Room::default()),
-            _ => self.full.energies(instant, &s.full, &mut Room::default()),
+            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut Room::gripping(&s.flat_forces)),
+            _ => self.full.energies(instant, &s.full, &mut Room::gripping(&s.full_forces)),
         }
     }
 
     /// The power of the forces that have no potential alone, with the memory of the scratch.
     pub(crate) fn power(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<S, SystemError> {
+        if self.following.is_some() {
+            self.forces(t, q, v, s)?;
+        }
         let instant = self.instant(t, q, v);
         let [_, _, power] = match (&self.engine, &s.flat) {
             (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut s.flat_forces),

@@ -4,9 +4,10 @@ use crate::clusters::{self, Preference};
 use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
-use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Scratch};
+use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
+use crate::grip::Following;
 use crate::joint::{Motion, Own};
 use crate::knots::Curves;
 use crate::light;
@@ -124,6 +125,15 @@ fn all_welded(spec: &Spec) -> bool {
     held.len() > spec.bodies.len()
 }
 
+/// Frictions that follow reactions, if there are any.
+fn following(
+    own: &Evaluator<f64>,
+    spec: &Spec,
+    of: &Pattern,
+) -> Result<Option<Arc<dyn Follow<f64>>>, DescriptionError> {
+    Ok(Following::new(own, spec, of)?.map(|found| Arc::new(found) as Arc<dyn Follow<f64>>))
+}
+
 impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
@@ -190,7 +200,8 @@ impl Model {
         let links = Links::new(&placed);
         let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
         let placed = Arc::new(placed);
-        let (own, [row_names, full_rows]) = Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
+        let (mut own, [row_names, full_rows]) =
+            Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = Look { spec: &spec, placed: &placed };
         let (columns, row_reach, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
             Engine::Flat(tree) => (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows),
@@ -208,6 +219,7 @@ impl Model {
         let elements = &own.full.elements;
         let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
+        own.following = following(&own, &spec, &pattern)?;
         let clusters = match &own.engine {
             Engine::Flat(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
@@ -251,6 +263,7 @@ impl Model {
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.light.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
+            model.own.following = following(&model.own, &model.spec, &model.pattern)?;
         }
         Ok(model)
     }
@@ -293,6 +306,10 @@ impl Model {
     ///
     /// Fails where a function of the user's would have to be called and cannot (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
+        if self.own.following.is_some() {
+            let message = "the levels of a friction follow a reaction, which is found in plain numbers; give levels";
+            return Err(DescriptionError::new("mechanism", &self.spec.name, message));
+        }
         let numbers = Numbers::new(&self.spec, &self.placed);
         let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
         Ok(made?.0)

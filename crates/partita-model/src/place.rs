@@ -5,6 +5,7 @@
 //! and all it carries are moved so that the tree joint fits.
 
 use crate::error::DescriptionError;
+use crate::flat;
 use crate::joint::{self, Motion, Shape};
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
@@ -320,7 +321,9 @@ impl Placed {
                 }
                 _ => true,
             });
-            if !fits || !flat || !along {
+            let motion = |joint: &str, i: usize| numbers.get(joint).and_then(|&j| shapes[j].motion_of(i));
+            let pressed = flat::needs_space(spec, basis.0[2], motion);
+            if !fits || !flat || !along || pressed {
                 plane = None;
             }
         }

@@ -2,7 +2,7 @@
 
 mod loads;
 
-pub use loads::{Bushing, Contact, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
+pub use loads::{Bushing, Contact, Follows, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
 
 use serde::{Deserialize, Serialize};
 

@@ -120,6 +120,9 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::SingularStart { t, .. } | SystemError::Passage { t, .. } | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
+        SystemError::OpenReaction { t, friction, .. } | SystemError::Jammed { t, friction, .. } => {
+            raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", String::from(friction).into())])
+        }
         SystemError::Jump { t, what, .. } => {
             raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", String::from(what).into())])
         }

@@ -100,6 +100,37 @@ pub enum SystemError {
         /// End of the curve.
         to: f64,
     },
+    /// A friction depends on a reaction that rigid bodies leave open.
+    #[error(
+        "{friction:?} depends on the reaction of joint {joint:?}, which is not determined at t = {}: rigid bodies leave open how the \
+         joints share it (see `determined` of the joint), so the friction has no one value; give the level itself (dynamic=), \
+         or replace joints so that nothing is held twice (see the report)",
+        six_digits(*t)
+    )]
+    OpenReaction {
+        /// The friction.
+        friction: Box<str>,
+        /// Its joint.
+        joint: Box<str>,
+        /// Time.
+        t: f64,
+    },
+    /// Friction and the reaction it follows have no values that agree, or more than one.
+    #[error("{}", jammed(friction, joint, *coefficient, *returned, *several, *t))]
+    Jammed {
+        /// The friction.
+        friction: Box<str>,
+        /// Its joint.
+        joint: Box<str>,
+        /// Its coefficient, the larger of the two.
+        coefficient: f64,
+        /// What a unit of its effort returns by way of the reaction, at this speed.
+        returned: f64,
+        /// Are there other frictions that act on it?
+        several: bool,
+        /// Time.
+        t: f64,
+    },
     /// A user's function failed.
     #[error("{what}: {source}")]
     Function {
@@ -351,6 +382,18 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
     )
 }
 
+fn jammed(friction: &str, joint: &str, coefficient: f64, returned: f64, several: bool, t: f64) -> String {
+    let others = if several { ", together with the other frictions that follow reactions," } else { "" };
+    format!(
+        "joint \"{joint}\" jams at t = {} s: with the coefficient {coefficient} its friction{others} presses it so much more \
+         that {:.3} of each newton comes back as friction (\"{friction}\"); from 1 on rigid bodies have no motion with \
+         this friction or more than one (Painleve's paradox), and none is to be told from the others; take a lower \
+         coefficient or a longer bearing, load it nearer to its axis, or give the level itself (dynamic=)",
+        six_digits(t),
+        returned
+    )
+}
+
 /// Six digits of a time, as people read it.
 pub fn six_digits(x: f64) -> f64 {
     format!("{x:.5e}").parse().unwrap_or(x)
@@ -380,6 +423,7 @@ impl SystemError {
                 | Self::Basis { .. }
                 | Self::Choice { .. }
                 | Self::Jump { .. }
+                | Self::Jammed { .. }
         )
     }
 }

@@ -85,10 +85,16 @@ def add_bushing(
 def add_friction(
     self: Drawing,
     joint: Joint | str,
-    dynamic: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any],
+    dynamic: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
     *,
     stick_velocity: float,
     static: float | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
+    coefficient: float | None = None,
+    static_coefficient: float | None = None,
+    radius: float | None = None,
+    length: float | None = None,
+    collar: float | None = None,
+    preload: float = 0.0,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
@@ -102,7 +108,20 @@ def add_friction(
     there is no effort: what should stick creeps, slower than the stick velocity as long as the load is below `static`
     less 3 per cent of `dynamic`. A small stick velocity comes near to Coulomb's law and costs small steps.
 
-    The levels are given, not made from the joint's reaction: that would depend on the friction in turn.
+    Either the level is given (`dynamic`, `static`), or a `coefficient`, and it follows the reaction of this very joint,
+    on which the friction acts back: level = coefficient N. With F and M the force and the moment of the joint's
+    constraints (as `run.joint(...)` gives them), N is on a slide |F| across the axis, on a turn radius |F| across the
+    axis. Give the `length` L of the bearing where it carries a moment: two short bearings at its ends then share F
+    and take M across the axis, N = |F/2 + M x a / L| + |F/2 - M x a / L| (on a turn times the radius), a the axis.
+    `collar` adds collar |F along the axis| on a turn, `radius` adds |M about the axis| / radius on a slide.
+
+    Of a mechanism that moves in a plane the reaction in the plane counts where that is all: for a turn without collar
+    and length, for a slide as long as nothing is seen to push across the plane (gravity, forces; functions of forces
+    and contacts count as such) and, with a length, everything lies in one plane. Else its joints are taken in space,
+    where what they share may not be determined.
+
+    Prefer the coefficient where loads change along the motion. An evaluation then solves for the accelerations once
+    more, densely: (n + m)^3 / 6 multiplications for n velocities and m constraint rows.
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
@@ -110,8 +129,19 @@ def add_friction(
             table (times, values), or f(t, state).
         stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
         static: level to be overcome; None: that of sliding.
+        coefficient: instead of `dynamic`: friction over what presses, while it slides, not negative.
+        static_coefficient: the same to be overcome; None: that of sliding.
+        radius: on a turn, where it slides (needed with a coefficient); on a slide, the arm that holds it from turning;
+            above 0 [m].
+        length: of the bearing, above 0 [m]; None: moments do not press.
+        collar: mean radius of the collar that carries the force along the axis of a turn [m]; None: it does not press.
+        preload: force that presses always, not negative [N].
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
+
+    Raises `DescriptionError` for what is said above. A run with a coefficient ends with an `EvaluationError` that names
+    the joint where its reaction is not determined (a joint held twice), and where friction and reaction have no values
+    that agree or more than one: jamming, Painleve's paradox.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("sledge", gravity=None)
@@ -121,14 +151,55 @@ def add_friction(
     >>> run = m.simulate(0.5, initial=m.assemble(rates={"S": 3.0}))
     >>> round(run.joint("S").velocity[-1].item(), 3)   # 3 - 4/2 * 0.5
     2.0
+
+    A block on an incline of 30 degrees slides with g (sin 30 - 0.3 cos 30):
+
+    >>> m = pt.Mechanism("incline", gravity=(4.905, 0, -8.4957))
+    >>> block = m.add_body("block", mass=2.0, inertia=(1, 1, 1))
+    >>> slide = m.add_prismatic("S", m.ground, block, axis=(1, 0, 0))
+    >>> _ = m.add_friction(slide, coefficient=0.3, stick_velocity=1e-4)
+    >>> run = m.simulate(1.0, initial=m.assemble(rates={"S": 1.0}))
+    >>> round(run.joint("S").velocity[-1].item(), 3)   # 1 + 4.905 - 0.3 * 8.4957
+    3.356
     """
     element = named(self, name, "friction in", joint)
     found = joint_record(self, element, joint)
     where = coordinate_of(element, found, coordinate, scalars(found))
+    stick = number(element, "stick_velocity", stick_velocity, above=0.0)
+    given = {
+        "coefficient": coefficient,
+        "static_coefficient": static_coefficient,
+        "radius": radius,
+        "length": length,
+        "collar": collar,
+    }
+    pressed = number(element, "preload", preload, least=0.0)
+    if coefficient is not None:
+        if dynamic is not None or static is not None:
+            element.fail(
+                "levels (dynamic, static) and a coefficient exclude one another; give levels, or a coefficient that "
+                "makes them from the reaction of the joint"
+            )
+        above = ("radius", "length")
+        follows = {
+            what: number(element, what, value, **({"above": 0.0} if what in above else {"least": 0.0}))
+            for what, value in given.items()
+            if value is not None
+        }
+        follows["preload"] = pressed
+        said: dict[str, Any] = {"joint": found.name, "coordinate": where or None, "stick_velocity": stick, **follows}
+        said["preload"] = pressed or None
+        means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
+        return store(self, LoadRecord(element.name, "friction", said, means))
+    if dynamic is None:
+        element.fail("give its level (dynamic), or a coefficient that makes it from the reaction of the joint")
+    idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
+    if idle:
+        element.fail(f"{', '.join(idle)} means nothing without a coefficient; give one instead of dynamic")
     levels = {
         "dynamic": _level(element, "dynamic", dynamic),
         "static": None if static is None else _level(element, "static", static),
-        "stick_velocity": number(element, "stick_velocity", stick_velocity, above=0.0),
+        "stick_velocity": stick,
     }
     said = {"joint": found.name, "coordinate": where or None, **levels}
     return store(self, LoadRecord(element.name, "friction", said, {**said, "coordinate": where}))

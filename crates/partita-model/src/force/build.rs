@@ -129,6 +129,11 @@ impl<G: Space> Element<G> {
                 }
             }
         }
+        let followers = elements.iter_mut().filter_map(|e| match e {
+            Self::Friction(x) => x.follows.as_mut(),
+            _ => None,
+        });
+        followers.enumerate().for_each(|(i, bearing)| bearing.place = i);
         Ok(elements)
     }
 }

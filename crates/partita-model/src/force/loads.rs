@@ -3,7 +3,7 @@
 use super::law::Seen;
 use super::spot::Spot;
 use super::{
-    Buffer, Bushing, Contact, Element, Friction, Gravity, Law, Place, Reading, Stop, Surface, Tyre, Weightless,
+    Bearing, Buffer, Bushing, Contact, Element, Friction, Gravity, Law, Place, Reading, Stop, Surface, Tyre, Weightless,
 };
 use crate::error::DescriptionError;
 use crate::numbers::{DescribedForce, Numbers};
@@ -65,10 +65,24 @@ pub(super) fn element<G: Space>(
             let along = maker.reading(&x.name, (&x.joint, x.coordinate), G::S::zero())?;
             let mut levels = vec![Source::new(&x.dynamic, n.number("dynamic"))];
             levels.extend(x.held.as_ref().map(|v| Source::new(v, n.number("static"))));
+            let follows = x.follows.as_ref().map(|f| {
+                let given = |what: Option<f64>, field| what.map(|_| n.number(field));
+                let coefficient = n.number("coefficient");
+                Bearing {
+                    coefficient,
+                    held: given(f.held, "static_coefficient").unwrap_or(coefficient),
+                    radius: given(f.radius, "radius"),
+                    length: given(f.length, "length"),
+                    collar: given(f.collar, "collar"),
+                    preload: n.number("preload"),
+                    place: 0,
+                }
+            });
             Element::Friction(Box::new(Friction {
                 name: x.name.clone(),
                 along,
                 levels,
+                follows,
                 stick: n.number("stick_velocity"),
             }))
         }

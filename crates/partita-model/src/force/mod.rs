@@ -33,7 +33,7 @@ pub use cut_effort::{CutEffort, Unit};
 pub use cut_torsion::CutTorsion;
 pub use effort::Effort;
 pub use effort_over::EffortOver;
-pub use friction::Friction;
+pub use friction::{Bearing, Friction};
 pub use gravity::Gravity;
 pub use law::{Law, Seen};
 pub use point_force::PointForce;
@@ -98,9 +98,18 @@ pub struct Room<G: Space> {
     answers: Vec<G::S>,
     /// Wrenches of an element that has many: see [`Acts::Listed`].
     pub(crate) pushes: Vec<Push<G>>,
+    /// What presses each friction whose level follows a reaction, arms included.
+    pub(crate) grips: Vec<G::S>,
     /// Coordinates and velocities as functions see them.
     pub(crate) q: Vec<G::S>,
     pub(crate) v: Vec<G::S>,
+}
+
+impl<G: Space> Room<G> {
+    /// Empty, but for what presses frictions in another.
+    pub(crate) fn gripping(other: &Self) -> Self {
+        Self { grips: other.grips.clone(), ..Self::default() }
+    }
 }
 
 impl<G: Space> Default for Room<G> {
@@ -110,6 +119,7 @@ impl<G: Space> Default for Room<G> {
             seen: Vec::new(),
             answers: Vec::new(),
             pushes: Vec::new(),
+            grips: Vec::new(),
             q: Vec::new(),
             v: Vec::new(),
         }
@@ -210,7 +220,7 @@ impl<G: Space> Element<G> {
             Self::Bushing(e) => e.wrench(at),
             Self::CutTorsion(e) => e.wrench(at),
             Self::EffortOver(e) => e.wrench(at),
-            Self::Friction(e) => e.wrench(at, &mut room.plain),
+            Self::Friction(e) => e.wrench(at, room),
             Self::Stop(e) => Ok(e.wrench(at)),
             Self::Contact(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),

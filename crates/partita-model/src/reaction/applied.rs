@@ -34,6 +34,7 @@ impl<S: Scalar> Evaluator<S> {
         v: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Applied<S>, SystemError> {
+        self.grip_at(t, q, v, s)?;
         let bodies = &self.numbers.bodies;
         let mut all = Applied { on: vec![Wrench::default(); bodies.len()], efforts: vec![S::zero(); self.placed.nv] };
         for &node in &part.nodes {

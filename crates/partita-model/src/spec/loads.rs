@@ -131,12 +131,43 @@ pub struct Friction {
     #[serde(default)]
     pub coordinate: usize,
     /// Level while it slides (N) or (N m).
+    #[serde(default = "no_level")]
     pub dynamic: Value,
     /// Level that must be overcome; none: that of sliding.
     #[serde(default, rename = "static")]
     pub held: Option<Value>,
     /// Speed at which it is reached [m/s] or [rad/s].
     pub stick_velocity: f64,
+    /// The levels follow the reaction of the joint instead.
+    #[serde(default)]
+    pub follows: Option<Follows>,
+}
+
+fn no_level() -> Value {
+    Value::Constant(0.0)
+}
+
+/// How levels of friction follow the reaction of their joint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Follows {
+    /// Coefficient while it slides.
+    pub coefficient: f64,
+    /// Coefficient to be overcome; none: that of sliding.
+    #[serde(default, rename = "static_coefficient")]
+    pub held: Option<f64>,
+    /// Where a turn slides, or what holds a slide from turning (m).
+    #[serde(default)]
+    pub radius: Option<f64>,
+    /// Length of the bearing (m).
+    #[serde(default)]
+    pub length: Option<f64>,
+    /// Where the force along the axis of a turn slides (m).
+    #[serde(default)]
+    pub collar: Option<f64>,
+    /// Force that presses always (N).
+    #[serde(default)]
+    pub preload: f64,
 }
 
 impl Load for Friction {
@@ -153,6 +184,18 @@ impl Load for Friction {
         let mut all = vec![("stick_velocity", one(&mut self.stick_velocity))];
         all.extend(constant(&mut self.dynamic).map(|x| ("dynamic", x)));
         all.extend(self.held.as_mut().and_then(constant).map(|x| ("static", x)));
+        if let Some(f) = &mut self.follows {
+            all.retain(|(field, _)| *field != "dynamic");
+            all.push(("coefficient", one(&mut f.coefficient)));
+            all.push(("preload", one(&mut f.preload)));
+            let given = [
+                ("static_coefficient", &mut f.held),
+                ("radius", &mut f.radius),
+                ("length", &mut f.length),
+                ("collar", &mut f.collar),
+            ];
+            all.extend(given.into_iter().filter_map(|(field, x)| x.as_mut().map(|x| (field, one(x)))));
+        }
         all
     }
     fn fault(&self) -> Option<String> {
@@ -163,6 +206,19 @@ impl Load for Friction {
         without_size(&[("stick_velocity", self.stick_velocity)])
             .or_else(|| level("dynamic", &self.dynamic))
             .or_else(|| self.held.as_ref().and_then(|v| level("static", v)))
+            .or_else(|| self.follows.as_ref().and_then(Follows::fault))
+    }
+}
+
+impl Follows {
+    fn fault(&self) -> Option<String> {
+        negative(&[
+            ("coefficient", self.coefficient),
+            ("static_coefficient", self.held.unwrap_or_default()),
+            ("collar", self.collar.unwrap_or_default()),
+            ("preload", self.preload),
+        ])
+        .or_else(|| without_size(&[("radius", self.radius.unwrap_or(1.0)), ("length", self.length.unwrap_or(1.0))]))
     }
 }
 

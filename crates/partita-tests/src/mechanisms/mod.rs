@@ -396,6 +396,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             dynamic: Value::Constant(1.3),
             held: Some(Value::Function(2)),
             stick_velocity: 0.6,
+            follows: None,
         }));
         all.push(Force::Stop(Stop {
             name: format!("stop {}", j.name),

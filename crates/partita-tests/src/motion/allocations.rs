@@ -3,7 +3,7 @@
 use crate::counting::allocations;
 use crate::mechanisms::{body, compile, couple, drawing, empty, joint, loads, Moment, Wishes, COUPLINGS, ROLLS};
 use partita_model::place::Coordinates;
-use partita_model::spec::{Force, JointKind, Spec, Value};
+use partita_model::spec::{Follows, Force, Friction, JointKind, Spec, Value};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
@@ -226,6 +226,42 @@ fn loads_and_couplings_allocate_nothing() {
             if model.full.conditions.iter().all(|c| c.holonomic) {
                 count_moving("wehage-haug", &model, &moment, &what);
                 count_moving("explicit-closing", &model, &moment, &what);
+            }
+        }
+    }
+}
+
+/// Friction in every turn and slide of a drawing that follows its reaction.
+fn rub(spec: &mut Spec) {
+    for j in &spec.joints {
+        if !matches!(j.kind, JointKind::Revolute | JointKind::Prismatic) {
+            continue;
+        }
+        let radius = (j.kind == JointKind::Revolute).then_some(0.02);
+        let follows = Follows { coefficient: 0.1, held: Some(0.15), radius, length: None, collar: None, preload: 1.0 };
+        spec.forces.push(Force::Friction(Friction {
+            name: format!("rubs {}", j.name),
+            joint: j.name.clone(),
+            coordinate: 0,
+            dynamic: Value::Constant(0.0),
+            held: None,
+            stick_velocity: 0.5,
+            follows: Some(follows),
+        }));
+    }
+}
+
+#[test]
+fn frictions_that_follow_reactions_allocate_nothing() {
+    for (spec, what) in [(four_bar(), "four-bar"), (chain(4), "four loops"), (in_space(), "in space")] {
+        for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
+            let mut rubbing = spec.clone();
+            rub(&mut rubbing);
+            assert!(rubbing.forces.len() > spec.forces.len(), "{what}");
+            let model = compile(&rubbing, coordinates).unwrap();
+            count(&model, what);
+            for name in ["multipliers", "sparse-multipliers", "wehage-haug"] {
+                count_named(name, &model);
             }
         }
     }
