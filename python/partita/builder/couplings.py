@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..numeric import floats
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, switch, vector
+from .checks import Element, choice, direction, name_of, number, numbers, switch, vector
 from .drawing import Drawing
-from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
+from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
 from .records import Coupling, CouplingRecord, Joint
 from .relations import Law, Profile, RateLaw
 from .values import Function, is_table, table
@@ -46,8 +45,9 @@ def add_coupler(
 
     Args:
         terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; up to 12.
-        factors: one number for each, none of them 0.
-        offset: the sum; coordinates of joints are zero as drawn.
+        factors: one number for each, none of them 0. With units, the first is a number without one, and the others
+            bring their terms into its unit: (1, "-20 mm/rad") of a slide and a turn.
+        offset: the sum, in the unit of the first term; coordinates of joints are zero as drawn.
         word: what reports and messages call it.
 
     In absolute coordinates, and for joints that close loops in space, whole turns are not known; where the factors
@@ -63,15 +63,15 @@ def add_coupler(
     """
     element = _element(self, name)
     found = _terms(self, element, terms)
-    try:
-        weights = [number(element, "factors", f) for f in floats(factors).ravel().tolist()]
-    except (TypeError, ValueError, OverflowError) as error:
-        element.fail(f"factors must be numbers, not {factors!r}", cause=error)
+    units = [measured_in(self, term) for term in found]
+    weights = [
+        number(element, "factors", f) for f in numbers(element, "factors", factors, _per(units)).ravel().tolist()
+    ]
     if len(weights) != len(found):
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
     if 0.0 in weights:
         element.fail(f"factor {weights.index(0.0)} is 0; leave that term out")
-    data = {"factors": weights, "offset": number(element, "offset", offset)}
+    data = {"factors": weights, "offset": number(element, "offset", offset, units[0])}
     return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data))
 
 
@@ -100,10 +100,10 @@ def add_gear(
     """
     name = f"gear {joint1} - {joint2}" if name is None else name
     element = _element(self, name)
-    value = number(element, "ratio", ratio)
+    terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
+    value = number(element, "ratio", ratio, _per([measured_in(self, measure(self, element, x)) for x in terms])[1])
     if value == 0.0:
         element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
-    terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
     return add_coupler(self, name, terms, [1.0, -value], word="gear")
 
 
@@ -159,7 +159,7 @@ def add_rack(
     """
     name = f"rack {pinion} - {slide}" if name is None else name
     element = _element(self, name)
-    value = number(element, "radius", radius)
+    value = number(element, "radius", radius, "m")
     if value == 0.0:
         element.fail("radius is 0 m: the rack would stand still")
     terms = [Coordinate(slide, coordinate2), Coordinate(pinion, coordinate1)]
@@ -239,7 +239,8 @@ def add_cam(
     if not is_table(law):
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
     repeats = switch(element, "periodic", periodic)
-    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth")
+    follows, leads = (measured_in(self, term) for term in terms)
+    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth", (leads, follows))
     if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
@@ -288,7 +289,7 @@ def add_point_on_curve(
         return add_cam(self, y, x, curve, name=name, word="curve")
     if callable(curve) or not is_table(curve):
         element.fail("a polar curve is a table (angles, radii)")
-    outline = table(element, "curve", (curve[0], curve[1]), "smooth")
+    outline = table(element, "curve", (curve[0], curve[1]), "smooth", ("rad", "m"))
     span = float(outline.times[-1] - outline.times[0])
     closes = abs(float(outline.values[-1] - outline.values[0])) <= 1e-9 * float(np.abs(outline.values).max())
     if abs(span - 2.0 * math.pi) > 1e-9 or not closes:
@@ -343,11 +344,11 @@ def add_rolling(
         element.fail(f'"{roller}" cannot roll on itself; name two different bodies')
     data = {
         "body": roller,
-        "center": vector(element, "center", center).tolist(),
+        "center": vector(element, "center", center, "m").tolist(),
         "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
         "radius": _positive(element, "radius", radius),
         "on": carrier,
-        "point": vector(element, "point", point).tolist(),
+        "point": vector(element, "point", point, "m").tolist(),
         "normal": direction(element, "normal", normal).tolist(),
         "slips": switch(element, "slips", slips),
     }
@@ -414,10 +415,15 @@ def _element(mechanism: Drawing, name: str) -> Element:
 
 
 def _positive(element: Element, what: str, value: Any) -> float:
-    found = number(element, what, value)
+    found = number(element, what, value, "m")
     if found <= 0.0:
         element.fail(f"{what} = {found:g} m must be positive")
     return found
+
+
+def _per(units: list[str]) -> list[str]:
+    """Units of factors that bring every term into the unit of the first."""
+    return ["" if unit == units[0] else f"{units[0] or '1'}/{unit}" if unit else units[0] for unit in units]
 
 
 def _terms(mechanism: Drawing, element: Element, terms: Any) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from .checks import Element, name_of, number
 from .drawing import Drawing
 from .forces import free_name
 from .joints import add_free, coordinate_of, joint_record, scalars, speeds
-from .measures import Measure, measure
+from .measures import Measure, measure, measured_in
 from .motion import Motion
 from .poses import pose_value
 from .records import Body, Drive, DriveRecord, Joint
@@ -96,7 +96,9 @@ def add_drive(
     else:
         found = measure(self, element, joint)
     _alone(self, element, found)
-    start = number(element, "rate", rate)
+    unit = measured_in(self, found)
+    units = {"position": unit, "velocity": f"{unit or '1'}/s", "acceleration": f"{unit or '1'}/s^2"}
+    start = number(element, "rate", rate, units["velocity"])
     if start != 0.0 and level != "acceleration":
         element.fail("rate is where an acceleration begins; positions and velocities have their own")
 
@@ -104,7 +106,7 @@ def add_drive(
         given = (velocity, acceleration) if level == "position" else (None, None)
         return Function(Motion(element, function, *given))
 
-    motion = scalar(element, level, course, "smooth", wrap)
+    motion = scalar(element, level, course, "smooth", wrap, ("s", units[level]))
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
     self._description.driven[_key(found)] = element.name
     return Drive(element.name, self)

@@ -126,7 +126,7 @@ def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[st
     body, point = item if _is_pair(item) else (item, None)
     name = resolve(mechanism, element, what, body, ground=False)
     record = mechanism._description.bodies[name]
-    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point)}
+    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point, "m")}
 
 
 def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[str, list[dict[str, Any]]]:
@@ -134,7 +134,7 @@ def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[
     if _is_pair(item):
         body, point = item
         name = resolve(mechanism, element, what, body)
-        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point)}}]
+        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point, "m")}}]
     d = mechanism._description
     if isinstance(item, Joint) or (isinstance(item, str) and item in d.joints):
         if isinstance(item, str) and item in d.bodies:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from .bodies import resolve, to_world
 from .checks import Element, direction, vector
 from .drawing import Drawing
-from .joints import coordinate_of, joint_record, scalars
+from .joints import coordinate_of, joint_record, scalars, unit_of
 from .records import Body, Joint
 
 BodyLike = Body | str
@@ -129,6 +129,13 @@ def drawn(mechanism: Drawing, spec: Spec) -> float:
     return float(axis @ gap)
 
 
+def measured_in(mechanism: Drawing, spec: Spec) -> str:
+    """Unit of a measure; "" of a cosine."""
+    if spec["of"] == "joint":
+        return unit_of(mechanism._description.joints[spec["joint"]], spec["coordinate"])
+    return "" if spec["of"] == "cosine" else "m"
+
+
 def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:
     """Bodies by name, points and unit axes as lists."""
     found: Spec = {}
@@ -136,7 +143,7 @@ def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:
         if key.startswith("body"):
             found[key] = resolve(mechanism, element, key, value)
         elif key.startswith("point"):
-            found[key] = vector(element, key, value).tolist()
+            found[key] = vector(element, key, value, "m").tolist()
         else:
             axis = direction(element, key, value)
             found[key] = (axis / np.linalg.norm(axis)).tolist()
