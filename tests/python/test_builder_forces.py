@@ -65,7 +65,7 @@ def test_bad_force_is_refused(add: Callable[[pt.Mechanism], Any], words: str) ->
     with pytest.raises(DescriptionError) as caught:
         add(m)
     assert words in str(caught.value)
-    assert m.forces == ()
+    assert not m.forces
 
 
 def test_torsion_spring_needs_an_angle() -> None:
@@ -268,7 +268,7 @@ def test_bad_drive_is_refused(arguments: dict[str, Any], error: type[Exception],
     with pytest.raises(error) as caught:
         m.add_drive("A", **arguments)
     assert words in str(caught.value)
-    assert m.drives == ()
+    assert not m.drives
 
 
 def test_a_coordinate_is_driven_once() -> None:

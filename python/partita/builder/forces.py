@@ -219,6 +219,7 @@ def add_force(
         point=found.com.copy() if point is None else vector(element, "point", point, "m"),
         value=components(element, "force", force, "N"),
         axes=choice(element, "axes", axes, ("world", "body")),
+        at_center=point is None,
     )
     return store(self, record)
 

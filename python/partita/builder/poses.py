@@ -109,6 +109,18 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
     return found
 
 
+def as_given(element: Element, given: Any, slides: int) -> Any:
+    """A pose as it was said, in SI: what `pose_value` takes again."""
+    if callable(given):
+        return given
+    match pose_value(element, given, slides, None):
+        case Held(places, matrix):
+            return (places, matrix) if slides else matrix
+        case PoseTable(times, places, matrices):
+            return (times, places, matrices) if slides else (times, matrices)
+    return given
+
+
 def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
     """(position, orientation) or (times, positions, orientations)."""
     if isinstance(given, Mapping):

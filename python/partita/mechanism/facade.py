@@ -83,6 +83,6 @@ class Mechanism(Modelled):
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     m.save(os.path.join(folder, "pendulum.toml"))
         ...     pt.load(os.path.join(folder, "pendulum.toml")).bodies
-        ('rod',)
+        <bodies: rod>
         """
         save(self, path)

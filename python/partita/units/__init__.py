@@ -65,7 +65,7 @@ metre, km, cm, mm, inch, foot = 1.0, 1e3, 1e-2, 1e-3, 0.0254, 0.3048
 kg, gram, lb = 1.0, 1e-3, 0.45359237
 second, ms, minute = 1.0, 1e-3, 60.0
 rad, deg, rev = 1.0, math.pi / 180.0, 2.0 * math.pi
-rpm = math.pi / 30.0
+rpm = 0.10471975511965978  # pi / 30, rounded once
 newton, kN, lbf = 1.0, 1e3, 4.4482216152605
 
 

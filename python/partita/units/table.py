@@ -1,8 +1,8 @@
 """The units that are known: their exact size in SI and their dimension.
 
 A unit is a product of powers of metre, kilogram, second and radian, times a size. Sizes are fractions; pi stands in
-them with sixty digits. The radian counts as a dimension of its own: rates of turning are then told from frequencies, whose
-factor of 2 pi is lost so easily.
+them with sixty digits. The radian counts as a dimension of its own: rates of turning are then told from frequencies,
+whose factor of 2 pi is lost so easily.
 """
 
 from __future__ import annotations
