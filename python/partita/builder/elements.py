@@ -68,7 +68,9 @@ class Elements(Mapping[str, H], Generic[H]):
     def _name(self, name: Any) -> str:
         if isinstance(name, Handle) and (name.table != self._kind.table or name.mechanism is not self._mechanism):
             return find(self._word, f"{shown(name)} of another kind or mechanism", self._table)
-        return find(self._word, str(name) if isinstance(name, Handle) else name, self._table)
+        if isinstance(name, Handle):
+            name = name.name
+        return find(self._word, name if isinstance(name, str) else shown(name), self._table)
 
     def __repr__(self) -> str:
         return f"<{self._kind.table}: {', '.join(self) or 'none'}>"

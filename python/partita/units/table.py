@@ -96,7 +96,7 @@ _OTHERS: list[tuple[tuple[str, ...], Unit]] = [
     (("kgf", "kilogram_force", "force_kilogram"), _unit(_STANDARD, 1, 1, -2)),
     (("psi",), _unit(_POUND * _STANDARD / Fraction("0.0254") ** 2, -1, 1, -2)),
     (("bar",), _unit(100_000, -1, 1, -2)),
-    (("g0", "g_0", "standard_gravity"), _unit(_STANDARD, 1, 0, -2)),
+    (("g_n", "standard_gravity"), _unit(_STANDARD, 1, 0, -2)),
     (("Nm",), _unit(1, 2, 1, -2)),
     (("kNm",), _unit(1000, 2, 1, -2)),
     (("Nmm",), _unit("1/1000", 2, 1, -2)),
