@@ -16,6 +16,11 @@ def floats(values: Any) -> NDArray[np.float64]:
     quantities, whose units NumPy would drop without a word."""
     if _holds_quantity(values):
         raise TypeError(f"{shown(values)} has a unit, where a plain number in SI is meant")
+    return without_units(values)
+
+
+def without_units(values: Any) -> NDArray[np.float64]:
+    """The same for values in which no quantity is left."""
     try:
         array = np.array(values, order="C")
         if array.dtype == np.float64:
@@ -55,7 +60,7 @@ def _holds_quantity(values: Any) -> bool:
     if kind is np.ndarray:
         return any(_holds_quantity(item) for item in values.flat)
     if isinstance(values, (list, tuple)):
-        return any(type(item) not in _NUMBERS and _holds_quantity(item) for item in values)
+        return not _NUMBERS.issuperset(map(type, values)) and any(map(_holds_quantity, values))
     return is_quantity(values) or foreign(values) is not None
 
 

@@ -237,7 +237,7 @@ def test_given_derivatives_are_used_and_checked() -> None:
         other.add_drive("A", lambda t: t**2, velocity=lambda t: 2 * t, acceleration=lambda t: t)
     with pytest.raises(DescriptionError, match="has the slope"):
         other.add_drive("A", lambda t: t**2, acceleration=lambda t: t)
-    assert other.drives == ()
+    assert not other.drives
 
 
 def test_a_function_that_ends_where_it_is_asked_needs_derivatives() -> None:

@@ -48,9 +48,7 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
     if word not in known:
         _unknown(handle, kind_of(record), word, ["kind", *known, *derived])
     value = call_of(record)[1].get(word, known[word])
-    if word in ("joint", "on", "sees") or not isinstance(value, Ref):
-        return _shown(mechanism, value)
-    return value
+    return _shown(mechanism, value)
 
 
 def change(mechanism: Drawing, handle: Handle, word: str, value: Any) -> None:
@@ -124,6 +122,8 @@ def _made_of(record: Any) -> str:
 
 def _shown(mechanism: Drawing, value: Any) -> Any:
     """A value that can be handed out: arrays that cannot be written to, handles for what has no other name."""
+    if isinstance(value, list) and value and all(type(item) is float for item in value):
+        value = np.array(value)
     if isinstance(value, np.ndarray):
         twin = value.copy()
         twin.setflags(write=False)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError, UnknownNameError
-from ..numeric import floats, shown
+from ..numeric import shown, without_units
 from ..units.door import SI, QuantityError, bare, in_si
 
 Array = NDArray[np.float64]
@@ -77,10 +77,13 @@ def number(
     above: float | None = None,
 ) -> float:
     """A finite number, optionally `>= least` or `> above`, in its SI unit; "" for one that has none."""
-    array = numbers(element, what, value, unit)
-    if array.ndim != 0:
-        element.fail(f"{what} must be one number, not an array of shape {array.shape}")
-    result = float(array)
+    if type(value) is float:
+        result = value
+    else:
+        array = numbers(element, what, value, unit)
+        if array.ndim != 0:
+            element.fail(f"{what} must be one number, not an array of shape {array.shape}")
+        result = float(array)
     if not math.isfinite(result):
         element.fail(f"{what} is {result}; give a finite number")
     _in_range(element, what, abs(result))
@@ -165,7 +168,7 @@ def shape_of(value: Any) -> tuple[int, ...] | None:
 def numbers(element: Element, what: str, value: Any, unit: SI = "") -> Array:
     """`value` as a new float array, in its SI unit."""
     try:
-        return floats(in_si(what, value, unit))
+        return without_units(in_si(what, value, unit))
     except QuantityError as error:
         element.fail(str(error), cause=error)
     except TypeError as error:

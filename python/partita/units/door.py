@@ -39,7 +39,7 @@ def in_si(what: str, value: Any, unit: SI) -> Any:
     if is_quantity(value):
         return _of_pint(what, value, unit)
     if isinstance(value, (list, tuple)):
-        if all(type(item) in _NUMBERS for item in value):
+        if _NUMBERS.issuperset(map(type, value)):
             return value
         units: SI = [unit] * len(value) if isinstance(unit, str) else unit
         if len(units) != len(value):
@@ -58,7 +58,7 @@ def bare(value: Any) -> Any:
     """`value` with the numbers of its quantities in their place: for a look at its shape."""
     if is_quantity(value):
         return value.magnitude
-    if isinstance(value, (list, tuple)) and not all(type(item) in _NUMBERS for item in value):
+    if isinstance(value, (list, tuple)) and not _NUMBERS.issuperset(map(type, value)):
         return [bare(item) for item in value]
     return value
 
