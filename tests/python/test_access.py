@@ -314,6 +314,23 @@ def test_a_refused_change_leaves_everything_as_it_was(drawn: pt.Mechanism) -> No
     assert body.position.tolist() == [1.0, 0.0, 0.0]
 
 
+def test_several_at_once() -> None:
+    """What one alone would not fit: all or none."""
+    m = pt.catalogue.load("four-bar")
+    drive = m.add_drive("A", position=0.5)
+    with pytest.raises(DescriptionError, match="beside a position"):
+        drive.velocity = 2.0
+    with pytest.raises(DescriptionError, match="finite"):
+        drive.change(position=None, velocity=np.inf)
+    assert drive.position == 0.5 and drive.velocity is None
+    drive.change(position=None, velocity="60 rpm")
+    other = pt.catalogue.load("four-bar")
+    other.add_drive("A", velocity=pt.units.rpm * 60)
+    assert spec(m) == spec(other)
+    m.joints["A"].change(point=(0, 0, "1 mm"), compliance=[1e-8] * 6)
+    assert m.joints["A"].point[2] == 1e-3 and m.joints["A"].compliance.tolist() == [1e-8] * 6
+
+
 def test_compiled_models_follow() -> None:
     """m L^2 / 3 of a rod, before and after; a state of before serves after."""
     m = pt.Mechanism("pendulum")

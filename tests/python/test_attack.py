@@ -435,6 +435,10 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Elements.remove": (lambda name: loop().joints.remove(name), {"name": "A"}),
         "Body.mass": (lambda value: setattr(loop().bodies["crank"], "mass", value), {"value": 1.0}),
         "Body.start": (lambda value: setattr(loop().bodies["crank"], "start", value), {"value": X}),
+        "Joint.change": (
+            lambda point, axis: loop().joints["A"].change(point=point, axis=axis),
+            {"point": X, "axis": Z},
+        ),
         "Joint.point": (lambda value: setattr(loop().joints["A"], "point", value), {"value": X}),
         "Joint.parent": (lambda value: setattr(loop().joints["A"], "parent", value), {"value": "ground"}),
         "Joint.compliance": (lambda value: setattr(loop().joints["A"], "compliance", value), {"value": [1e-8] * 6}),

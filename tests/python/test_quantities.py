@@ -262,6 +262,7 @@ def test_quantities_of_pint_give_the_same_bits() -> None:
     for value, unit, expected in [
         (q(250, "mm"), "m", 0.25),
         (q(np.float32(0.5), "mm"), "m", 0.0005),
+        (q(np.array(3), "cm"), "m", 0.03),
         (q([1, 2, 3], "inch"), "m", [0.0254, 0.0508, 0.0762]),
         (q(np.eye(2), "ft"), "m", [[0.3048, 0.0], [0.0, 0.3048]]),
         ([q(1, "mm"), 2.0, "3 mm"], "m", [0.001, 2.0, 0.003]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ..state import Layout
@@ -97,8 +98,8 @@ class Builder(Drawing):
     def _read(self, handle: Handle, word: str) -> Any:
         return changes.read(self, handle, word)
 
-    def _change(self, handle: Handle, word: str, value: Any) -> None:
-        changes.change(self, handle, word, value)
+    def _change(self, handle: Handle, arguments: Mapping[str, Any]) -> None:
+        changes.change(self, handle, arguments)
 
     def _words(self, handle: Handle) -> list[str]:
         return changes.words(self, handle)

@@ -51,26 +51,28 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
     return _shown(mechanism, value)
 
 
-def change(mechanism: Drawing, handle: Handle, word: str, value: Any) -> None:
-    """Say another value of one argument."""
+def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> None:
+    """Say other values of some arguments."""
     if handle.name == GROUND and handle.table == "bodies":
-        _unknown(handle, "ground", word, [])
+        _unknown(handle, "ground", next(iter(arguments), ""), [])
     record = _record(mechanism, handle)
     element = Element(_WORDS[handle.table], handle.name)
-    derived = _derived(record)
-    if word in ("kind", "name", "mechanism"):
-        element.fail(f"its {word} stays what it is; remove it and add another")
-    if word in derived and word != "compliance":
-        element.fail(f"its {word} is made of {_made_of(record)}; set these")
-    known = words_of(type(mechanism), record)
-    if word not in known and word not in derived:
-        _unknown(handle, kind_of(record), word, [*known, *derived])
+    derived, known = _derived(record), words_of(type(mechanism), record)
+    for word in arguments:
+        if word in ("kind", "name", "mechanism", "table"):
+            element.fail(f"its {word} stays what it is; remove it and add another")
+        if word in derived and word != "compliance":
+            element.fail(f"its {word} is made of start, end and mass; set these")
+        if word not in known and word not in derived:
+            _unknown(handle, kind_of(record), word, [*known, *derived])
+    new = {word: value for word, value in arguments.items() if word in known}
     with _trial(mechanism):
-        if word == "compliance":
-            _give(mechanism, element, handle.name, value)
+        if "compliance" in arguments:
+            _give(mechanism, element, handle.name, arguments["compliance"])
+        if not new:
             return
         method, said = call_of(record)
-        _again(mechanism, handle.table, handle.name, method, {**said, word: value})
+        _again(mechanism, handle.table, handle.name, method, {**said, **new})
         for table, name in referring(mechanism._description, handle.table, handle.name):
             if not (handle.table == "bodies" and table == "joints"):  # which know nothing of a body but its name
                 _again(mechanism, table, name, *call_of(getattr(mechanism._description, table)[name]))
@@ -114,10 +116,6 @@ def _derived(record: Any) -> dict[str, Any]:
         frame = {"inertia": record.inertia, "com": record.com, "position": record.position}
         return {**frame, "orientation": record.rotation, "length": record.rod[2]}
     return {"compliance": record.compliance} if isinstance(record, JointRecord) else {}
-
-
-def _made_of(record: Any) -> str:
-    return "start, end and mass" if isinstance(record, BodyRecord) else "its arguments"
 
 
 def _shown(mechanism: Drawing, value: Any) -> Any:

@@ -19,7 +19,7 @@ class Handle:
     Its attributes are the arguments with which it was added, in SI: `crank.mass`, `hinge.point`, `spring.stiffness`;
     `dir(crank)` lists them, and `kind` tells which method made it. Setting one says it anew: it is checked as when the
     element was added, what follows from it is made again, and a refusal leaves everything as it was. Arrays are
-    copies that cannot be written to: set the whole of them.
+    copies that cannot be written to: set the whole of them. `change` sets several at once.
 
     Raises `UnknownAttributeError`, which is an `AttributeError`, for what such an element does not have;
     `UnknownNameError` where it was removed.
@@ -39,7 +39,12 @@ class Handle:
         return self.mechanism._read(self, word)
 
     def __setattr__(self, word: str, value: Any) -> None:
-        self.mechanism._change(self, word, value)
+        self.mechanism._change(self, {word: value})
+
+    def change(self, **arguments: Any) -> None:
+        """Set several attributes at once, where one alone would not fit the others: `drive.change(position=None,
+        velocity=2.0)`. All are set, or none."""
+        self.mechanism._change(self, arguments)
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.mechanism._words(self)})

@@ -151,6 +151,8 @@ def _scaled(what: str, number: Any, scale: Unit, unit: SI, text: str) -> Any:
         return [_scaled(what, row, scale, each, text) for row, each in zip(rows, units, strict=True)]
     one = _one(unit)
     _check(what, text, scale.dimension, one)
+    if isinstance(number, np.ndarray):
+        number = number.item()
     try:
         if isinstance(number, (bool, np.bool_)):
             raise TypeError("a truth value")
