@@ -43,7 +43,7 @@ def built(loops: int) -> Built:
         path = Path(folder) / "chain.toml"
         save, _ = once(lambda: m.save(path))
         load, again = once(lambda: pt.load(path))
-    if again.bodies != m.bodies or again.joints != m.joints:
+    if [*again.bodies, *again.joints] != [*m.bodies, *m.joints]:
         raise RuntimeError(f"the file of {loops} loops is another mechanism")
     closure = float(np.max(np.abs(model.constraints(state.q)), initial=0.0))
     return Built(loops, describe, compiling, assembling, save, load, closure)

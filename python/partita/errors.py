@@ -31,6 +31,7 @@ __all__ = [
     "MissingFileError",
     "PartitaError",
     "SingularityError",
+    "UnknownAttributeError",
     "UnknownNameError",
 ]
 
@@ -90,6 +91,10 @@ class UnknownNameError(PartitaError, KeyError):
 
     name: str
     known: list[str]
+
+
+class UnknownAttributeError(UnknownNameError, AttributeError):  # type: ignore[misc]  # both have a `name`
+    """An element has nothing of this name. Fields: `name` as given, `known` names."""
 
 
 class FileFormatError(PartitaError, ValueError):

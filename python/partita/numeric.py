@@ -8,10 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SHOWN = 80
+_NUMBERS = frozenset({float, int, np.float64})
 
 
 def floats(values: Any) -> NDArray[np.float64]:
-    """`values` as an array of floats, new and in one piece; TypeError for what is not made of real numbers."""
+    """`values` as an array of floats, new and in one piece; TypeError for what is not made of real numbers, and for
+    quantities, whose units NumPy would drop without a word."""
+    if _holds_quantity(values):
+        raise TypeError(f"{shown(values)} has a unit, where a plain number in SI is meant")
+    return without_units(values)
+
+
+def without_units(values: Any) -> NDArray[np.float64]:
+    """The same for values in which no quantity is left."""
     try:
         array = np.array(values, order="C")
         if array.dtype == np.float64:
@@ -28,6 +37,31 @@ def floats(values: Any) -> NDArray[np.float64]:
         except OverflowError as error:
             raise TypeError("an integer beyond 1e308") from error
     raise TypeError(f"{array.dtype} values")
+
+
+def is_quantity(value: Any) -> bool:
+    """Is it a quantity of pint, or of what is made like it? Nothing is imported for the question."""
+    return hasattr(type(value), "to_base_units") and hasattr(type(value), "magnitude")
+
+
+def foreign(value: Any) -> str | None:
+    """The library of an array with a unit that is not of pint's kind; None for all else."""
+    kind = type(value)
+    if isinstance(value, np.ndarray) and kind is not np.ndarray and (hasattr(kind, "unit") or hasattr(kind, "units")):
+        return kind.__module__.partition(".")[0]
+    return None
+
+
+def _holds_quantity(values: Any) -> bool:
+    """Is there a quantity in it?"""
+    kind = type(values)
+    if kind in _NUMBERS or (kind is np.ndarray and values.dtype.kind != "O"):
+        return False
+    if kind is np.ndarray:
+        return any(_holds_quantity(item) for item in values.flat)
+    if isinstance(values, (list, tuple)):
+        return not _NUMBERS.issuperset(map(type, values)) and any(map(_holds_quantity, values))
+    return is_quantity(values) or foreign(values) is not None
 
 
 def real(value: Any) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
 from .tangent import TangentVelocities
+from .units.door import SI, QuantityError, in_si
 
 Array = NDArray[np.float64]
 METHODS = ("dop853", "dopri5", "tsit5", "rk4")
@@ -100,7 +101,7 @@ def options(
             "this version does not offer events; simulate without them and look for the instant in the outputs",
             argument="events",
         )
-    span = positive("duration", duration)
+    span = positive("duration", duration, "s")
     if step is not None and max_step is not None:
         raise ArgumentError(
             f"step = {step} fixes every step and leaves nothing to max_step = {max_step}; give one",
@@ -113,15 +114,15 @@ def options(
         "atol": positive("atol", atol),
         "method": one_of("method", method, METHODS),
         "formulation": one_of("formulation", formulation, FORMULATIONS),
-        "step": None if step is None else positive("step", step),
-        "max_step": None if max_step is None else positive("max_step", max_step),
+        "step": None if step is None else positive("step", step, "s"),
+        "max_step": None if max_step is None else positive("max_step", max_step, "s"),
         "correction": one_of("correction", correction, CORRECTIONS),
         "exchange": _exchange(exchange),
         "max_steps": count(max_steps),
         "independent": None if independent is None else velocities("independent", independent, velocity_names),
         "selection": one_of("selection", selection, SELECTIONS),
         "weights": None if weights is None else _weights(weights, velocity_names),
-        "window": None if window is None else positive("window", window),
+        "window": None if window is None else positive("window", window, "s"),
         "baumgarte": None if baumgarte is None else _baumgarte(baumgarte),
         "renew": _renew(renew),
     }
@@ -131,8 +132,9 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
     """Times of the outputs (nt,): as given if increasing and inside the run; None: 201 evenly spaced ones."""
     if t_eval is None:
         return np.linspace(t0, t_end, OUTPUTS)
+    given = si("t_eval", t_eval, "s")
     try:
-        times = floats(t_eval)
+        times = floats(given)
     except TypeError as error:
         raise ArgumentError(f"t_eval must be an array of times, not {shown(t_eval)}", argument="t_eval") from error
     if times.ndim != 1 or times.size == 0:
@@ -176,10 +178,19 @@ def run(
     )
 
 
-def positive(what: str, value: Any) -> float:
-    """A finite number above zero."""
+def si(what: str, value: Any, unit: SI) -> Any:
+    """`value` with its quantities in SI; `ArgumentError` for what has another dimension."""
     try:
-        number = real(value)
+        return in_si(what, value, unit)
+    except QuantityError as error:
+        raise ArgumentError(str(error), argument=what.partition("[")[0]) from error
+
+
+def positive(what: str, value: Any, unit: SI = "") -> float:
+    """A finite number above zero, in its SI unit."""
+    given = si(what, value, unit)
+    try:
+        number = real(given)
     except TypeError as error:
         raise ArgumentError(f"{what} must be a number, not {shown(value)}", argument=what) from error
     if not np.isfinite(number) or number <= 0.0:
@@ -241,8 +252,9 @@ def _weights(weights: Mapping[Any, float], velocity_names: list[str]) -> list[tu
 
 def _baumgarte(value: Any) -> tuple[float, float]:
     """alpha and beta [1/s]."""
+    given = si("baumgarte", value, "1/s")
     try:
-        alpha, beta = (real(item) for item in value)
+        alpha, beta = (real(item) for item in given)
     except (TypeError, ValueError) as error:
         raise ArgumentError(
             f"baumgarte must be the two numbers (alpha, beta) [1/s], not {shown(value)}", argument="baumgarte"

@@ -52,7 +52,7 @@ ARRAYS: list[Any] = [
 OTHERS: list[Any] = [
     None, "x", "", " ", "\0", "A", "q0", "ground", b"x", object(), {}, {"x": 1.0}, {"A": NAN}, {"A": "x"}, {1: 2},
     set(), range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"),
-    ["A", "A"], ["x"], [1],
+    ["A", "A"], ["x"], [1], "3 kg", ["1 mm", "2 rad", "3 kg"], "1e399 m", "5 N/m s",
 ]  # fmt: skip
 NONSENSE = [*NUMBERS, *ARRAYS, *OTHERS]
 
@@ -437,6 +437,17 @@ def asked() -> dict[str, Callable[[], Call]]:
             m.assemblies,
             {"targets": {"A": 0.1}, "rates": {"A": 1.0}, "near": None, "inputs": ["A"], "t": 0.0},
         ),
+        "Elements.get": (lambda name: m.joints[name].kind, {"name": "A"}),
+        "Elements.remove": (lambda name: loop().joints.remove(name), {"name": "A"}),
+        "Body.mass": (lambda value: setattr(loop().bodies["crank"], "mass", value), {"value": 1.0}),
+        "Body.start": (lambda value: setattr(loop().bodies["crank"], "start", value), {"value": X}),
+        "Joint.change": (
+            lambda point, axis: loop().joints["A"].change(point=point, axis=axis),
+            {"point": X, "axis": Z},
+        ),
+        "Joint.point": (lambda value: setattr(loop().joints["A"], "point", value), {"value": X}),
+        "Joint.parent": (lambda value: setattr(loop().joints["A"], "parent", value), {"value": "ground"}),
+        "Joint.compliance": (lambda value: setattr(loop().joints["A"], "compliance", value), {"value": [1e-8] * 6}),
         "Mechanism.convert": (m.convert, {"state": state, "coordinates": "absolute"}),
         "Mechanism.compile": (m.compile, {"coordinates": "relative"}),
         "Mechanism.report": (m.report, {"state": state, "coordinates": "relative"}),

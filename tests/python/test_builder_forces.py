@@ -65,7 +65,7 @@ def test_bad_force_is_refused(add: Callable[[pt.Mechanism], Any], words: str) ->
     with pytest.raises(DescriptionError) as caught:
         add(m)
     assert words in str(caught.value)
-    assert m.forces == ()
+    assert not m.forces
 
 
 def test_torsion_spring_needs_an_angle() -> None:
@@ -237,7 +237,7 @@ def test_given_derivatives_are_used_and_checked() -> None:
         other.add_drive("A", lambda t: t**2, velocity=lambda t: 2 * t, acceleration=lambda t: t)
     with pytest.raises(DescriptionError, match="has the slope"):
         other.add_drive("A", lambda t: t**2, acceleration=lambda t: t)
-    assert other.drives == ()
+    assert not other.drives
 
 
 def test_a_function_that_ends_where_it_is_asked_needs_derivatives() -> None:
@@ -268,7 +268,7 @@ def test_bad_drive_is_refused(arguments: dict[str, Any], error: type[Exception],
     with pytest.raises(error) as caught:
         m.add_drive("A", **arguments)
     assert words in str(caught.value)
-    assert m.drives == ()
+    assert not m.drives
 
 
 def test_a_coordinate_is_driven_once() -> None:

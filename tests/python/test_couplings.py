@@ -322,7 +322,7 @@ def test_couplings_that_cannot_be() -> None:
     ]:  # fmt: skip
         with pytest.raises(DescriptionError, match=words):
             call()
-    assert m.couplings == ()
+    assert not m.couplings
     with pytest.raises(EvaluationError, match="one number"):
         m.add_constraint("c", lambda t, x: "high", of=["A1"])
 

@@ -110,7 +110,7 @@ def test_within_the_tolerance_it_moves_as_it_was_meant(
         run = m.simulate(0.4, coordinates=coordinates, rtol=1e-9)
         certificate = run.certificate
         assert run.success and certificate.verdict == "holds", (off, certificate.findings)
-        body = run.body(m.bodies[0]).position - meant.body(m.bodies[0]).position
+        body = run.body(next(iter(m.bodies))).position - meant.body(next(iter(m.bodies))).position
         # what a misfit moves others by, where rows and joints make the most of it; below, the error of the march
         assert np.abs(body).max() < 30.0 * off + 1e-7, off
         assert np.array_equal(run.joint(joint).determined, known), off

@@ -478,7 +478,7 @@ def test_what_cannot_be_is_refused(add: Callable[[pt.Mechanism], Any], words: st
     with pytest.raises(DescriptionError) as caught:
         add(m)
     assert words in str(caught.value)
-    assert m.forces == ()
+    assert not m.forces
 
 
 def test_what_a_law_asks_for_must_exist_and_what_it_returns_must_be_wrenches() -> None:

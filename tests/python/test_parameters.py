@@ -115,5 +115,5 @@ def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> No
 
 
 def test_what_is_no_number_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="array of numbers"):
+    with pytest.raises(ArgumentError, match="made of real numbers"):
         driven_crank().compile().with_parameters({"coupler.mass": "heavy"})

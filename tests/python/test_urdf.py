@@ -156,7 +156,7 @@ def test_closing_frames_are_welded_on_a_hinged_end(tmp_path: Path) -> None:
     marks = mark("closing_top_1", "piece", 0.0) + mark("closing_top_2", "rocker", LENGTHS["rocker"])
     m = pt.load(written(tmp_path, tree(piece + turn + marks)))
     assert m.compile().mobility == 1
-    assert m.joints[-1] == "closing_top_1 = closing_top_2"
+    assert list(m.joints)[-1] == "closing_top_1 = closing_top_2"
     assert m.simulate(0.5).certificate.verdict == "holds"
 
 

@@ -53,10 +53,10 @@ def add_body(
     element = name_of("body", name, self._description.bodies, (GROUND,))
     record = BodyRecord(
         name=name,
-        mass=number(element, "mass", mass, least=0.0),
+        mass=number(element, "mass", mass, "kg", least=0.0),
         inertia=frames.inertia(element, inertia),
-        com=vector(element, "com", com),
-        position=vector(element, "position", position),
+        com=vector(element, "com", com, "m"),
+        position=vector(element, "position", position, "m"),
         rotation=frames.rotation(element, "orientation", orientation),
         gravity=switch(element, "gravity", gravity),
     )
@@ -90,9 +90,9 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: fl
     [2.5, 0.0, 0.0]
     """
     element = name_of("body", name, self._description.bodies, (GROUND,))
-    first, last = vector(element, "start", start), vector(element, "end", end)
+    first, last = vector(element, "start", start, "m"), vector(element, "end", end, "m")
     length, rotation = frames.along(element, first, last)
-    weight = number(element, "mass", mass, least=0.0)
+    weight = number(element, "mass", mass, "kg", least=0.0)
     moment = weight * length**2 / 12.0
     record = BodyRecord(
         name=name,

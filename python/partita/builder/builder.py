@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ..state import Layout
 from . import bodies as body_room
+from . import changes
 from . import compliances as compliance_room
 from . import contacts as contact_room
 from . import couplings as coupling_room
@@ -16,6 +18,8 @@ from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
 from .drawing import Drawing
+from .elements import Elements
+from .records import Body, Coupling, Drive, Force, Handle, Joint
 from .spec import Writer
 
 
@@ -65,6 +69,40 @@ class Builder(Drawing):
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
     add_force_law = law_room.add_force_law
+
+    @property
+    def bodies(self) -> Elements[Body]:
+        """The bodies by name, in the order in which they were added."""
+        return Elements(self, Body, "body")
+
+    @property
+    def joints(self) -> Elements[Joint]:
+        """The joints by name."""
+        return Elements(self, Joint, "joint")
+
+    @property
+    def couplings(self) -> Elements[Coupling]:
+        """The couplings by name."""
+        return Elements(self, Coupling, "coupling")
+
+    @property
+    def drives(self) -> Elements[Drive]:
+        """The drives by name."""
+        return Elements(self, Drive, "drive")
+
+    @property
+    def forces(self) -> Elements[Force]:
+        """The springs, torques and forces by name."""
+        return Elements(self, Force, "force")
+
+    def _read(self, handle: Handle, word: str) -> Any:
+        return changes.read(self, handle, word)
+
+    def _change(self, handle: Handle, arguments: Mapping[str, Any]) -> None:
+        changes.change(self, handle, arguments)
+
+    def _words(self, handle: Handle) -> list[str]:
+        return changes.words(self, handle)
 
     def to_spec(self) -> dict[str, Any]:
         """The description as plain data, as the core compiles it (version 1): lists, numbers and text only.

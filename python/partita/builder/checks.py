@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DescriptionError, UnknownNameError
-from ..numeric import floats, shown
+from ..numeric import shown, without_units
+from ..units.door import SI, QuantityError, bare, in_si
 
 Array = NDArray[np.float64]
 LARGEST = 1e60
@@ -66,12 +67,23 @@ def find(kind: str, name: str, known: Collection[str], *more: str, where: str = 
     raise UnknownNameError(f'{where}there is no {kind} "{name}"; {hint}', name=str(name), known=names)
 
 
-def number(element: Element, what: str, value: Any, *, least: float | None = None, above: float | None = None) -> float:
-    """A finite number, optionally `>= least` or `> above`."""
-    array = _floats(element, what, value)
-    if array.ndim != 0:
-        element.fail(f"{what} must be one number, not an array of shape {array.shape}")
-    result = float(array)
+def number(
+    element: Element,
+    what: str,
+    value: Any,
+    unit: SI = "",
+    *,
+    least: float | None = None,
+    above: float | None = None,
+) -> float:
+    """A finite number, optionally `>= least` or `> above`, in its SI unit; "" for one that has none."""
+    if type(value) is float:
+        result = value
+    else:
+        array = numbers(element, what, value, unit)
+        if array.ndim != 0:
+            element.fail(f"{what} must be one number, not an array of shape {array.shape}")
+        result = float(array)
     if not math.isfinite(result):
         element.fail(f"{what} is {result}; give a finite number")
     _in_range(element, what, abs(result))
@@ -82,23 +94,23 @@ def number(element: Element, what: str, value: Any, *, least: float | None = Non
     return result
 
 
-def vector(element: Element, what: str, value: Any, size: int = 3) -> Array:
-    """A finite vector of `size` numbers."""
-    array = _finite(element, what, _vector(element, what, value, size))
+def vector(element: Element, what: str, value: Any, unit: SI = "", size: int = 3) -> Array:
+    """A finite vector of `size` numbers in their SI unit."""
+    array = _finite(element, what, _vector(element, what, value, size, unit))
     _in_range(element, what, max(map(abs, array.tolist())))
     return array
 
 
-def _vector(element: Element, what: str, value: Any, size: int) -> Array:
-    array = _floats(element, what, value)
+def _vector(element: Element, what: str, value: Any, size: int, unit: SI = "") -> Array:
+    array = numbers(element, what, value, unit)
     if array.shape != (size,):
         element.fail(f"{what} must be {size} numbers, not {_shape(array)}")
     return array
 
 
-def matrix(element: Element, what: str, value: Any, size: int = 3) -> Array:
-    """A finite matrix of `size` rows and columns."""
-    array = _floats(element, what, value)
+def matrix(element: Element, what: str, value: Any, unit: SI = "", size: int = 3) -> Array:
+    """A finite matrix of `size` rows and columns in their SI unit."""
+    array = numbers(element, what, value, unit)
     if array.shape != (size, size):
         element.fail(f"{what} must be a {size}x{size} matrix, not {_shape(array)}")
     _in_range(element, what, float(np.max(np.abs(_finite(element, what, array)))))
@@ -148,15 +160,17 @@ def switch(element: Element, what: str, value: Any) -> bool:
 def shape_of(value: Any) -> tuple[int, ...] | None:
     """Shape of a number or of nested sequences; None where rows differ in length."""
     try:
-        return np.shape(value)
+        return np.shape(bare(value))
     except ValueError:
         return None
 
 
-def _floats(element: Element, what: str, value: Any) -> Array:
-    """`value` as a new float array."""
+def numbers(element: Element, what: str, value: Any, unit: SI = "") -> Array:
+    """`value` as a new float array, in its SI unit."""
     try:
-        return floats(value)
+        return without_units(in_si(what, value, unit))
+    except QuantityError as error:
+        element.fail(str(error), cause=error)
     except TypeError as error:
         element.fail(f"{what} must be made of real numbers, not {shown(value)}", cause=error)
 

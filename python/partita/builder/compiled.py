@@ -16,8 +16,10 @@ from ..errors import ArgumentError, EvaluationError
 from ..instant import Instant
 from ..numeric import floats, shown
 from ..state import Layout, finite_time
-from .checks import Element
+from ..units.door import SI, QuantityError, in_si
+from .checks import Element, shape_of
 from .costs import evaluation_costs
+from .parameter_units import parameter_unit
 from .records import Description
 from .spec import Writer
 
@@ -228,7 +230,10 @@ class CompiledModel(Equations):
         new = dict(self._changes)
         for name, values in changes.items():
             try:
-                new[str(name)] = floats(values).ravel().tolist()
+                given = in_si(str(name), values, _shaped(values, parameter_unit(self._drawn, str(name))))
+                new[str(name)] = floats(given).ravel().tolist()
+            except QuantityError as error:
+                raise ArgumentError(str(error), argument="changes") from error
             except TypeError as error:
                 message = f"{name} must be a number or an array of numbers, not {shown(values)}"
                 raise ArgumentError(message, argument="changes") from error
@@ -287,6 +292,13 @@ def _again(
 ) -> CompiledModel:
     model = compile_description(description, coordinates)[0]
     return model.with_parameters(changes) if changes else model
+
+
+def _shaped(values: Any, unit: SI) -> SI:
+    """The units of 36 numbers row by row, in rows where the numbers stand in rows."""
+    if isinstance(unit, str) or len(shape_of(values) or ()) != 2:
+        return unit
+    return [unit[6 * i : 6 * i + 6] for i in range(6)]
 
 
 def _finite(what: str, answer: Array, t: float) -> Array:

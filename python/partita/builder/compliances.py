@@ -42,7 +42,9 @@ def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0
     """
     element = Element("compliance", str(joint))
     record = joint_record(self, element, joint)
-    both = np.concatenate([_three(element, "translation", translation), _three(element, "rotation", rotation)])
+    both = np.concatenate(
+        [_three(element, "translation", translation, "m/N"), _three(element, "rotation", rotation, "rad/(N m)")]
+    )
     if not both.any():
         element.fail(
             "all of it is 0, which is a rigid joint; give how far it gives [m/N], [rad/(N m)], or leave it out"
@@ -51,11 +53,11 @@ def add_compliance(self: Drawing, joint: Joint | str, translation: ArrayLike = 0
     return Joint(record.name, self)
 
 
-def _three(element: Element, what: str, value: ArrayLike) -> Array:
+def _three(element: Element, what: str, value: ArrayLike, unit: str) -> Array:
     """One number for all directions, or three; none negative."""
     if shape_of(value) == ():
-        return np.full(3, number(element, what, value, least=0.0))
-    found = vector(element, what, value)
+        return np.full(3, number(element, what, value, unit, least=0.0))
+    found = vector(element, what, value, unit)
     if found.min() < 0.0:
         element.fail(f"{what} is {found.tolist()}; nothing gives against the load: give 0 or more")
     return found

@@ -12,6 +12,7 @@ from .bodies import resolve
 from .checks import direction, name_of, number, vector
 from .drawing import Drawing
 from .forces import store
+from .loads import per_power
 from .records import GROUND, Body, Force, LoadRecord
 
 
@@ -76,22 +77,23 @@ def add_contact(
     held = slides if static_friction is None else number(element, "static_friction", static_friction, least=0.0)
     if stick_velocity is None and (slides or held):
         element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it may count as sticking")
+    power = number(element, "exponent", exponent, least=1.0)
     means = {
         "body1": first,
-        "point1": vector(element, "point1", point1),
+        "point1": vector(element, "point1", point1, "m"),
         "body2": second,
-        "point2": vector(element, "point2", point2),
-        "radius1": number(element, "radius1", radius1, least=0.0),
+        "point2": vector(element, "point2", point2, "m"),
+        "radius1": number(element, "radius1", radius1, "m", least=0.0),
         "normal": None if normal is None else direction(element, "normal", normal),
-        "radius2": None if radius2 is None else number(element, "radius2", radius2, above=0.0),
-        "stiffness": number(element, "stiffness", stiffness, least=0.0),
-        "exponent": number(element, "exponent", exponent, least=1.0),
-        "damping": number(element, "damping", damping, least=0.0),
+        "radius2": None if radius2 is None else number(element, "radius2", radius2, "m", above=0.0),
+        "stiffness": number(element, "stiffness", stiffness, per_power("N", "m", power), least=0.0),
+        "exponent": power,
+        "damping": number(element, "damping", damping, "s/m", least=0.0),
         "friction": slides,
         "static_friction": held,
         "stick_velocity": 1.0
         if stick_velocity is None
-        else number(element, "stick_velocity", stick_velocity, above=0.0),
+        else number(element, "stick_velocity", stick_velocity, "m/s", above=0.0),
     }
     said = {
         **means,
@@ -157,8 +159,8 @@ def add_tyre(
         element.fail(f'wheel and road are on "{wheel}"; name two different bodies')
     grips = {
         "friction": number(element, "friction", friction, least=0.0),
-        "longitudinal": number(element, "longitudinal", longitudinal, least=0.0),
-        "lateral": number(element, "lateral", lateral, least=0.0),
+        "longitudinal": number(element, "longitudinal", longitudinal, "N", least=0.0),
+        "lateral": number(element, "lateral", lateral, "N", least=0.0),
     }
     stiff = grips["longitudinal"] > 0.0 or grips["lateral"] > 0.0
     if stiff and grips["friction"] == 0.0:
@@ -169,16 +171,16 @@ def add_tyre(
         element.fail("slip needs a slow_speed: the speed [m/s] below which it is counted as if at it")
     where = {
         "body": wheel,
-        "center": vector(element, "center", center),
+        "center": vector(element, "center", center, "m"),
         "axis": direction(element, "axis", axis),
-        "radius": number(element, "radius", radius, above=0.0),
+        "radius": number(element, "radius", radius, "m", above=0.0),
         "ground": road,
-        "point": vector(element, "point", point),
+        "point": vector(element, "point", point, "m"),
         "normal": direction(element, "normal", normal),
-        "stiffness": number(element, "stiffness", stiffness, least=0.0),
-        "damping": number(element, "damping", damping, least=0.0),
+        "stiffness": number(element, "stiffness", stiffness, "N/m", least=0.0),
+        "damping": number(element, "damping", damping, "s/m", least=0.0),
     }
-    slow = 1.0 if slow_speed is None else number(element, "slow_speed", slow_speed, above=0.0)
+    slow = 1.0 if slow_speed is None else number(element, "slow_speed", slow_speed, "m/s", above=0.0)
     said = {
         **where,
         "ground": None if road == GROUND else road,

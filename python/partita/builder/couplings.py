@@ -11,17 +11,17 @@ exist.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..numeric import floats
 from .bodies import resolve
-from .checks import Element, choice, direction, name_of, number, switch, vector
+from .checks import Element, choice, direction, name_of, number, numbers, switch, vector
 from .drawing import Drawing
-from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure
+from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
 from .records import Coupling, CouplingRecord, Joint
 from .relations import Law, Profile, RateLaw
 from .values import Function, is_table, table
@@ -46,8 +46,9 @@ def add_coupler(
 
     Args:
         terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; up to 12.
-        factors: one number for each, none of them 0.
-        offset: the sum; coordinates of joints are zero as drawn.
+        factors: one number for each, none of them 0. With units, the first is a number without one, and the others
+            bring their terms into its unit: (1, "-20 mm/rad") of a slide and a turn.
+        offset: the sum, in the unit of the first term; coordinates of joints are zero as drawn.
         word: what reports and messages call it.
 
     In absolute coordinates, and for joints that close loops in space, whole turns are not known; where the factors
@@ -63,16 +64,17 @@ def add_coupler(
     """
     element = _element(self, name)
     found = _terms(self, element, terms)
-    try:
-        weights = [number(element, "factors", f) for f in floats(factors).ravel().tolist()]
-    except (TypeError, ValueError, OverflowError) as error:
-        element.fail(f"factors must be numbers, not {factors!r}", cause=error)
+    units = [measured_in(self, term) for term in found]
+    weights = [
+        number(element, "factors", f) for f in numbers(element, "factors", factors, _per(units)).ravel().tolist()
+    ]
     if len(weights) != len(found):
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
     if 0.0 in weights:
         element.fail(f"factor {weights.index(0.0)} is 0; leave that term out")
-    data = {"factors": weights, "offset": number(element, "offset", offset)}
-    return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data))
+    data = {"factors": weights, "offset": number(element, "offset", offset, units[0])}
+    call = ("add_coupler", {"terms": found, **data, "word": str(word)})
+    return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data, call))
 
 
 def add_gear(
@@ -100,11 +102,12 @@ def add_gear(
     """
     name = f"gear {joint1} - {joint2}" if name is None else name
     element = _element(self, name)
-    value = number(element, "ratio", ratio)
+    terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
+    value = number(element, "ratio", ratio, _per([measured_in(self, measure(self, element, x)) for x in terms])[1])
     if value == 0.0:
         element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
-    terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
-    return add_coupler(self, name, terms, [1.0, -value], word="gear")
+    made = add_coupler(self, name, terms, [1.0, -value], word="gear")
+    return _said_as(self, made, "add_gear", joint1=str(joint1), joint2=str(joint2), ratio=value, **_which(self, made))
 
 
 def add_belt(
@@ -133,7 +136,9 @@ def add_belt(
     element = _element(self, name)
     radii = [_positive(element, what, r) for what, r in (("radius1", radius1), ("radius2", radius2))]
     ratio = radii[0] / radii[1] * (-1.0 if switch(element, "crossed", crossed) else 1.0)
-    return add_coupler(self, name, [Coordinate(pulley2), Coordinate(pulley1)], [1.0, -ratio], word="belt")
+    made = add_coupler(self, name, [Coordinate(pulley2), Coordinate(pulley1)], [1.0, -ratio], word="belt")
+    ends = {"pulley1": str(pulley1), "pulley2": str(pulley2), "radius1": radii[0], "radius2": radii[1]}
+    return _said_as(self, made, "add_belt", **ends, crossed=bool(crossed))
 
 
 def add_rack(
@@ -159,11 +164,12 @@ def add_rack(
     """
     name = f"rack {pinion} - {slide}" if name is None else name
     element = _element(self, name)
-    value = number(element, "radius", radius)
+    value = number(element, "radius", radius, "m")
     if value == 0.0:
         element.fail("radius is 0 m: the rack would stand still")
     terms = [Coordinate(slide, coordinate2), Coordinate(pinion, coordinate1)]
-    return add_coupler(self, name, terms, [1.0, -value], word="rack")
+    made = add_coupler(self, name, terms, [1.0, -value], word="rack")
+    return _said_as(self, made, "add_rack", pinion=str(pinion), slide=str(slide), radius=value, **_which(self, made))
 
 
 def add_distance(
@@ -192,11 +198,14 @@ def add_distance(
     """
     element = _element(self, name)
     rod = Distance(body1, point1, body2, point2)
-    as_drawn = drawn(self, measure(self, element, rod))
+    found = measure(self, element, rod)
+    as_drawn = drawn(self, found)
     if length is None and as_drawn == 0.0:
         element.fail("its points coincide as drawn; a distance of 0 has no direction: use a spherical joint")
     held = as_drawn if length is None else _positive(element, "length", length)
-    return add_coupler(self, name, [rod], [1.0], held, word="distance")
+    made = add_coupler(self, name, [rod], [1.0], held, word="distance")
+    ends = {key: found[key] for key in ("body1", "point1", "body2", "point2")}
+    return _said_as(self, made, "add_distance", **ends, length=None if length is None else held)
 
 
 def add_cam(
@@ -233,13 +242,14 @@ def add_cam(
     terms = _terms(self, element, [follower, cam])
     if callable(law):
         function = Function(Law(element, _Follows(law), None))
-        return _store(
-            self, CouplingRecord(element.name, "function", str(word), tuple(terms), {"function": function, "like": 0})
-        )
+        data = {"function": function, "like": 0}
+        made = _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
+        return _said_as(self, made, "add_cam", follower=terms[0], cam=terms[1], law=law, word=str(word))
     if not is_table(law):
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
     repeats = switch(element, "periodic", periodic)
-    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth")
+    follows, leads = (measured_in(self, term) for term in terms)
+    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth", (leads, follows))
     if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
@@ -247,7 +257,9 @@ def add_cam(
                 f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last"
             )
     data = {"curve": curve, "periodic": repeats}
-    return _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))
+    made = _store(self, CouplingRecord(element.name, "curve", str(word), tuple(terms), data))
+    said = {"law": (curve.times, curve.values), "periodic": repeats, "word": str(word)}
+    return _said_as(self, made, "add_cam", follower=terms[0], cam=terms[1], **said)
 
 
 def add_point_on_curve(
@@ -284,11 +296,15 @@ def add_point_on_curve(
         Along(body1, origin, axis, body2, point2)
         for axis in (direction(element, "x_axis", x_axis), direction(element, "y_axis", y_axis))
     )
+    found = measure(self, element, x)
+    said = {"body1": found["body1"], "body2": found["body2"], "point2": found["point2"], "origin": found["point1"]}
+    said |= {"x_axis": x.axis, "y_axis": y.axis}
     if not switch(element, "polar", polar):
-        return add_cam(self, y, x, curve, name=name, word="curve")
+        made = add_cam(self, y, x, curve, name=name, word="curve")
+        return _said_as(self, made, "add_point_on_curve", **said, curve=_call_of(self, made)["law"])
     if callable(curve) or not is_table(curve):
         element.fail("a polar curve is a table (angles, radii)")
-    outline = table(element, "curve", (curve[0], curve[1]), "smooth")
+    outline = table(element, "curve", (curve[0], curve[1]), "smooth", ("rad", "m"))
     span = float(outline.times[-1] - outline.times[0])
     closes = abs(float(outline.values[-1] - outline.values[0])) <= 1e-9 * float(np.abs(outline.values).max())
     if abs(span - 2.0 * math.pi) > 1e-9 or not closes:
@@ -301,7 +317,9 @@ def add_point_on_curve(
     values = np.append(outline.values[:-1], outline.values[0])
     function = Function(Profile(outline.times, values))
     terms = tuple(_terms(self, element, [x, y]))
-    return _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function, "like": 0}))
+    made = _store(self, CouplingRecord(element.name, "function", "curve", terms, {"function": function, "like": 0}))
+    line = (outline.times, outline.values)
+    return _said_as(self, made, "add_point_on_curve", **said, curve=line, polar=True)
 
 
 def add_rolling(
@@ -343,15 +361,17 @@ def add_rolling(
         element.fail(f'"{roller}" cannot roll on itself; name two different bodies')
     data = {
         "body": roller,
-        "center": vector(element, "center", center).tolist(),
+        "center": vector(element, "center", center, "m").tolist(),
         "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
         "radius": _positive(element, "radius", radius),
         "on": carrier,
-        "point": vector(element, "point", point).tolist(),
+        "point": vector(element, "point", point, "m").tolist(),
         "normal": direction(element, "normal", normal).tolist(),
         "slips": switch(element, "slips", slips),
     }
-    return _store(self, CouplingRecord(element.name, "roll", "rolling contact", (), data))
+    said = {key: value for key, value in data.items() if value is not None}
+    call = ("add_rolling", {**said, "ball": data["axis"] is None})
+    return _store(self, CouplingRecord(element.name, "roll", "rolling contact", (), data, call))
 
 
 def add_constraint(
@@ -396,7 +416,9 @@ def add_constraint(
     law = Law(element, function, gradient) if kind == "position" else RateLaw(element, function, None)
     law(0.0, [drawn(self, term) for term in terms], [0.0] * len(terms))
     data = {"function": Function(law), "level": kind}
-    return _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
+    said = {"function": function, "of": terms, "gradient": gradient, "level": kind, "word": str(word)}
+    record = CouplingRecord(element.name, "function", str(word), tuple(terms), data, ("add_constraint", said))
+    return _store(self, record)
 
 
 class _Follows:
@@ -414,10 +436,32 @@ def _element(mechanism: Drawing, name: str) -> Element:
 
 
 def _positive(element: Element, what: str, value: Any) -> float:
-    found = number(element, what, value)
+    found = number(element, what, value, "m")
     if found <= 0.0:
         element.fail(f"{what} = {found:g} m must be positive")
     return found
+
+
+def _per(units: list[str]) -> list[str]:
+    """Units of factors that bring every term into the unit of the first."""
+    return ["" if unit == units[0] else f"{units[0] or '1'}/{unit}" if unit else units[0] for unit in units]
+
+
+def _said_as(mechanism: Drawing, made: Coupling, method: str, **said: Any) -> Coupling:
+    """Note by which method it was said, and with what."""
+    table = mechanism._description.couplings
+    table[made.name] = replace(table[made.name], call=(method, said))
+    return made
+
+
+def _call_of(mechanism: Drawing, made: Coupling) -> Mapping[str, Any]:
+    return mechanism._description.couplings[made.name].call[1]
+
+
+def _which(mechanism: Drawing, made: Coupling) -> dict[str, Any]:
+    """The coordinates of a pair, of which the second is the first term."""
+    second, first = mechanism._description.couplings[made.name].terms
+    return {"coordinate1": first["coordinate"], "coordinate2": second["coordinate"]}
 
 
 def _terms(mechanism: Drawing, element: Element, terms: Any) -> list[dict[str, Any]]:

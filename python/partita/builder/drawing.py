@@ -45,31 +45,6 @@ class Drawing:
         """The world, to be named as a parent or child."""
         return self._ground
 
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies, in the order in which they were added."""
-        return tuple(self._description.bodies)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return tuple(self._description.joints)
-
-    @property
-    def couplings(self) -> tuple[str, ...]:
-        """Names of the couplings."""
-        return tuple(self._description.couplings)
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        """Names of the drives."""
-        return tuple(self._description.drives)
-
-    @property
-    def forces(self) -> tuple[str, ...]:
-        """Names of the springs, torques and forces."""
-        return tuple(self._description.forces)
-
     def __repr__(self) -> str:
         d = self._description
         return (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -13,10 +13,10 @@ from .checks import Element, name_of, number
 from .drawing import Drawing
 from .forces import free_name
 from .joints import add_free, coordinate_of, joint_record, scalars, speeds
-from .measures import Measure, measure
+from .measures import Measure, measure, measured_in
 from .motion import Motion
-from .poses import pose_value
-from .records import Body, Drive, DriveRecord, Joint
+from .poses import as_given, pose_value
+from .records import Body, Drive, DriveRecord, Joint, Ref
 from .values import Function, scalar
 
 Course = float | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
@@ -96,7 +96,9 @@ def add_drive(
     else:
         found = measure(self, element, joint)
     _alone(self, element, found)
-    start = number(element, "rate", rate)
+    unit = measured_in(self, found)
+    units = {"position": unit, "velocity": f"{unit or '1'}/s", "acceleration": f"{unit or '1'}/s^2"}
+    start = number(element, "rate", rate, units["velocity"])
     if start != 0.0 and level != "acceleration":
         element.fail("rate is where an acceleration begins; positions and velocities have their own")
 
@@ -104,9 +106,9 @@ def add_drive(
         given = (velocity, acceleration) if level == "position" else (None, None)
         return Function(Motion(element, function, *given))
 
-    motion = scalar(element, level, course, "smooth", wrap)
+    motion = scalar(element, level, course, "smooth", wrap, ("s", units[level]))
     self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
-    self._description.driven[_key(found)] = element.name
+    self._description.driven[driven_key(found)] = element.name
     return Drive(element.name, self)
 
 
@@ -133,8 +135,10 @@ def _drive_pose(
         body = resolve(mechanism, element, "the body", joint, ground=False)
         record = d.bodies[body]
         value = pose_value(element, pose, 3, (record.position, record.rotation))
+        said = {"joint": Ref("bodies", body), "pose": as_given(element, pose, 3)}
         carrier = free_name(mechanism, f"pose of {body}", d.joints)
         found, slides = add_free(mechanism, carrier, mechanism.ground, body).name, 3
+        said["carrier"] = carrier
     elif isinstance(joint, Joint | str):
         driven = joint_record(mechanism, element, joint)
         slides = scalars(driven)
@@ -147,21 +151,23 @@ def _drive_pose(
         for i in range(slides + 3):
             _alone(mechanism, element, {"of": "joint", "joint": found, "coordinate": i})
         value = pose_value(element, pose, slides, None)
+        said = {"joint": found, "pose": as_given(element, pose, slides)}
     else:
         element.fail(f"a pose is that of a joint or of a body, not of {what}")
     measures = [{"of": "joint", "joint": found, "coordinate": i} for i in range(slides + 3)]
-    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides))
-    d.driven.update({_key(each): element.name for each in measures})
+    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, said))
+    d.driven.update({driven_key(each): element.name for each in measures})
     return Drive(element.name, mechanism)
 
 
-def _key(found: dict[str, Any]) -> str:
+def driven_key(found: Mapping[str, Any]) -> str:
+    """A measure as text: what is driven already is looked up by it."""
     return json.dumps(found, sort_keys=True)
 
 
 def _alone(mechanism: Drawing, element: Element, found: dict[str, Any]) -> None:
     """Refuse what is driven already."""
-    if (other := mechanism._description.driven.get(_key(found))) is not None:
+    if (other := mechanism._description.driven.get(driven_key(found))) is not None:
         said = f'coordinate {found["coordinate"]} of joint "{found["joint"]}"' if found["of"] == "joint" else "it"
         element.fail(f'{said} is driven already by "{other}"; remove one of the two')
 

@@ -19,8 +19,8 @@ from . import callbacks
 from .bodies import resolve, to_world
 from .checks import Element, choice, name_of, number, switch, vector
 from .drawing import Drawing
-from .joints import coordinate_of, joint_record, scalars, speeds
-from .measures import measure
+from .joints import coordinate_of, effort_of, joint_record, scalars, speeds, unit_of
+from .measures import measure, measured_in
 from .records import (
     Body,
     Force,
@@ -70,7 +70,7 @@ def add_spring(
     first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
     if first == second:
         element.fail(f'both ends are on "{first}", where the spring does nothing; name two different bodies')
-    end1, end2 = vector(element, "point1", point1), vector(element, "point2", point2)
+    end1, end2 = vector(element, "point1", point1, "m"), vector(element, "point2", point2, "m")
     d = self._description
     drawn = float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
     if drawn == 0.0:
@@ -83,9 +83,9 @@ def add_spring(
         point1=end1,
         body2=second,
         point2=end2,
-        stiffness=number(element, "stiffness", stiffness),
-        damping=number(element, "damping", damping),
-        length=None if length is None else number(element, "length", length, least=0.0),
+        stiffness=number(element, "stiffness", stiffness, "N/m"),
+        damping=number(element, "damping", damping, "N s/m"),
+        length=None if length is None else number(element, "length", length, "m", least=0.0),
     )
     return store(self, record)
 
@@ -120,13 +120,15 @@ def add_torsion_spring(
     """
     element = named(self, name, "spring of", joint)
     found = joint_record(self, element, joint)
+    which = coordinate_of(element, found, coordinate, scalars(found))
+    unit, effort = unit_of(found, which), effort_of(found, which)
     record = TorsionSpringRecord(
         name=element.name,
         joint=found.name,
-        coordinate=coordinate_of(element, found, coordinate, scalars(found)),
-        stiffness=number(element, "stiffness", stiffness),
-        damping=number(element, "damping", damping),
-        angle=number(element, "angle", angle),
+        coordinate=which,
+        stiffness=number(element, "stiffness", stiffness, f"{effort}/{unit}"),
+        damping=number(element, "damping", damping, f"{effort} s/{unit}"),
+        angle=number(element, "angle", angle, unit),
     )
     return store(self, record)
 
@@ -162,12 +164,15 @@ def add_torque(
     """
     element = named(self, name, "torque on", joint)
     found = joint_record(self, element, joint)
+    which = coordinate_of(element, found, coordinate, speeds(found))
+    along = None if over is None else measure(self, element, over)
+    units = ("s" if along is None else measured_in(self, along), effort_of(found, which))
     record = TorqueRecord(
         name=element.name,
         joint=found.name,
-        coordinate=coordinate_of(element, found, coordinate, speeds(found)),
-        value=scalar(element, "value", value, "monotone", callbacks.number_of(element)),
-        over=None if over is None else measure(self, element, over),
+        coordinate=which,
+        value=scalar(element, "value", value, "monotone", callbacks.number_of(element), units),
+        over=along,
         periodic=switch(element, "periodic", periodic),
     )
     if record.over is None and record.periodic:
@@ -211,9 +216,10 @@ def add_force(
     record = ForceRecord(
         name=element.name,
         body=found.name,
-        point=found.com.copy() if point is None else vector(element, "point", point),
-        value=components(element, "force", force),
+        point=found.com.copy() if point is None else vector(element, "point", point, "m"),
+        value=components(element, "force", force, "N"),
         axes=choice(element, "axes", axes, ("world", "body")),
+        at_center=point is None,
     )
     return store(self, record)
 

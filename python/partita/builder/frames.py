@@ -42,7 +42,7 @@ def rotation(element: Element, what: str, value: Any) -> Array:
             element.fail(f"{what} holds {len(value)} rotations; give one, for instance {what}[0]")
         return _orthonormal(element, what, np.asarray(value.as_matrix(), dtype=float))
     if shape_of(value) == (4,):
-        return _from_quaternion(element, what, vector(element, what, value, 4))
+        return _from_quaternion(element, what, vector(element, what, value, size=4))
     if shape_of(value) != (3, 3):
         element.fail(
             f"{what} must be a 3x3 rotation matrix, a quaternion (w, x, y, z) or a SciPy Rotation, "
@@ -111,9 +111,9 @@ def inertia(element: Element, value: Any) -> Array:
     """Inertia about the centre of mass as 3x3 from three principal values or a matrix; physically possible,
     or an error."""
     if shape_of(value) == (3,):
-        tensor = np.diag(vector(element, "inertia", value))
+        tensor = np.diag(vector(element, "inertia", value, "kg m^2"))
     elif shape_of(value) == (3, 3):
-        tensor = matrix(element, "inertia", value)
+        tensor = matrix(element, "inertia", value, "kg m^2")
     else:
         element.fail(f"inertia must be (Ixx, Iyy, Izz) or a 3x3 matrix, not shape {shape_of(value)}")
     size = float(np.max(np.abs(tensor)))

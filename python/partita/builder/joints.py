@@ -362,10 +362,10 @@ def store_joint(
         kind=kind,
         parent=first,
         child=second,
-        point=None if point is None else vector(element, "point", point),
+        point=None if point is None else vector(element, "point", point, "m"),
         geometry=geometry,
         free=free,
-        child_point=None if child_point is None else vector(element, "child_point", child_point),
+        child_point=None if child_point is None else vector(element, "child_point", child_point, "m"),
         child_axis=None if child_axis is None else direction(element, "child_axis", child_axis),
         child_frame=None if child_frame is None else frames.rotation(element, "child_frame", child_frame),
         pitch=pitch,
@@ -378,6 +378,33 @@ def store_joint(
 def speeds(joint: JointRecord) -> int:
     """Number of velocities of a joint: an effort can act along each."""
     return len(joint.free) if joint.kind == "generic" else _SPEEDS[joint.kind]
+
+
+_UNITS = {
+    "prismatic": ("m",),
+    "cylindrical": ("m", "rad"),
+    "planar": ("m", "m", "rad"),
+    "screw": ("m", "rad"),
+    "free": ("m", "m", "m"),
+    "point_on_line": ("m",),
+    "point_on_plane": ("m", "m"),
+    "parallel": ("m", "m", "m"),
+    "perpendicular": ("m", "m", "m"),
+    "orientation": ("m", "m", "m"),
+}
+
+
+def unit_of(joint: JointRecord, coordinate: int) -> str:
+    """Unit of a coordinate, of which there are as many as velocities: "m" of a slide, "rad" of a turn."""
+    if joint.kind == "generic":
+        return "rad" if joint.free[coordinate].startswith("r") else "m"
+    slides = _UNITS.get(joint.kind, ())
+    return slides[coordinate] if coordinate < len(slides) else "rad"
+
+
+def effort_of(joint: JointRecord, coordinate: int) -> str:
+    """Unit of the effort along a coordinate."""
+    return "N" if unit_of(joint, coordinate) == "m" else "N m"
 
 
 def scalars(joint: JointRecord) -> int:

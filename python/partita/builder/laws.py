@@ -16,7 +16,7 @@ from .checks import Array, Element, find, name_of, vector
 from .drawing import Drawing
 from .forces import store
 from .joints import joint_record, scalars
-from .records import GROUND, Body, Force, Joint, LoadRecord
+from .records import GROUND, Body, Force, Joint, LoadRecord, Ref
 from .travelling import check_picklable
 from .values import Function, finite, one_number
 
@@ -56,6 +56,7 @@ Sight = tuple[str, int]
 """What is seen ("point", "body" or "joint") and of how many coordinates."""
 
 _SIZES = {"point": 6, "body": 18}
+_TABLES = {"body": "bodies", "joint": "joints"}
 
 
 def add_force_law(
@@ -99,16 +100,25 @@ def add_force_law(
     element = name_of("force", name, self._description.forces)
     if not callable(function):
         element.fail(f"function must be a function f(t, *seen), not {shown(function)}")
-    seen, sights = [], []
-    for i, item in enumerate(_items(element, "sees", sees)):
+    on, sees = _items(element, "on", on), _items(element, "sees", sees)
+    seen, sights, asked = list[dict[str, Any]](), list[Sight](), list[Any]()
+    for i, item in enumerate(sees):
         kind, means = _sight(self, element, f"sees[{i}]", item)
         sights.append((kind, len(means)))
         seen += means
-    spots = [_spot(self, element, f"on[{i}]", item) for i, item in enumerate(_items(element, "on", on))]
+        point = means[0].get("point")
+        asked.append((point["body"], point["point"]) if point else Ref(_TABLES[kind], str(item)))
+    spots = [_spot(self, element, f"on[{i}]", item) for i, item in enumerate(on)]
     if not spots:
         element.fail("it acts on nothing; name a body, or a pair (body, point), in `on`")
+    own = [_is_pair(item) and item[1] is not None for item in on]
+    pushed = [
+        (spot["body"], spot["point"]) if given else Ref("bodies", spot["body"])
+        for spot, given in zip(spots, own, strict=True)
+    ]
     call = Function(LawCall(element, function, sights, len(spots)))
-    return store(self, LoadRecord(name, "law", {"value": call}, {"value": call, "sees": seen, "on": spots}))
+    said = {"value": call, "on": pushed, "sees": asked}
+    return store(self, LoadRecord(name, "law", said, {"value": call, "sees": seen, "on": spots}))
 
 
 def _items(element: Element, what: str, value: Any) -> list[Any]:
@@ -126,7 +136,7 @@ def _spot(mechanism: Drawing, element: Element, what: str, item: Any) -> dict[st
     body, point = item if _is_pair(item) else (item, None)
     name = resolve(mechanism, element, what, body, ground=False)
     record = mechanism._description.bodies[name]
-    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point)}
+    return {"body": name, "point": record.com.copy() if point is None else vector(element, f"{what} point", point, "m")}
 
 
 def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[str, list[dict[str, Any]]]:
@@ -134,7 +144,7 @@ def _sight(mechanism: Drawing, element: Element, what: str, item: Any) -> tuple[
     if _is_pair(item):
         body, point = item
         name = resolve(mechanism, element, what, body)
-        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point)}}]
+        return "point", [{"point": {"body": name, "point": vector(element, f"{what} point", point, "m")}}]
     d = mechanism._description
     if isinstance(item, Joint) or (isinstance(item, str) and item in d.joints):
         if isinstance(item, str) and item in d.bodies:

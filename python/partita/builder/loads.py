@@ -8,6 +8,7 @@ stop.
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from .bodies import resolve, to_world
 from .checks import Array, Element, matrix, name_of, number, shape_of, vector
 from .drawing import Drawing
 from .forces import named, store
-from .joints import coordinate_of, joint_record, scalars
+from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
 from .records import GROUND, Body, Description, Force, Joint, LoadRecord
 from .values import Constant, Value, scalar
 
@@ -58,9 +59,12 @@ def add_bushing(
     """
     element = name_of("force", name, self._description.forces)
     first, second = _two(self, element, body1, body2)
-    where = vector(element, "point", point)
+    where = vector(element, "point", point, "m")
     axes = frames.rotation(element, "frame", frame)
-    law = {"stiffness": _six(element, "stiffness", stiffness), "damping": _six(element, "damping", damping)}
+    law = {
+        "stiffness": _six(element, "stiffness", stiffness, STIFFNESS),
+        "damping": _six(element, "damping", damping, DAMPING),
+    }
     d = self._description
     means = {
         "body1": first,
@@ -165,7 +169,8 @@ def add_friction(
     element = named(self, name, "friction in", joint)
     found = joint_record(self, element, joint)
     where = coordinate_of(element, found, coordinate, scalars(found))
-    stick = number(element, "stick_velocity", stick_velocity, above=0.0)
+    effort = effort_of(found, where)
+    stick = number(element, "stick_velocity", stick_velocity, f"{unit_of(found, where)}/s", above=0.0)
     given = {
         "coefficient": coefficient,
         "static_coefficient": static_coefficient,
@@ -173,7 +178,7 @@ def add_friction(
         "length": length,
         "collar": collar,
     }
-    pressed = number(element, "preload", preload, least=0.0)
+    pressed = number(element, "preload", preload, "N", least=0.0)
     if coefficient is not None:
         if dynamic is not None or static is not None:
             element.fail(
@@ -182,7 +187,13 @@ def add_friction(
             )
         above = ("radius", "length")
         follows = {
-            what: number(element, what, value, **({"above": 0.0} if what in above else {"least": 0.0}))
+            what: number(
+                element,
+                what,
+                value,
+                "" if what.endswith("coefficient") else "m",
+                **({"above": 0.0} if what in above else {"least": 0.0}),
+            )
             for what, value in given.items()
             if value is not None
         }
@@ -197,8 +208,8 @@ def add_friction(
     if idle:
         element.fail(f"{', '.join(idle)} means nothing without a coefficient; give one instead of dynamic")
     levels = {
-        "dynamic": _level(element, "dynamic", dynamic),
-        "static": None if static is None else _level(element, "static", static),
+        "dynamic": _level(element, "dynamic", dynamic, effort),
+        "static": None if static is None else _level(element, "static", static, effort),
         "stick_velocity": stick,
     }
     said = {"joint": found.name, "coordinate": where or None, **levels}
@@ -244,16 +255,20 @@ def add_stop(
     element = named(self, name, "stop of", joint)
     found = joint_record(self, element, joint)
     where = coordinate_of(element, found, coordinate, scalars(found))
-    low = None if lower is None else number(element, "lower", lower)
-    high = None if upper is None else number(element, "upper", upper)
+    unit = unit_of(found, where)
+    low = None if lower is None else number(element, "lower", lower, unit)
+    high = None if upper is None else number(element, "upper", upper, unit)
     if low is None and high is None:
         element.fail("it has neither a lower nor an upper end; give one or both")
     if low is not None and high is not None and low >= high:
         element.fail(f"lower = {low:g} is not below upper = {high:g}")
+    power = number(element, "exponent", exponent, least=1.0)
     law = {
-        "stiffness": number(element, "stiffness", stiffness, least=0.0),
-        "damping": number(element, "damping", damping, least=0.0),
-        "exponent": number(element, "exponent", exponent, least=1.0),
+        "stiffness": number(
+            element, "stiffness", stiffness, per_power(effort_of(found, where), unit, power), least=0.0
+        ),
+        "damping": number(element, "damping", damping, f"s/{unit}", least=0.0),
+        "exponent": power,
     }
     ends = {"joint": found.name, "coordinate": where, "lower": low, "upper": high}
     said = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
@@ -279,17 +294,29 @@ def to_body(description: Description, body: str, point: Array) -> Array:
     return point if body == GROUND else _axes(description, body).T @ (point - to_world(description, body, np.zeros(3)))
 
 
-def _six(element: Element, what: str, value: Any) -> Array:
+def _six(element: Element, what: str, value: Any, units: list[list[str]]) -> Array:
     """A 6x6 matrix, or six numbers on its diagonal."""
     if shape_of(value) == (6,):
-        return np.diag(vector(element, what, value, 6))
+        return np.diag(vector(element, what, value, [units[i][i] for i in range(6)], 6))
     if shape_of(value) != (6, 6):
         element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
-    full = matrix(element, what, value, 6)
+    full = matrix(element, what, value, units, 6)
     # symmetric but for the round-off of a product: as it was meant
     return (
         0.5 * (full + full.T) if np.allclose(full, full.T, rtol=0.0, atol=1e-14 * float(np.max(np.abs(full)))) else full
     )
+
+
+def per_power(effort: str, unit: str, power: float) -> str:
+    """Unit of a stiffness whose effort grows with a power of the depth."""
+    if power == 1.0:
+        return f"{effort}/{unit}"
+    power = min(power, 12.0)  # as far as exponents of units go
+    return f"{effort}/{unit}^({Fraction(power).limit_denominator(100)})"
+
+
+STIFFNESS = [[f"{a}{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 + ["N m"] * 3]
+DAMPING = [[f"{a} s{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 + ["N m"] * 3]
 
 
 def _short(value: Array) -> Array:
@@ -298,9 +325,9 @@ def _short(value: Array) -> Array:
     return diagonal if np.array_equal(value, np.diag(diagonal)) else value
 
 
-def _level(element: Element, what: str, value: Any) -> Value:
+def _level(element: Element, what: str, value: Any, effort: str) -> Value:
     """A level of friction: not negative where that can be told."""
-    level = scalar(element, what, value, "monotone", callbacks.number_of(element))
+    level = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
     if isinstance(level, Constant):
         number(element, what, level.value, least=0.0)
     return level

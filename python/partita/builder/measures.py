@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .bodies import resolve, to_world
-from .checks import Element, direction, vector
+from .checks import Array, Element, direction, vector
 from .drawing import Drawing
-from .joints import coordinate_of, joint_record, scalars
+from .joints import coordinate_of, joint_record, scalars, unit_of
 from .records import Body, Joint
 
 BodyLike = Body | str
@@ -82,6 +82,7 @@ class Cosine:
 
 Measure = Coordinate | Distance | Along | Cosine
 Spec = dict[str, Any]
+_ROUND_OFF = 1e-15
 
 
 def measure(mechanism: Drawing, element: Element, value: Any) -> Spec:
@@ -129,6 +130,19 @@ def drawn(mechanism: Drawing, spec: Spec) -> float:
     return float(axis @ gap)
 
 
+def measured_in(mechanism: Drawing, spec: Spec) -> str:
+    """Unit of a measure; "" of a cosine."""
+    if spec["of"] == "joint":
+        return unit_of(mechanism._description.joints[spec["joint"]], spec["coordinate"])
+    return "" if spec["of"] == "cosine" else "m"
+
+
+def unit_vector(axis: Array) -> Array:
+    """`axis` with the length 1. One that has it to round-off stays as it is, so that saying it again changes no bit."""
+    length = float(np.linalg.norm(axis))
+    return axis if abs(length - 1.0) <= _ROUND_OFF else np.asarray(axis / length)
+
+
 def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:
     """Bodies by name, points and unit axes as lists."""
     found: Spec = {}
@@ -136,10 +150,10 @@ def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:
         if key.startswith("body"):
             found[key] = resolve(mechanism, element, key, value)
         elif key.startswith("point"):
-            found[key] = vector(element, key, value).tolist()
+            found[key] = vector(element, key, value, "m").tolist()
         else:
             axis = direction(element, key, value)
-            found[key] = (axis / np.linalg.norm(axis)).tolist()
+            found[key] = unit_vector(axis).tolist()
     if found["body1"] == found["body2"]:
         element.fail(f'its two bodies are both "{found["body1"]}"; name two different ones')
     return found

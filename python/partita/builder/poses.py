@@ -80,15 +80,19 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
         return PoseFunction(Pose(element, given, slides, drawn), slides)
     parts = _parts(element, given, slides)
     if len(parts) == 2:
-        place = vector(element, "the position of the pose", parts[0], slides) if slides else np.zeros(0)
+        place = vector(element, "the position of the pose", parts[0], "m", slides) if slides else np.zeros(0)
         matrix = orientation(element, "the orientation of the pose", parts[1])
         return Held(*_relative(place, matrix, drawn))
     times, places, turns = parts
     matrices = np.array(
         [orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))]
     )
-    placed = table(element, "positions", (times, places), "smooth", slides) if slides else None
-    clock = placed.times if placed is not None else table(element, "orientations", (times, times), "smooth").times
+    placed = table(element, "positions", (times, places), "smooth", ("s", "m"), slides) if slides else None
+    clock = (
+        placed.times
+        if placed is not None
+        else table(element, "orientations", (times, times), "smooth", ("s", "s")).times
+    )
     if len(matrices) != clock.size:
         element.fail(f"there are {clock.size} times but {len(matrices)} orientations; give one for each")
     where = placed.values if placed is not None else np.zeros((clock.size, 0))
@@ -103,6 +107,18 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
             "to go; put a row between"
         )
     return found
+
+
+def as_given(element: Element, given: Any, slides: int) -> Any:
+    """A pose as it was said, in SI: what `pose_value` takes again."""
+    if callable(given):
+        return given
+    match pose_value(element, given, slides, None):
+        case Held(places, matrix):
+            return (places, matrix) if slides else matrix
+        case PoseTable(times, places, matrices):
+            return (times, places, matrices) if slides else (times, matrices)
+    return given
 
 
 def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
@@ -136,7 +152,9 @@ def _each(element: Element, turns: Any) -> list[Any]:
 def orientation(element: Element, what: str, value: Any) -> Array:
     """A rotation matrix from all that `frames.rotation` takes, or a rotation vector."""
     if shape_of(value) == (3,):
-        return np.asarray(transform().Rotation.from_rotvec(vector(element, what, value)).as_matrix(), dtype=float)
+        return np.asarray(
+            transform().Rotation.from_rotvec(vector(element, what, value, "rad")).as_matrix(), dtype=float
+        )
     return rotation(element, what, value)
 
 

@@ -41,7 +41,7 @@ def add_screw(
     'thread'
     """
     element = joint_element(self, name)
-    value = number(element, "pitch", pitch)
+    value = number(element, "pitch", pitch, "m")
     if value == 0.0:
         element.fail("pitch = 0 m: a screw advances; use a revolute joint for one that does not")
     geometry = {"axis": direction(element, "axis", axis)}

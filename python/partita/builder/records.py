@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from .checks import Array
 from .poses import PoseValue
@@ -13,20 +13,52 @@ from .values import Function, Value
 GROUND = "ground"
 
 
-class Owner(Protocol):
-    """The mechanism that a handle belongs to."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-
-@dataclass(frozen=True, eq=False)
 class Handle:
-    """An element of a mechanism, accepted wherever its name is."""
+    """An element of a mechanism, accepted wherever its name is.
 
+    Its attributes are the arguments with which it was added, in SI: `crank.mass`, `hinge.point`, `spring.stiffness`;
+    `dir(crank)` lists them, and `kind` tells which method made it. Setting one says it anew: it is checked as when the
+    element was added, what follows from it is made again, and a refusal leaves everything as it was. Arrays are
+    copies that cannot be written to: set the whole of them. `change` sets several at once.
+
+    Raises `UnknownAttributeError`, which is an `AttributeError`, for what such an element does not have;
+    `UnknownNameError` where it was removed.
+    """
+
+    table = ""
     name: str
-    mechanism: Owner = field(repr=False)
+    mechanism: Any  # a Builder, which stands above this module
+
+    def __init__(self, name: str, mechanism: Any) -> None:
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "mechanism", mechanism)
+
+    def __getattr__(self, word: str) -> Any:
+        if word.startswith("_") or word in ("name", "mechanism"):
+            raise AttributeError(word)
+        return self.mechanism._read(self, word)
+
+    def __setattr__(self, word: str, value: Any) -> None:
+        self.mechanism._change(self, {word: value})
+
+    def change(self, **arguments: Any) -> None:
+        """Set several attributes at once, where one alone would not fit the others: `drive.change(position=None,
+        velocity=2.0)`. All are set, or none."""
+        self.mechanism._change(self, arguments)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.mechanism._words(self)})
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Handle):
+            return NotImplemented
+        return self.table == other.table and self.name == other.name and self.mechanism is other.mechanism
+
+    def __hash__(self) -> int:
+        return hash((self.table, self.name))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(name={self.name!r})"
 
     def __str__(self) -> str:
         return self.name
@@ -35,21 +67,43 @@ class Handle:
 class Body(Handle):
     """A rigid body, or the ground."""
 
+    table = "bodies"
+
 
 class Joint(Handle):
     """A joint between two bodies."""
+
+    table = "joints"
 
 
 class Force(Handle):
     """A spring, a torque or a force."""
 
+    table = "forces"
+
 
 class Drive(Handle):
     """The prescribed motion of one joint coordinate, or of another measure."""
 
+    table = "drives"
+
 
 class Coupling(Handle):
     """A condition between joints or bodies that is no joint: a gear, a distance, a rolling contact, ..."""
+
+    table = "couplings"
+
+
+@dataclass(frozen=True)
+class Ref:
+    """An element named in an argument where a body and a joint may share a name."""
+
+    table: str
+    name: str
+
+
+Call = tuple[str, Mapping[str, Any]]
+"""The method that adds an element, and its arguments in SI."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +155,7 @@ class DriveRecord:
     level: str = "position"
     rate: float = 0.0
     slides: int = 0
+    said: Mapping[str, Any] | None = None  # of a pose: "joint", "pose", and the joint that was added to "carry" it
 
 
 @dataclass(frozen=True)
@@ -112,6 +167,7 @@ class CouplingRecord:
     word: str
     terms: tuple[Mapping[str, Any], ...]
     data: Mapping[str, Any]
+    call: Call = ("", {})
 
 
 @dataclass(frozen=True)
@@ -162,6 +218,7 @@ class ForceRecord:
     point: Array
     value: tuple[Value, Value, Value] | Function
     axes: str
+    at_center: bool = False  # no point was given: wherever the centre of mass is
 
 
 DRAWING_TOLERANCE = 1e-4

@@ -11,9 +11,12 @@ import numpy as np
 
 from ..numeric import floats, shown
 from ..state import Layout
+from ..units.door import QuantityError, in_si
 from .checks import Array, Element, number, shape_of
 
 Curve = Literal["smooth", "periodic", "monotone"]
+Units = tuple[str, str]
+"""SI units of what a table is over, and of its values."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +86,22 @@ Value = Constant | Table | Cubics | Function
 
 
 def scalar(
-    element: Element, what: str, value: Any, curve: Curve, wrap: Callable[[Callable[..., Any]], Function]
+    element: Element,
+    what: str,
+    value: Any,
+    curve: Curve,
+    wrap: Callable[[Callable[..., Any]], Function],
+    units: Units = ("", ""),
 ) -> Value:
-    """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's
-    form."""
+    """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's form. `units`:
+    of what a table is over, and of its values."""
     if callable(value):
         return wrap(value)
     if is_table(value):
-        return table(element, what, value, curve)
+        return table(element, what, value, curve, units)
     if isinstance(value, tuple | list | np.ndarray):
         element.fail(f"{what} must be a number, a function or a table (times, values), not {shown(value)}")
-    return Constant(number(element, what, value))
+    return Constant(number(element, what, value, units[1]))
 
 
 def is_table(value: Any) -> bool:
@@ -101,10 +109,15 @@ def is_table(value: Any) -> bool:
     return isinstance(value, tuple | list) and len(value) == 2 and all(shape_of(part) != () for part in value)
 
 
-def table(element: Element, what: str, value: Sequence[Any], curve: Curve, columns: int | None = None) -> Table:
+def table(
+    element: Element, what: str, value: Sequence[Any], curve: Curve, units: Units = ("", ""), columns: int | None = None
+) -> Table:
     """A checked table: times (n,) increasing, values (n,) or (n, columns), n >= 2."""
     try:
-        times, values = (floats(part) for part in value)
+        parts = (("what it is over", value[0], units[0]), ("its value", value[1], units[1]))
+        times, values = (floats(in_si(words, part, unit)) for words, part, unit in parts)
+    except QuantityError as error:
+        element.fail(f"{what}: a table is (times, values) made of numbers: {error}", cause=error)
     except (TypeError, ValueError) as error:
         element.fail(f"{what}: a table is (times, values) made of numbers", cause=error)
     shape = (times.size,) if columns is None else (times.size, columns)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ..numeric import is_quantity
 from . import callbacks
-from .checks import Array, Element, shape_of, vector
+from .checks import Array, Element, numbers, shape_of, vector
 from .values import Constant, Function, Table, Value, is_table, scalar, table
 
 Changing = tuple[Value, Value, Value] | Function | None
@@ -18,8 +19,8 @@ def field(element: Element, gravity: Any) -> tuple[Array, Changing]:
     if gravity is None:
         return np.zeros(3), None
     if not callable(gravity) and not is_table(gravity) and not _has_parts(gravity):
-        return vector(element, "gravity", gravity), None
-    changing = components(element, "gravity", gravity)
+        return vector(element, "gravity", gravity, "m/s^2"), None
+    changing = components(element, "gravity", gravity, "m/s^2")
     if isinstance(changing, tuple) and all(isinstance(item, Constant) for item in changing):
         return vector(element, "gravity", [item.value for item in changing if isinstance(item, Constant)]), None
     return np.zeros(3), changing
@@ -34,17 +35,19 @@ def _has_parts(value: Any) -> bool:
     )
 
 
-def components(element: Element, what: str, value: Any) -> tuple[Value, Value, Value] | Function:
+def components(element: Element, what: str, value: Any, unit: str) -> tuple[Value, Value, Value] | Function:
     """Three values, or one function for all three."""
     if callable(value):
         return callbacks.vector_of(element)(value)
     if is_table(value):
-        whole = table(element, what, value, "monotone", columns=3)
+        whole = table(element, what, value, "monotone", ("s", unit), columns=3)
         return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
+    if is_quantity(value):
+        value = numbers(element, what, value, unit)
     if not isinstance(value, tuple | list | np.ndarray) or len(value) != 3:
         element.fail(f"{what} must have three components, or be a table or a function; got {value!r}")
     x, y, z = (
-        scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element))
+        scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element), ("s", unit))
         for label, item in zip("xyz", value, strict=True)
     )
     return x, y, z

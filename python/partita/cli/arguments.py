@@ -7,6 +7,8 @@ import math
 from typing import NoReturn
 
 from ..options import COORDINATES, CORRECTIONS, FORMULATIONS, METHODS, SELECTIONS
+from ..units.door import QuantityError, in_si
+from ..units.text import NotAQuantity, quantity_of
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
 BAUMGARTE = "the two numbers [1/s] that the formulation baumgarte needs"
@@ -66,7 +68,12 @@ def parser() -> argparse.ArgumentParser:
 def _simulate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("model", metavar="FILE|NAME", help=MODEL)
-    add("--time", metavar="S", type=positive, help="length of the run [s]; default for a NAME: that of its problem")
+    add(
+        "--time",
+        metavar="S",
+        type=seconds,
+        help="length of the run [s, or such as '2 min']; default for a NAME: that of its problem",
+    )
     add("--outputs", metavar="N", type=count, default=501, help="number of equally spaced outputs (default 501)")
     add("--rtol", metavar="X", type=positive, help="relative tolerance of the step control (default 1e-8)")
     add("--atol", metavar="X", type=positive, help="absolute tolerance of the step control (default 1e-10)")
@@ -75,7 +82,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
     add("--selection", choices=SELECTIONS, help="rule that chooses the coordinates of projective (default collective)")
     add("--independent", metavar="A,B", type=listed, help="velocities to integrate throughout, instead of a choice")
-    add("--window", metavar="S", type=positive, help=WINDOW)
+    add("--window", metavar="S", type=seconds, help=WINDOW)
     add("--correction", choices=CORRECTIONS, help="what closes the loops after a step (default partition)")
     add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
     add(
@@ -84,7 +91,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
         type=setting,
         action="append",
         default=[],
-        help="position of a joint at the start [rad or m; 30deg for degrees]; repeatable",
+        help="position of a joint at the start [rad or m; or with its unit: 30deg, '5 mm']; repeatable",
     )
     add(
         "--rate",
@@ -92,7 +99,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
         type=setting,
         action="append",
         default=[],
-        help="velocity of a joint at the start [rad/s or m/s]; repeatable",
+        help="velocity of a joint at the start [rad/s or m/s; or with its unit: 60rpm]; repeatable",
     )
     add("--html", metavar="FILE", help="write the animated page")
     add("--save", metavar="FILE", help="write the result (.nc, .json, .csv, .parquet, .mat)")
@@ -103,7 +110,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
 def _compare(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("model", metavar="FILE|NAME", help=MODEL)
-    add("--time", metavar="S", type=positive, help="length of the runs [s]; default for a NAME: that of its problem")
+    add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
     add("--rtol", metavar="X", type=positive, default=1e-8, help="relative tolerance (default 1e-8)")
     add("--atol", metavar="X", type=positive, default=1e-10, help="absolute tolerance (default 1e-10)")
     add("--method", choices=METHODS, default="dop853", help="integrator (default dop853)")
@@ -126,7 +133,7 @@ def _compare(command: argparse.ArgumentParser) -> None:
         help="run the rows that finish again with each of these rtol, and print errors and costs",
     )
     add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
-    add("--window", metavar="S", type=positive, help=WINDOW)
+    add("--window", metavar="S", type=seconds, help=WINDOW)
     add("--plot", metavar="FILE", help="write a figure of errors and costs (.png, .pdf, .svg)")
     add("--work-precision", metavar="FILE", help="run over the tolerances, and write the figure of error over work")
     add("--csv", metavar="FILE", help="write the rows")
@@ -146,16 +153,26 @@ class _Parser(argparse.ArgumentParser):
 
 
 def number(text: str) -> float:
-    """A finite number; a trailing `deg` turns degrees into radians."""
-    digits = text.strip()
-    degrees = digits.endswith("deg")
+    """A finite number."""
     try:
-        value = float(digits.removesuffix("deg"))
+        value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not finite")
-    return math.radians(value) if degrees else value
+    return value
+
+
+def seconds(text: str) -> float:
+    """A time above zero [s], or one with its unit."""
+    try:
+        value = float(text)
+    except ValueError:
+        try:
+            value = in_si("it", text, "s")
+        except QuantityError as error:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number: {error}") from None
+    return positive(repr(value))
 
 
 def ladder(text: str) -> list[float]:
@@ -198,9 +215,21 @@ def pair(text: str) -> tuple[float, float]:
     return values[0], values[1]
 
 
-def setting(text: str) -> tuple[str, list[float]]:
-    """`JOINT=VALUE`; several values for a joint with several coordinates stand with commas."""
+def setting(text: str) -> tuple[str, list[float | str]]:
+    """`JOINT=VALUE`; several values for a joint with several coordinates stand with commas. What has a unit is read
+    where the joint is known."""
     name, equals, values = text.rpartition("=")
     if not equals or not name:
         raise argparse.ArgumentTypeError(f"{text!r} does not read JOINT=VALUE, such as A=0.5 or A=30deg")
-    return name, [number(value) for value in values.split(",")]
+    return name, [_number_or_quantity(value) for value in values.split(",")]
+
+
+def _number_or_quantity(text: str) -> float | str:
+    try:
+        found = quantity_of(text)
+    except NotAQuantity as error:
+        try:
+            return number(text)
+        except argparse.ArgumentTypeError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number: {error}") from None
+    return text if found.named else number(text)

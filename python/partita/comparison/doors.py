@@ -186,7 +186,7 @@ def _bench(
         if reference is None:
             raise ArgumentError("give a duration [s], such as 10.0", argument="duration")
         duration = float(reference.t[-1]) - start.t
-    span = positive("duration", duration)
+    span = positive("duration", duration, "s")
     wanted = np.linspace(start.t, start.t + span, OUTPUTS) if reference is None else reference.t
     return Bench(
         title=title,

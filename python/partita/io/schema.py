@@ -2,13 +2,14 @@
 
 The schema is the only place where keys, types and defaults of a file are said; the reader knows none by
 itself. The part of JSON Schema that it uses is the part understood here: $ref, type, properties, required,
-items, oneOf, enum, const and simple bounds. `title` is the word for a value in messages.
+items, oneOf, enum, const, pattern and simple bounds. `title` is the word for a value in messages.
 """
 
 from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -27,7 +28,8 @@ _TYPES: dict[str, tuple[str, Any]] = {
 
 
 # The rule of a number without bounds, and the types that satisfy it.
-_PLAIN_NUMBER = {"type", "title", "description"}
+_PLAIN_NUMBER = {"type", "title", "description", "pattern"}
+_QUANTITY = ["number", "string"]
 _NUMBERS = {int, float}
 
 
@@ -52,7 +54,9 @@ def check(value: Any, schema: Schema | None = None, pointer: str = "", owner: st
     if "oneOf" in rule:
         _one_of(value, rule, pointer, owner)
         return
-    if "type" in rule and not _TYPES[rule["type"]][1](value):
+    if "type" in rule and not _is_of(value, rule["type"]):
+        _expected(rule, value, pointer)
+    if "pattern" in rule and isinstance(value, str) and not re.search(rule["pattern"], value):
         _expected(rule, value, pointer)
     if "enum" in rule and value not in rule["enum"]:
         close = difflib.get_close_matches(str(value), rule["enum"], n=1)
@@ -63,7 +67,7 @@ def check(value: Any, schema: Schema | None = None, pointer: str = "", owner: st
         )
     if "const" in rule and (value != rule["const"] or isinstance(value, bool)):  # for Python True == 1
         _expected(rule, value, pointer)
-    if "minimum" in rule and value < rule["minimum"]:
+    if "minimum" in rule and not isinstance(value, str) and value < rule["minimum"]:
         raise Mismatch(pointer, f"{_key(pointer)} is {value}; it must be at least {rule['minimum']}")
     if isinstance(value, dict) and "properties" in rule:
         _object(value, rule, pointer, owner)
@@ -92,7 +96,11 @@ def _array(value: list[Any], rule: Schema, pointer: str) -> None:
     if not low <= len(value) <= high:
         _expected(rule, value, pointer)
     items = _resolved(rule.get("items", {}))
-    if items.keys() <= _PLAIN_NUMBER and items.get("type") == "number" and _NUMBERS.issuperset(map(type, value)):
+    if (
+        items.keys() <= _PLAIN_NUMBER
+        and items.get("type") in ("number", _QUANTITY)
+        and _NUMBERS.issuperset(map(type, value))
+    ):
         return  # points and axes, by far the most of a file
     for index, item in enumerate(value):
         check(item, items, child(pointer, index), _owner(pointer.rpartition("/")[2], item))
@@ -127,15 +135,22 @@ def _fits(value: Any, rule: Schema) -> bool:
 
 
 def _resolved(schema: Schema) -> Schema:
-    """The schema that a $ref stands for."""
+    """The schema that a $ref stands for, with the bounds that stand beside it."""
     if "$ref" not in schema:
         return schema
     target: Schema = load()["$defs"][schema["$ref"].rpartition("/")[2]]
-    return target
+    return {**target, "minimum": schema["minimum"]} if "minimum" in schema else target
+
+
+def _is_of(value: Any, kind: str | list[str]) -> bool:
+    """Is it of this type, or of one of these?"""
+    return any(_TYPES[word][1](value) for word in ([kind] if isinstance(kind, str) else kind))
 
 
 def _expected(rule: Schema, value: Any, pointer: str) -> NoReturn:
     wanted = rule.get("title") or (_TYPES[rule["type"]][0] if "type" in rule else repr(rule.get("const")))
+    if rule.get("type") == _QUANTITY and isinstance(value, str):
+        wanted += " or text that begins with one and ends with its unit, such as '250 mm'"
     shown = json.dumps(value, ensure_ascii=False)
     raise Mismatch(
         pointer, f"{_key(pointer)} must be {wanted}, not {shown if len(shown) <= 60 else shown[:57] + '...'}"

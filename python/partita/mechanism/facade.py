@@ -98,7 +98,7 @@ class Mechanism(Modelled):
         ...     written = m.save(os.path.join(folder, "pendulum.toml"))
         ...     pt.load(os.path.join(folder, "pendulum.toml")).bodies
         ...     m.save(os.path.join(folder, "pendulum.mjcf"), strict=True).changed[0][:35]
-        ('rod',)
+        <bodies: rod>
         'body "rod" has mass 1 kg, moments 2'
         """
         return save(self, path, options.yes_or_no("strict", strict))

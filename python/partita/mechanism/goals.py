@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, UnknownNameError
+from ..naming import Names, coordinate_units, joint_units
 from ..numeric import floats, shown
+from ..options import si
+from ..units.door import bare
 
 Goal = tuple[str, str, int, int, tuple[float, float, float]]
 """Name, kind, number of the coordinate, joint or body, that of the coordinate or axis in it, point in body axes."""
@@ -50,6 +53,36 @@ def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
     )
 
 
+def units_of(goals: list[Goal], model: CompiledModel) -> list[str]:
+    """SI unit of each; "" of the numbers of a quaternion."""
+    own: list[str] = []
+    units = []
+    for _, kind, i, coordinate, _ in goals:
+        if kind == "joint":
+            units.append(joint_units(model.summary["joints"][i])[0][coordinate])
+        elif kind == "own":
+            own = own or state_units(model)[0]
+            units.append(own[i])
+        else:
+            units.append("m")
+    return ["" if unit == "1" else unit for unit in units]
+
+
+def state_units(model: CompiledModel) -> tuple[list[str], list[str]]:
+    """Units of the coordinates and of the velocities of a state; "" of the numbers of a quaternion."""
+    names = Names.from_summary(model.summary, model.core.nq, model.core.nv, 0)
+    q, v = coordinate_units(model.summary, names)
+    return ["" if unit == "1" else unit for unit in q], v
+
+
+def _by_rows(value: Any, units: list[str]) -> Any:
+    """Units of values for many poses: one for all, or one for each number of a row."""
+    if len(set(units)) == 1:
+        return units[0]
+    shape = np.shape(bare(value))
+    return units if len(shape) < 2 else [units] * shape[0]
+
+
 def _axes(joint: Mapping[str, Any]) -> list[str]:
     """Names of a joint's coordinates; those of a turn in space stand together for its four numbers."""
     count: int = joint["q"][1]
@@ -72,7 +105,7 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
             f"{what}: there is no body {name!r}; known: {', '.join(bodies)}", name=name, known=bodies
         )
     try:
-        point = floats(key[1])
+        point = floats(si(what, key[1], "m"))
     except TypeError:
         point = np.empty(0)
     if point.shape != (3,) or not np.all(np.isfinite(point)):
@@ -130,7 +163,7 @@ def columns(
     places: dict[str, list[int]] = {}
     for key, own, value in entries:
         try:
-            array = floats(value)
+            array = floats(si(f"{what}[{shown(key)}]", value, _by_rows(value, units_of(own, model))))
         except TypeError as error:
             message = f"{what}[{shown(key)}] must be an array of numbers, not {shown(value)}"
             raise ArgumentError(message, argument=what) from error

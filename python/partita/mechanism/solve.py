@@ -17,7 +17,7 @@ from ..results import Result
 from ..state import Layout, State
 from ..tangent import TangentVelocities
 from .branches import on_branch
-from .goals import Goal, asked, goals_of, inputs_of
+from .goals import Goal, asked, goals_of, inputs_of, state_units, units_of
 from .models import Modelled, compile, layout_of
 
 _OF_A_POSITION = ("singular", "step-too-small")
@@ -92,7 +92,7 @@ def assemble(
     held = [goal for key in fixed for goal in goals_of("fixed", key, model)]
     guessed = _valued("guess", {} if guess is None else guess, model)
     limit = run_options.positive("tolerance", tolerance)
-    time = start.t if t is None else State(t, [], []).t
+    time = start.t if t is None else State(run_options.si("t", t, "s"), [], []).t
     try:
         if branch is None:
             q, v, said = model.core.assemble(time, start.q, start.v, levels, own, turns, held, guessed, limit)
@@ -126,7 +126,10 @@ def _valued(what: str, wanted: Any, model: CompiledModel) -> list[tuple[Goal, fl
     """Goals and their values."""
     found: list[tuple[Goal, float]] = []
     for key, goals, value in asked(what, wanted, model):
-        found += zip(goals, _numbers(what, key, value, len(goals)), strict=True)
+        units = units_of(goals, model)
+        if what == "rates":
+            units = [f"{unit}/s" if unit else "1/s" for unit in units]
+        found += zip(goals, _numbers(what, key, value, units), strict=True)
     return found
 
 
@@ -135,10 +138,10 @@ def _rates(
 ) -> tuple[list[tuple[int, float]], list[tuple[Goal, float]]]:
     """Rates of velocities of the state, by their number, and of coordinates outside of it."""
     if not isinstance(wanted, Mapping):
-        return _indexed("rates", wanted, layout.velocity_names, layout.v, layout), []
+        return _indexed("rates", wanted, layout.velocity_names, layout.v, layout, model), []
     outside = {key: value for key, value in wanted.items() if _is_outside(str(key), model, layout)}
     inside = {key: value for key, value in wanted.items() if key not in outside}
-    return _indexed("rates", inside, layout.velocity_names, layout.v, layout), _valued("rates", outside, model)
+    return _indexed("rates", inside, layout.velocity_names, layout.v, layout, model), _valued("rates", outside, model)
 
 
 def _is_outside(key: str, model: CompiledModel, layout: Layout) -> bool:
@@ -188,16 +191,17 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
 
 
 def _indexed(
-    what: str, wanted: Mapping[Any, Any], names: list[str], span: Any, layout: Layout
+    what: str, wanted: Mapping[Any, Any], names: list[str], span: Any, layout: Layout, model: CompiledModel
 ) -> list[tuple[int, float]]:
     """Names to indices: a coordinate by its own name, or all those of a joint."""
     if not isinstance(wanted, Mapping):
         raise ArgumentError(f"{what} must be a dict such as {{'A': 1.0}}, not {shown(wanted)}", argument=what)
     pairs: dict[int, float] = {}
     place = {name: index for index, name in enumerate(names)} if wanted else {}
+    units = state_units(model)[1] if wanted else []
     for key, value in wanted.items():
         first, count = _where(what, str(key), place, span, layout)
-        numbers = _numbers(what, key, value, count)
+        numbers = _numbers(what, key, value, units[first : first + count])
         for index, number in zip(range(first, first + count), numbers, strict=True):
             if index in pairs:
                 raise ArgumentError(f"{what} sets {names[index]!r} twice; give it once", argument=what)
@@ -221,10 +225,12 @@ def _where(what: str, key: str, place: dict[str, int], span: Any, layout: Layout
     return int(first), int(count)
 
 
-def _numbers(what: str, key: Any, value: Any, count: int) -> list[float]:
+def _numbers(what: str, key: Any, value: Any, units: list[str]) -> list[float]:
     """As many finite numbers as the joint has coordinates."""
+    count = len(units)
+    meant = units[0] if len(set(units)) == 1 else units
     try:
-        numbers = np.atleast_1d(floats(value))
+        numbers = np.atleast_1d(floats(run_options.si(f"{what}[{str(key)!r}]", value, meant)))
     except TypeError as error:
         sentence = f"{what}[{str(key)!r}] must be made of numbers, not {shown(value)}"
         raise ArgumentError(sentence, argument=what) from error

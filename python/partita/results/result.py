@@ -25,6 +25,7 @@ from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
 from .source import BODIES, Arrays, ModelSource, Source
+from .variables import units
 from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoticed, word_of
 
 if TYPE_CHECKING:
@@ -146,6 +147,19 @@ class Result:
         """Names along the axes of the arrays: of coordinates, velocities, multipliers, joints and bodies."""
         rows = int(self.summary.get("rows", 0))
         return Names.from_summary(self.summary, self.q.shape[1], self.v.shape[1], rows)
+
+    @property
+    def units(self) -> dict[str, str | tuple[str, ...]]:
+        """Unit of each array by its name in files; of those whose columns differ, such as `q`, one for each column. ""
+        is a number whose unit depends on the row (`axes` of the stored file name it) or is known to the author of a
+        `System` alone.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.1)
+        >>> run.units["t"], run.units["v"], run.units["vdot"], run.units["force"], run.units["moment"]
+        ('s', ('rad/s', 'rad/s', 'rad/s'), ('rad/s^2', 'rad/s^2', 'rad/s^2'), 'N', 'N m')
+        """
+        return units(self)
 
     @property
     def vdot(self) -> FloatArray:

@@ -110,6 +110,21 @@ def variables(result: Readable) -> list[Variable]:
     return found
 
 
+def units(result: Readable) -> dict[str, str | tuple[str, ...]]:
+    """Unit of every array by its name; where columns differ, one for each. Nothing is computed for it."""
+    tables = [RUN] if not result.is_mechanism else [RUN, OBSERVED, ACCELERATIONS, REACTIONS, CHECKS]
+    columns = axes(result)
+    found: dict[str, str | tuple[str, ...]] = {}
+    for name, (along, unit, _) in ((name, entry) for table in tables for name, entry in table.items()):
+        own = columns[along[0]].units if along and not unit else ()
+        if name in ("vdot", "joint_acceleration"):
+            own = tuple(f"{u}^2" if u else "" for u in own)  # "m/s" to "m/s^2"
+        if name == "drive":
+            own = tuple("N" if u.startswith("m") else "N m" for u in own)
+        found[name] = own or unit
+    return found
+
+
 def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Arrays) -> list[Variable]:
     return [
         Variable(name, arrays[name], ("t", *axes), unit, text)

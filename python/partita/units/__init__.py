@@ -1,5 +1,16 @@
 """Units at the door: inside Partita everything is SI and radians.
 
+Where a number with a dimension is expected, text with a unit is taken as well, and so is a quantity of pint:
+
+>>> import partita as pt
+>>> m = pt.Mechanism("pendulum")
+>>> rod = m.add_rod("rod", start=(0, 0, 0), end=("250 mm", 0, 0), mass="8 oz")
+>>> m.to_spec()["bodies"][0]["shape"]["length"]
+0.25
+
+The same number comes of it however it is said: it is read as a decimal, multiplied exactly and rounded once; of degrees
+it is what `math.radians` makes. What has another dimension is refused. A bare number is one in SI.
+
 A constant is the size of its unit in SI, so that a multiplication converts in and a division converts out:
 
 >>> from partita.units import deg, inch, mm, rpm
@@ -15,15 +26,17 @@ A constant is the size of its unit in SI, so that a multiplication converts in a
 
 from __future__ import annotations
 
-import difflib
 import math
 from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ArgumentError
-from .numeric import floats, shown
+from ..errors import ArgumentError
+from ..numeric import floats, shown
+from .door import ratio
+from .table import Unit, called
+from .text import NotAQuantity, unit_of
 
 __all__ = [
     "cm",
@@ -52,18 +65,8 @@ metre, km, cm, mm, inch, foot = 1.0, 1e3, 1e-2, 1e-3, 0.0254, 0.3048
 kg, gram, lb = 1.0, 1e-3, 0.45359237
 second, ms, minute = 1.0, 1e-3, 60.0
 rad, deg, rev = 1.0, math.pi / 180.0, 2.0 * math.pi
-rpm = 2.0 * math.pi / 60.0
+rpm = 0.10471975511965978  # pi / 30, rounded once
 newton, kN, lbf = 1.0, 1e3, 4.4482216152605
-
-_TABLE: dict[str, tuple[str, float]] = {
-    **{n: ("length", s) for n, s in {"m": metre, "km": km, "cm": cm, "mm": mm, "inch": inch, "foot": foot}.items()},
-    **{n: ("mass", s) for n, s in {"kg": kg, "gram": gram, "lb": lb}.items()},
-    **{n: ("time", s) for n, s in {"s": second, "ms": ms, "minute": minute}.items()},
-    **{n: ("angle", s) for n, s in {"rad": rad, "deg": deg, "rev": rev}.items()},
-    **{n: ("angular velocity", s) for n, s in {"rad/s": 1.0, "deg/s": deg, "rpm": rpm}.items()},
-    **{n: ("force", s) for n, s in {"N": newton, "kN": kN, "lbf": lbf}.items()},
-    **{n: ("torque", s) for n, s in {"N m": 1.0, "N mm": 1e-3, "lbf inch": lbf * inch}.items()},
-}
 
 
 @overload
@@ -73,8 +76,8 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
 def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]:
     """Convert `value`, a number or an array of any shape, from `unit` into the unit `to`.
 
-    Both are names: m km cm mm inch foot, kg gram lb, s ms minute, rad deg rev, "rad/s" "deg/s" rpm, N kN lbf,
-    "N m" "N mm" "lbf inch". Raises `ArgumentError` for an unknown unit and for units of different kinds.
+    Both are units as they stand in quantities, such as "mm", "rpm", "lbf inch" or "kg m^2". Raises `ArgumentError` for
+    an unknown unit and for units of different kinds.
 
     >>> from partita.units import convert
     >>> convert(2.0, "inch", "mm")
@@ -82,11 +85,10 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
     >>> convert([0.0, 180.0], "deg", "rad").round(6).tolist()
     [0.0, 3.141593]
     """
-    kind, size = _unit(unit, "unit")
-    kind_to, size_to = _unit(to, "to")
-    if kind != kind_to:
+    source, target = _unit(unit, "unit"), _unit(to, "to")
+    if source.dimension != target.dimension:
         raise ArgumentError(
-            f"{unit!r} is a unit of {kind} and {to!r} one of {kind_to}; they cannot be converted",
+            f"{unit!r} is a unit of {_kind(source)} and {to!r} one of {_kind(target)}; they cannot be converted",
             argument="to",
         )
     try:
@@ -95,17 +97,30 @@ def convert(value: ArrayLike, unit: str, to: str) -> float | NDArray[np.float64]
         raise ArgumentError(
             f"value must be a number or an array of numbers, not {shown(value)}", argument="value"
         ) from error
-    with np.errstate(over="ignore"):
-        result = numbers * (size / size_to)
+    try:
+        factor = float(ratio(source, target))
+    except OverflowError:
+        factor = math.inf
+    with np.errstate(over="ignore", invalid="ignore"):
+        result = numbers * factor
     if np.any(np.isinf(result) & np.isfinite(numbers)):
         raise ArgumentError(f"value {shown(value)} in {to} is beyond the largest number there is", argument="value")
     return float(result) if result.ndim == 0 else result
 
 
-def _unit(name: str, argument: str) -> tuple[str, float]:
-    """Kind and size of the unit called `name`."""
-    if isinstance(name, str) and name in _TABLE:
-        return _TABLE[name]
-    close = difflib.get_close_matches(shown(name).strip("'"), _TABLE, n=1)
-    hint = f"did you mean {close[0]!r}?" if close else "known units: " + ", ".join(_TABLE)
-    raise ArgumentError(f"unit {shown(name)} is not known; {hint}", argument=argument)
+def _unit(name: str, argument: str) -> Unit:
+    """The unit called `name`."""
+    if not isinstance(name, str):
+        raise ArgumentError(f"unit {shown(name)} is not known; give its name, such as 'mm'", argument=argument)
+    try:
+        found = unit_of(name)
+    except NotAQuantity as error:
+        raise ArgumentError(f"unit {shown(name)} is not known; {error}", argument=argument) from error
+    if found.size <= 0:
+        raise ArgumentError(f"unit {shown(name)} is no unit; give its name, such as 'mm'", argument=argument)
+    return found
+
+
+def _kind(unit: Unit) -> str:
+    """What a unit measures, without its article."""
+    return called(unit.dimension).removeprefix("an ").removeprefix("a ")

@@ -1,0 +1,172 @@
+"""From a record back to the call that makes it: the method, and its arguments in SI.
+
+Making the same call again gives the same record, to the last bit: what was drawn can be drawn again with one argument
+changed (`changes`), and can be read by the words with which it was said.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from .callbacks import Callback
+from .laws import LawCall
+from .motion import Motion
+from .records import (
+    BodyRecord,
+    Call,
+    CouplingRecord,
+    Description,
+    DriveRecord,
+    ForceRecord,
+    JointRecord,
+    LoadRecord,
+    Ref,
+    SpringRecord,
+    TorqueRecord,
+    TorsionSpringRecord,
+)
+from .values import Constant, Function, Table
+
+_BODIES = {"parent", "child", "body", "body1", "body2", "ground"}
+_JOINTS = {"joint", "joint1", "joint2", "pulley1", "pulley2", "pinion", "slide"}
+"""Arguments that name bodies and joints, in calls and in measures."""
+
+
+def call_of(record: Any) -> Call:
+    """The call that makes a record; what was left out is left out."""
+    match record:
+        case BodyRecord(rod=None):
+            said = {
+                "mass": record.mass,
+                "inertia": record.inertia,
+                "com": record.com,
+                "position": record.position,
+                "orientation": record.rotation,
+            }
+            return "add_body", {**said, "gravity": record.gravity}
+        case BodyRecord(rod=(start, end, _)):
+            return "add_rod", {"start": start, "end": end, "mass": record.mass, "gravity": record.gravity}
+        case JointRecord():
+            return _joint(record)
+        case CouplingRecord():
+            return record.call
+        case DriveRecord():
+            return "add_drive", _drive(record)
+        case SpringRecord():
+            words: tuple[str, ...] = ("body1", "point1", "body2", "point2", "stiffness", "damping", "length")
+            return "add_spring", {word: getattr(record, word) for word in words}
+        case TorsionSpringRecord():
+            words = ("joint", "coordinate", "stiffness", "damping", "angle")
+            return "add_torsion_spring", {word: getattr(record, word) for word in words}
+        case TorqueRecord():
+            words = ("joint", "coordinate", "over", "periodic")
+            return "add_torque", {"value": _given(record.value), **{word: getattr(record, word) for word in words}}
+        case ForceRecord():
+            value = record.value
+            force = _given(value) if isinstance(value, Function) else tuple(_given(item) for item in value)
+            point = None if record.at_center else record.point
+            return "add_force", {"body": record.body, "force": force, "point": point, "axes": record.axes}
+        case LoadRecord():
+            said = {word: _given(value) for word, value in record.said.items() if value is not None}
+            if record.kind == "law":
+                said["function"] = said.pop("value")
+                return "add_force_law", said
+            return f"add_{record.kind}", said
+    raise TypeError(f"{type(record).__name__} is no element")
+
+
+def kind_of(record: Any) -> str:
+    """The word for its kind: "rod", "revolute", "spring", "gear", "drive"."""
+    if isinstance(record, JointRecord):
+        return record.kind
+    return call_of(record)[0].removeprefix("add_").replace("_", " ")
+
+
+def words_of(builder: type, record: Any) -> Mapping[str, Any]:
+    """The arguments that the call may have, with their defaults."""
+    return _parameters(getattr(builder, call_of(record)[0]))
+
+
+@cache
+def _parameters(method: Callable[..., Any]) -> dict[str, Any]:
+    found = inspect.signature(method).parameters.values()
+    return {p.name: None if p.default is p.empty else p.default for p in found if p.name not in ("self", "name")}
+
+
+def references(record: Any) -> Iterator[tuple[str, str]]:
+    """Table and name of every element that it refers to; some more than once."""
+    if isinstance(record, DriveRecord) and record.said is not None and "carrier" in record.said:
+        yield "joints", record.said["carrier"]
+    yield from _named(call_of(record)[1])
+
+
+def _named(said: Any) -> Iterator[tuple[str, str]]:
+    match said:
+        case Ref(table, name):
+            yield table, name
+        case Mapping():
+            for word, value in said.items():
+                if isinstance(value, str) and word in _BODIES | _JOINTS | {"on"}:
+                    yield "joints" if word in _JOINTS else "bodies", value
+                else:
+                    yield from _named(value)
+        case (str() as body, np.ndarray()):
+            yield "bodies", body
+        case list() | tuple():
+            for item in said:
+                yield from _named(item)
+
+
+def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
+    """Table and name of the elements that refer to one, in the order in which they are made."""
+    found = []
+    for other in ("joints", "couplings", "drives", "forces"):
+        records: Mapping[str, Any] = getattr(d, other)
+        found += [(other, own) for own, record in records.items() if (table, name) in references(record)]
+    return found
+
+
+def _joint(record: JointRecord) -> Call:
+    said: dict[str, Any] = {"parent": record.parent, "child": record.child, "point": record.point}
+    if record.kind == "generic":
+        said["free"] = record.free
+    if record.kind != "orientation":  # whose frame is that of the world
+        said |= record.geometry
+    more = ("child_point", "child_axis", "child_frame", "pitch")
+    said |= {word: getattr(record, word) for word in more if getattr(record, word) is not None}
+    if record.kind != "constant_velocity":
+        said["cut"] = record.cut
+    return "add_joint" if record.kind == "generic" else f"add_{record.kind}", said
+
+
+def _drive(record: DriveRecord) -> dict[str, Any]:
+    if record.said is not None:
+        return {word: value for word, value in record.said.items() if word != "carrier"}
+    measure = record.measure
+    said: dict[str, Any] = {"joint": measure}
+    if measure["of"] == "joint":
+        said = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
+    motion = record.motion
+    said[record.level] = _given(motion)
+    if isinstance(motion, Function) and isinstance(motion.call, Motion) and record.level == "position":
+        said |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
+    return {**said, "rate": record.rate}
+
+
+def _given(value: Any) -> Any:
+    """A number, a table or a function, as the user gives one."""
+    match value:
+        case Constant(number):
+            return number
+        case Table(times, values):
+            return times, values
+        case Function(call) if isinstance(call, (Callback, LawCall)):
+            return call.function
+        case Function(call) if isinstance(call, Motion):
+            return call.position
+    return value

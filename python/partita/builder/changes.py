@@ -1,0 +1,194 @@
+"""Elements read, changed and removed after they were added.
+
+A change is the call that made the element, made again with one argument changed, and the calls of all that refers to
+it: so that a changed mechanism is the one that would have been drawn so from the start. It happens on a copy of the
+description; what is refused leaves everything as it was.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ..errors import UnknownAttributeError
+from .calls import call_of, kind_of, referring, words_of
+from .checks import Element, find, vector
+from .drawing import Drawing
+from .records import GROUND, BodyRecord, Handle, JointRecord, Ref
+
+_WORDS = {"bodies": "body", "joints": "joint", "couplings": "coupling", "drives": "drive", "forces": "force"}
+_COMPLIANCE = ["m/N"] * 3 + ["rad/(N m)"] * 3
+
+
+def words(mechanism: Drawing, handle: Handle) -> list[str]:
+    """What can be read of an element."""
+    if handle.name == GROUND and handle.table == "bodies":
+        return []
+    record = _record(mechanism, handle)
+    return ["kind", *words_of(type(mechanism), record), *_derived(record)]
+
+
+def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
+    """What was said of an element, in SI; arrays are copies."""
+    if handle.name == GROUND and handle.table == "bodies":
+        _unknown(handle, "ground", word, [])
+    record = _record(mechanism, handle)
+    if word == "kind":
+        return kind_of(record)
+    derived = _derived(record)
+    if word in derived:
+        return _shown(mechanism, derived[word])
+    known = words_of(type(mechanism), record)
+    if word not in known:
+        _unknown(handle, kind_of(record), word, ["kind", *known, *derived])
+    value = call_of(record)[1].get(word, known[word])
+    return _shown(mechanism, value)
+
+
+def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> None:
+    """Say other values of some arguments."""
+    if handle.name == GROUND and handle.table == "bodies":
+        _unknown(handle, "ground", next(iter(arguments), ""), [])
+    record = _record(mechanism, handle)
+    element = Element(_WORDS[handle.table], handle.name)
+    derived, known = _derived(record), words_of(type(mechanism), record)
+    for word in arguments:
+        if word in ("kind", "name", "mechanism", "table"):
+            element.fail(f"its {word} stays what it is; remove it and add another")
+        if word in derived and word != "compliance":
+            element.fail(f"its {word} is made of start, end and mass; set these")
+        if word not in known and word not in derived:
+            _unknown(handle, kind_of(record), word, [*known, *derived])
+    new = {word: value for word, value in arguments.items() if word in known}
+    with _trial(mechanism):
+        if "compliance" in arguments:
+            _give(mechanism, element, handle.name, arguments["compliance"])
+        if not new:
+            return
+        method, said = call_of(record)
+        _again(mechanism, handle.table, handle.name, method, {**said, **new})
+        for table, name in referring(mechanism._description, handle.table, handle.name):
+            if not (handle.table == "bodies" and table == "joints"):  # which know nothing of a body but its name
+                _again(mechanism, table, name, *call_of(getattr(mechanism._description, table)[name]))
+
+
+def remove(mechanism: Drawing, table: str, name: str) -> None:
+    """Take an element away, unless another refers to it."""
+    d = mechanism._description
+    record = getattr(d, table)[name]
+    carried = _carrier(record)
+    users = referring(d, table, name)
+    if carried is not None:
+        users += [user for user in referring(d, "joints", carried) if user != (table, name)]
+    if users:
+        listed = ", ".join(f'{_WORDS[other]} "{own}"' for other, own in users[:8])
+        more = f" and {len(users) - 8} more" if len(users) > 8 else ""
+        Element(_WORDS[table], name).fail(
+            f"it cannot be removed: {listed}{more} refer{'s' if len(users) == 1 else ''} to it; remove "
+            f"{'that' if len(users) == 1 else 'these'} first"
+        )
+    with _trial(mechanism):
+        _take_out(mechanism, table, name)
+
+
+def _record(mechanism: Drawing, handle: Handle) -> Any:
+    table = getattr(mechanism._description, handle.table)
+    return table[find(_WORDS[handle.table], handle.name, table)]
+
+
+def _unknown(handle: Handle, kind: str, word: str, known: list[str]) -> NoReturn:
+    close = difflib.get_close_matches(word, known, n=1)
+    hint = f'did you mean "{close[0]}"?' if close else f"it has: {', '.join(known) or 'nothing but its name'}"
+    raise UnknownAttributeError(
+        f'{_WORDS[handle.table]} "{handle.name}" ({kind}) has no "{word}"; {hint}', name=word, known=known
+    )
+
+
+def _derived(record: Any) -> dict[str, Any]:
+    """What follows from the arguments."""
+    if isinstance(record, BodyRecord) and record.rod is not None:
+        frame = {"inertia": record.inertia, "com": record.com, "position": record.position}
+        return {**frame, "orientation": record.rotation, "length": record.rod[2]}
+    return {"compliance": record.compliance} if isinstance(record, JointRecord) else {}
+
+
+def _shown(mechanism: Drawing, value: Any) -> Any:
+    """A value that can be handed out: arrays that cannot be written to, handles for what has no other name."""
+    if isinstance(value, list) and value and all(type(item) is float for item in value):
+        value = np.array(value)
+    if isinstance(value, np.ndarray):
+        twin = value.copy()
+        twin.setflags(write=False)
+        return twin
+    if isinstance(value, Ref):
+        return getattr(mechanism, value.table)[value.name]
+    if isinstance(value, (list, tuple)):
+        return type(value)(_shown(mechanism, item) for item in value)
+    return copy.deepcopy(value) if isinstance(value, Mapping) else value
+
+
+def _carrier(record: Any) -> str | None:
+    """The joint that was added along with a drive of a body's pose."""
+    said = getattr(record, "said", None)
+    return said.get("carrier") if said is not None and hasattr(record, "measure") else None
+
+
+@contextmanager
+def _trial(mechanism: Drawing) -> Iterator[None]:
+    """Work on a copy of the description, which stays if all goes well."""
+    before = mechanism._description
+    mechanism._description = before.copy()
+    mechanism._description.numbers.clear()
+    try:
+        yield
+    except BaseException:
+        mechanism._description = before
+        raise
+    mechanism._description.version = before.version + 1
+
+
+def _take_out(mechanism: Drawing, table: str, name: str) -> None:
+    d = mechanism._description
+    record = getattr(d, table).pop(name)
+    if table == "drives":
+        d.driven = {key: drive for key, drive in d.driven.items() if drive != name}
+    if (carrier := _carrier(record)) is not None:
+        del d.joints[carrier]
+
+
+def _again(mechanism: Drawing, table: str, name: str, method: str, said: Mapping[str, Any]) -> None:
+    """Make an element again in its place."""
+    d = mechanism._description
+    orders = {each: list(getattr(d, each)) for each in (table, "joints")}
+    old = getattr(d, table)[name]
+    driven = list(d.driven)
+    _take_out(mechanism, table, name)
+    getattr(mechanism, method)(name=name, **{word: _shown(mechanism, value) for word, value in said.items()})
+    if isinstance(old, JointRecord) and old.compliance is not None:
+        d.joints[name] = replace(d.joints[name], compliance=old.compliance)
+    carriers = _carrier(old), _carrier(getattr(d, table)[name])
+    if None not in carriers:  # the joint that carries a body stands where the one before it stood
+        orders["joints"] = [carriers[1] if own == carriers[0] else own for own in orders["joints"]]
+    for each, order in orders.items():
+        records = getattr(d, each)
+        if list(records) != order:
+            ordered = {own: records[own] for own in order if own in records}
+            setattr(d, each, {**ordered, **records})
+    if table == "drives":
+        d.driven = {key: d.driven[key] for key in [*(k for k in driven if k in d.driven), *d.driven]}
+
+
+def _give(mechanism: Drawing, element: Element, name: str, value: Any) -> None:
+    """How far a joint gives: six numbers, or None."""
+    d = mechanism._description
+    if value is None:
+        d.joints[name] = replace(d.joints[name], compliance=None)
+        return
+    numbers = vector(element, "compliance", value, _COMPLIANCE, 6)
+    mechanism.add_compliance(name, numbers[:3], numbers[3:])  # type: ignore[attr-defined]

@@ -1,0 +1,61 @@
+"""Units of the parameters of a compiled model, by their names: what `with_parameters` reads texts by."""
+
+from __future__ import annotations
+
+from ..units.door import SI
+from .joints import effort_of, unit_of
+from .loads import DAMPING, STIFFNESS, per_power
+from .records import Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
+
+_OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
+_OF_CONTACTS = {"radius1": "m", "radius2": "m", "damping": "s/m", "stick_velocity": "m/s"}
+_OF_TYRES = {
+    "radius": "m",
+    "stiffness": "N/m",
+    "damping": "s/m",
+    "longitudinal": "N",
+    "lateral": "N",
+    "slow_speed": "m/s",
+    "center": "m",
+}
+
+
+def parameter_unit(d: Description, name: str) -> SI:
+    """SI unit of a parameter; "" of a number without one and of what is not known."""
+    if name == "gravity":
+        return "m/s^2"
+    owner, _, word = name.rpartition(".")
+    if owner in d.bodies and word in _OF_BODIES:
+        return _OF_BODIES[word]
+    if word.startswith("point"):
+        return "m"
+    match d.forces.get(owner):
+        case SpringRecord():
+            return {"stiffness": "N/m", "damping": "N s/m", "length": "m"}.get(word, "")
+        case TorsionSpringRecord(joint=joint, coordinate=i) | TorqueRecord(joint=joint, coordinate=i):
+            unit, effort = unit_of(d.joints[joint], i), effort_of(d.joints[joint], i)
+            own = {"stiffness": f"{effort}/{unit}", "damping": f"{effort} s/{unit}", "angle": unit, "value": effort}
+            return own.get(word, "")
+        case LoadRecord() as load:
+            return _of_load(d, load, word)
+        case None:
+            return ""
+    return "N" if word == "value" else ""
+
+
+def _of_load(d: Description, load: LoadRecord, word: str) -> SI:
+    if load.kind == "bushing":
+        table = {"stiffness": STIFFNESS, "damping": DAMPING}.get(word)
+        return "" if table is None else [unit for row in table for unit in row]
+    if load.kind == "contact":
+        return per_power("N", "m", load.means["exponent"]) if word == "stiffness" else _OF_CONTACTS.get(word, "")
+    if load.kind == "tyre":
+        return _OF_TYRES.get(word, "")
+    if load.kind not in ("friction", "stop"):
+        return ""
+    joint, i = d.joints[load.means["joint"]], load.means["coordinate"]
+    unit, effort = unit_of(joint, i), effort_of(joint, i)
+    own = {"dynamic": effort, "static": effort, "stick_velocity": f"{unit}/s", "lower": unit, "upper": unit}
+    if load.kind == "stop":
+        own |= {"stiffness": per_power(effort, unit, load.means["exponent"]), "damping": f"s/{unit}"}
+    return own.get(word, "")
