@@ -134,6 +134,13 @@ class Model:
     def joint_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> Array:
         """Accelerations along the freedoms of the joints `which` (nt, freedoms), in the order of their velocities."""
 
+    def body_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> dict[str, Array]:
+        """Accelerations of the origins of the bodies `which` and of their turning at nt samples, world axes."""
+
+    def load(self, t: Array, q: Array, v: Array, number: int) -> dict[str, Array]:
+        """Power, potential and effort (NaN: none) of an applied force of the description at nt samples, (nt,) each, and
+        `point`, `force`, `moment` (nt, bodies, 3) of what it does to each body, world axes."""
+
     def energies(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
         """Kinetic and potential energy at nt samples."""
 

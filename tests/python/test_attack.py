@@ -274,6 +274,15 @@ def built() -> dict[str, Callable[[], Call]]:
             "on": ["box"],
             "sees": ["A", "rod", ("box", X)],
         },
+        "add_sensor": {
+            "name": "se",
+            "of": ("box", X),
+            "reads": "acceleration",
+            "axes": "rod",
+            "coordinate": None,
+            "unit": "g",
+            "text": "of the box",
+        },
     }
 
     def make(name: str, arguments: dict[str, Any]) -> Callable[[], Call]:
@@ -282,7 +291,8 @@ def built() -> dict[str, Callable[[], Call]]:
 
             def add_and_run(**given: Any) -> Any:
                 getattr(m, name)(**given)
-                return m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
+                run = m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
+                return run, [run.sensor(each).values for each in run.sensors]
 
             return add_and_run, arguments
 
@@ -308,6 +318,9 @@ def asked() -> dict[str, Callable[[], Call]]:
     state = m.assemble(rates={"A": 1.0})
     model = m.compile()
     run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
+    tip = mechanism()
+    tip.add_sensor("tip", ("rod", X), "acceleration")
+    sensed = tip.simulate(0.01, t_eval=[0.0, 0.01])
     s = ring()
     hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
     q, v = state.q, state.v
@@ -479,6 +492,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Entry.simulate": (pt.catalogue.entry("four-bar").simulate, {"rtol": 1e-6, "max_steps": 20}),
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
+        "Result.sensor": (lambda name: sensed.sensor(name).values, {"name": "tip"}),
         "Result.drive": (lambda name: run.drive(name).effort, {"name": "none"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
         "Result.self_stresses": (lambda output: run.self_stresses(output).wrenches, {"output": 0}),

@@ -446,6 +446,34 @@ impl Model {
         })
     }
 
+    /// Accelerations of the bodies `which` at nt samples.
+    fn body_accelerations<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            outputs::body_accelerations(py, &self.inner, &motion, &vdot, &which)
+        })
+    }
+
+    /// What applied force `number` of the description does at nt samples.
+    fn load<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        number: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::load(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, number))
+    }
+
     /// Kinetic and potential energy at nt samples.
     fn energies<'py>(
         &self,

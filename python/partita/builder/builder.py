@@ -15,6 +15,7 @@ from . import joints as joint_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
+from . import sensors as sensor_room
 from .drawing import Drawing
 from .spec import Writer
 
@@ -65,6 +66,8 @@ class Builder(Drawing):
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
     add_force_law = law_room.add_force_law
+
+    add_sensor = sensor_room.add_sensor
 
     def to_spec(self) -> dict[str, Any]:
         """The description as plain data, as the core compiles it (version 1): lists, numbers and text only.

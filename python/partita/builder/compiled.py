@@ -15,6 +15,7 @@ from .. import _core
 from ..errors import ArgumentError, EvaluationError
 from ..instant import Instant
 from ..numeric import floats, shown
+from ..sensing import SensorRecord
 from ..state import Layout, finite_time
 from .checks import Element
 from .costs import evaluation_costs
@@ -181,6 +182,11 @@ class CompiledModel(Equations):
     def notes(self) -> list[str]:
         """What the compiler and the builder want known, as sentences."""
         return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
+
+    @property
+    def sensors(self) -> Mapping[str, SensorRecord]:
+        """Sensors of the description, by name."""
+        return self._drawn.sensors
 
     @property
     def row_names(self) -> list[str]:

@@ -70,6 +70,11 @@ class Drawing:
         """Names of the springs, torques and forces."""
         return tuple(self._description.forces)
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(self._description.sensors)
+
     def __repr__(self) -> str:
         d = self._description
         return (

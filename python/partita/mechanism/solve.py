@@ -392,4 +392,6 @@ def simulate(
             raw["message"] = f"stopped at t = {raw['ended']:.6f} s, driven further than the joints allow: {why}"
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
-    return Result.from_run(raw, model=model.core, summary=model.summary, spec=model.description, options=chosen)
+    return Result.from_run(
+        raw, model=model.core, summary=model.summary, spec=model.description, options=chosen, sensors=model.sensors
+    )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError, DoubtfulResultWarning
 from ..naming import driven, listed
 from ..numeric import shown
+from ..sensing import SensorRecord
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
@@ -24,6 +25,7 @@ from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
+from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoticed, word_of
 
@@ -47,9 +49,12 @@ class Result:
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
 
-    def __init__(self, record: Record, source: Source | None) -> None:
+    def __init__(
+        self, record: Record, source: Source | None, sensors: LiveSensors | StoredSensors | None = None
+    ) -> None:
         self._record = record
         self._source = source
+        self._sensors = sensors
         self._warned = False
         arrays = record.arrays
         self.t: FloatArray = arrays["t"]
@@ -67,7 +72,7 @@ class Result:
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
 
     def __copy__(self) -> Result:
-        return Result(self._record, self._source)
+        return Result(self._record, self._source, self._sensors)
 
     @classmethod
     def from_run(
@@ -78,17 +83,23 @@ class Result:
         summary: Mapping[str, Any],
         spec: str | None = None,
         options: Mapping[str, Any] | None = None,
+        sensors: Mapping[str, SensorRecord] | None = None,
     ) -> Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
-        `spec` is the description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints.
+        `sensors` are those of the description. `spec` is the description compiled, as JSON; None for a
+        hand-written `System`, which has no bodies and joints.
         """
+        account = account_of(sensors or {}, summary)
+        if account:
+            summary = {**summary, "sensors": account}
         record = Record.from_raw(raw, summary, options or {}, spec)
-        source = None
+        source, read = None, None
         if spec is not None:
             counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
             source = ModelSource(model, record.arrays, *counts, int(summary.get("closing_rows", 0)))
-        result = cls(record, source)
+            read = LiveSensors(sensors or {}, RunSignals(source, model, record.arrays, summary), account)
+        result = cls(record, source, read)
         result._warn(record.findings)
         return result
 
@@ -271,6 +282,21 @@ class Result:
         seen = source.body(index_of(name, self.names.bodies, "body"))
         return BodyResult(name, *(seen[key] for key in BODIES))
 
+    def sensor(self, name: str) -> SensorResult:
+        """What the sensor `name` read: `values` over time, `unit` and long name; see `Mechanism.add_sensor`.
+
+        Computed at the outputs when it is first asked for, and kept. `UnknownNameError` with the nearest names; an
+        `EvaluationError` where the function of a sensor fails.
+        """
+        self._source_for("sensor", name)
+        read = self._sensors
+        return result_of(name, self.summary.get("sensors", ()), lambda one: read.read(one) if read else np.zeros(0))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(item["name"] for item in self.summary.get("sensors", ()))
+
     @property
     def observed(self) -> Arrays:
         """All bodies and joints at once, by array name (`body_position` (nt, nb, 3), ...); for tools."""
@@ -419,7 +445,7 @@ class Result:
 
     def plot(self, *what: str, path: str | os.PathLike[str] | None = None) -> Figure:
         """A matplotlib figure of `what`: "overview" (the default), "coordinates", "closure", "energy", "measure",
-        "reactions", or the name of a joint; several stand below each other. `path` saves it too.
+        "reactions", or the name of a joint or of a sensor; several stand below each other. `path` saves it too.
 
         Nothing is shown on the screen; in a notebook the figure displays itself.
         """
