@@ -14,6 +14,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Goal = tuple[str, str, int, int, tuple[float, float, float]]
 
+class Stepper:
+    """A motion stepped tick by tick under inputs, on a thread of its own."""
+
+    def step(self, inputs: Array) -> None:
+        """One tick with these inputs held."""
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        """Stand at a closed state."""
+
+    def state(self) -> tuple[float, Array, Array]:
+        """Where it stands: t, q, v."""
+
+    def result(self, breaks: list[float], values: list[list[float]]) -> tuple[dict[str, Any], Model]:
+        """What a run would have left, and the model with the inputs as tables."""
+
 class Model:
     """A compiled mechanism: constant; states are handed in."""
 
@@ -119,6 +134,20 @@ class Model:
         tangent: Any = None,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
+
+    def stepper(
+        self,
+        options: str,
+        dt: float,
+        steps: int,
+        inputs: list[tuple[int, int]],
+        t: float,
+        q: Array,
+        v: Array,
+        keeps: bool,
+    ) -> Stepper:
+        """A motion to be stepped by ticks of `dt`, each of so many `steps`, under inputs: forces of the description and
+        components."""
 
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None

@@ -320,6 +320,9 @@ def asked() -> dict[str, Callable[[], Call]]:
     run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
     tip = mechanism()
     tip.add_sensor("tip", ("rod", X), "acceleration")
+    motor = mechanism()
+    motor.add_torque("A", 0.0, name="motor")
+    sim = motor.stepper(1e-3, record=False)
     sensed = tip.simulate(0.01, t_eval=[0.0, 0.01])
     s = ring()
     hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
@@ -493,6 +496,24 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
         "Result.sensor": (lambda name: sensed.sensor(name).values, {"name": "tip"}),
+        "Result.state": (lambda t: run.state(t).q, {"t": 0.005}),
+        "Mechanism.stepper": (
+            lambda **given: tip.stepper(**given).step().q,
+            {
+                "dt": 1e-3,
+                "inputs": [],
+                "initial": None,
+                "method": "rk4",
+                "substeps": 2,
+                "coordinates": "relative",
+                "exchange": 1.25,
+                "parameters": None,
+                "record": True,
+            },
+        ),
+        "Stepper.step": (lambda u: sim.step(u).q, {"u": [1.0]}),
+        "Stepper.reset": (lambda initial: sim.reset(initial).q, {"initial": None}),
+        "Stepper.joint": (lambda name: sim.joint(name).position, {"name": "A"}),
         "Result.drive": (lambda name: run.drive(name).effort, {"name": "none"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
         "Result.self_stresses": (lambda output: run.self_stresses(output).wrenches, {"output": 0}),

@@ -9,6 +9,7 @@ from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, save
 from . import models, solve
+from . import stepper as stepping
 from .assemblies import assemblies
 from .models import Modelled
 from .poses import assemble_many
@@ -65,6 +66,8 @@ class Mechanism(Modelled):
     assemble_many = assemble_many
     convert = solve.convert
     simulate = solve.simulate
+    inputs = property(stepping.inputs)
+    stepper = stepping.stepper
     compare = compare_mechanism
     report = report
 

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import options as run_options
 from ..errors import ArgumentError, DoubtfulResultWarning
 from ..naming import driven, listed
 from ..numeric import shown
 from ..sensing import SensorRecord
+from ..state import Layout, State, finite_time
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
@@ -244,6 +246,57 @@ class Result:
             return EnergyResult(*(np.zeros(0) for _ in range(3)))
         found = self._source.energies
         return EnergyResult(found["kinetic"], found["potential"], self._record.arrays["work"])
+
+    def state(self, t: float | None = None) -> State:
+        """The state at time `t` [s] of the run, to start another one from (`initial=`); None: at its end.
+
+        At an output it is that output. Between two it is marched to from the one before, with the method and the
+        tolerances of the run, and closed to round-off: it lies on the motion within these tolerances. So runs can be
+        restarted from any instant.
+
+        Raises `ArgumentError` outside of the run, for a stored result between its outputs, and where the tangent
+        velocities of the run were the user's own functions.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> run = m.simulate(1.0, t_eval=[0.0, 1.0])
+        >>> again = m.simulate(0.7, initial=run.state(0.3), t_eval=[1.0])
+        >>> bool(abs(again.q[-1] - run.q[-1]).max() < 1e-6)
+        True
+        """
+        if not len(self.t):
+            raise ArgumentError("the run has no outputs, so there is no state to be had", argument="t")
+        time = float(self.t[-1]) if t is None else finite_time(t)
+        if not self.t[0] <= time <= self.t[-1]:
+            raise ArgumentError(
+                f"t = {time:g} s is outside the outputs of the run, from {self.t[0]:g} to {self.t[-1]:g} s",
+                argument="t",
+            )
+        i = int(np.searchsorted(self.t, time, side="right")) - 1
+        q, v = self.q[i], self.v[i]
+        if time != self.t[i]:
+            q, v = self._between(i, time)
+        if self._source is not None:
+            return State(time, q.copy(), v.copy(), layout=Layout(self.summary))
+        return State(time, q.copy(), v.copy(), list(self.names.coordinates), list(self.names.velocities))
+
+    def _between(self, i: int, t: float) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and velocities at t, behind output i."""
+        model = self._source.model if isinstance(self._source, ModelSource) else None
+        chosen = {key: value for key, value in self.options.items() if key != "coordinates"}
+        if model is None or chosen.get("formulation") == "user-tangent":
+            raise ArgumentError(
+                f"t = {t:g} s lies between outputs, and what is needed to march there is not at hand; give one of the "
+                f"outputs, such as {self.t[i]:.12g} s, or simulate with t there in t_eval",
+                argument="t",
+            )
+        chosen.update(t0=float(self.t[i]), t_end=t)
+        raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
+        if not raw["success"] or not len(raw["q"]):
+            raise raw["error"] or ArgumentError(
+                f"the motion cannot be marched to t = {t:g} s: {raw['message']}", argument="t"
+            )
+        return raw["q"][-1], raw["v"][-1]
 
     def joint(self, name: str) -> JointResult:
         """Motion and reaction of the joint `name`, tree or cut alike.

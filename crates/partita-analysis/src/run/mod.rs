@@ -5,10 +5,12 @@ mod departure;
 mod inconsistent;
 mod journal;
 mod request;
+mod stepping;
 mod verdict;
 
 pub use journal::{Assessed, Described, Journal};
 pub use request::Request;
+pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
