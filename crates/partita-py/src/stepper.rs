@@ -129,6 +129,8 @@ pub struct Stepper {
     model: Arc<Model>,
     inputs: Vec<Input>,
     process: u32,
+    /// Held by who waits for an answer: orders come one at a time.
+    turn: Mutex<()>,
 }
 
 /// Put a value in the place of each input.
@@ -182,21 +184,28 @@ impl Stepper {
             there.changed.notify_all();
         };
         let thread = thread::Builder::new().name("partita stepper".into()).spawn(life)?;
-        let stepper =
-            Self { desk, thread: Mutex::new(Some(thread)), held, model: own, inputs, process: std::process::id() };
-        stepper.waited(py, None)?;
+        let (thread, process) = (Mutex::new(Some(thread)), std::process::id());
+        let stepper = Self { desk, thread, held, model: own, inputs, process, turn: Mutex::default() };
+        stepper.waited(py, || stepper.desk.first())?;
         Ok(stepper)
     }
 
-    /// Wait for the answer to an order, or for the thread's first word.
-    fn waited(&self, py: Python<'_>, order: Option<Order>) -> PyResult<()> {
+    /// An order with these inputs held; those before where it fails.
+    fn with_inputs(&self, u: &[f64], order: Order) -> Result<(), AnalysisError> {
+        let before = self.held.values();
+        self.held.set(u);
+        self.desk.ask(order).inspect_err(|_| self.held.set(&before))
+    }
+
+    /// Wait for the thread, with the interpreter free for others.
+    fn waited(&self, py: Python<'_>, ask: impl FnOnce() -> Result<(), AnalysisError> + Send) -> PyResult<()> {
         if self.process != std::process::id() {
             let message = "a stepper does not live on in a forked process; make a new one there";
             return Err(raise(py, "ArgumentError", message, &[("argument", "stepper".into())]));
         }
-        let answer = py.detach(|| match order {
-            Some(order) => self.desk.ask(order),
-            None => self.desk.first(),
+        let answer = py.detach(|| {
+            let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+            ask()
         });
         answer.map_err(|e| failure::analysis(py, e))
     }
@@ -239,9 +248,7 @@ impl Stepper {
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {
             let u = vector(&inputs, self.inputs.len(), "inputs")?;
-            let before = self.held.values();
-            self.held.set(&u);
-            self.waited(py, Some(Order::Step)).inspect_err(|_| self.held.set(&before))
+            self.waited(py, || self.with_inputs(&u, Order::Step))
         })
     }
 
@@ -256,7 +263,8 @@ impl Stepper {
         guarded(py, || {
             let size = self.model.size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            self.waited(py, Some(Order::Begin(t, q, v)))
+            let rest = vec![0.0; self.inputs.len()];
+            self.waited(py, || self.with_inputs(&rest, Order::Begin(t, q, v)))
         })
     }
 
@@ -284,7 +292,7 @@ impl Stepper {
             let spec = replaced(&self.model.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
             let model = Model::new(spec, self.model.functions(), self.model.coordinates());
             let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
-            self.waited(py, Some(Order::Tell))?;
+            self.waited(py, || self.desk.ask(Order::Tell))?;
             let told = self.desk.look().told.take();
             let told = told.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
             Ok((run::left(py, &model, told)?, crate::model::Model::of(model)))
