@@ -17,6 +17,20 @@ Goal = tuple[str, str, int, int, tuple[float, float, float]]
 class Stepper:
     """A motion stepped tick by tick under inputs, on a thread of its own."""
 
+    def __init__(
+        self,
+        model: Model,
+        options: str,
+        dt: float,
+        steps: int,
+        inputs: list[tuple[int, int]],
+        t: float,
+        q: Array,
+        v: Array,
+        keeps: bool,
+    ) -> None:
+        """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components."""
+
     def step(self, inputs: Array) -> None:
         """One tick with these inputs held."""
 
@@ -134,20 +148,6 @@ class Model:
         tangent: Any = None,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
-
-    def stepper(
-        self,
-        options: str,
-        dt: float,
-        steps: int,
-        inputs: list[tuple[int, int]],
-        t: float,
-        q: Array,
-        v: Array,
-        keeps: bool,
-    ) -> Stepper:
-        """A motion to be stepped by ticks of `dt`, each of so many `steps`, under inputs: forces of the description and
-        components."""
 
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None

@@ -7,7 +7,6 @@ use crate::outputs::{self, Acting, Flags, Motion};
 use crate::poses;
 use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
-use crate::stepper;
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;
 use crate::waiting::heard;
@@ -36,7 +35,7 @@ struct Structure {
     note: Option<String>,
 }
 
-type Inner = partita_model::Model;
+pub(crate) type Inner = partita_model::Model;
 /// Coordinates, branches and residual of an assembly.
 type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 
@@ -45,6 +44,11 @@ const LONG: usize = 200_000;
 const MANY: usize = 300;
 
 impl Model {
+    /// The compiled mechanism.
+    pub(crate) fn inner(&self) -> &Inner {
+        &self.inner
+    }
+
     /// Around a compiled mechanism.
     pub(crate) fn of(inner: Arc<Inner>) -> Self {
         Self { inner, structure: OnceLock::new() }
@@ -391,28 +395,6 @@ impl Model {
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
             run::run(py, system, &options, &t_eval, (&q, &v), run::tangent(self.nv(), tangent), progress, calls)
-        })
-    }
-
-    /// A motion to be stepped by ticks of `dt`, each of so many `steps` of a method, under `inputs`: forces of the description
-    /// and components.
-    #[pyo3(signature = (options, dt, steps, inputs, t, q, v, keeps))]
-    fn stepper<'py>(
-        &self,
-        py: Python<'py>,
-        options: &str,
-        dt: f64,
-        steps: u32,
-        inputs: Vec<stepper::Input>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
-        keeps: bool,
-    ) -> PyResult<stepper::Stepper> {
-        guarded(py, || {
-            let request = read_options(py, options)?;
-            let (q, v) = self.state(&q, &v)?;
-            stepper::Stepper::new(py, &self.inner, inputs, request, (dt, steps), (t, q, v), keeps)
         })
     }
 

@@ -152,7 +152,7 @@ fn no_input(py: Python<'_>) -> PyErr {
 
 impl Stepper {
     /// For a compiled model; `start` is a closed state of it.
-    pub fn new(
+    fn around(
         py: Python<'_>,
         model: &Model,
         inputs: Vec<Input>,
@@ -244,6 +244,30 @@ impl Drop for Stepper {
 
 #[pymethods]
 impl Stepper {
+    /// A motion of a compiled model to be stepped by ticks of `dt`, each of so many `steps` of a method, under `inputs`: forces
+    /// of the description and components.
+    #[new]
+    #[pyo3(signature = (model, options, dt, steps, inputs, t, q, v, keeps))]
+    fn new(
+        py: Python<'_>,
+        model: &crate::model::Model,
+        options: &str,
+        dt: f64,
+        steps: u32,
+        inputs: Vec<Input>,
+        t: f64,
+        q: PyReadonlyArray1<'_, f64>,
+        v: PyReadonlyArray1<'_, f64>,
+        keeps: bool,
+    ) -> PyResult<Self> {
+        guarded(py, || {
+            let request = run::read_options(py, options)?;
+            let size = model.inner().size();
+            let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
+            Self::around(py, model.inner(), inputs, request, (dt, steps), (t, q, v), keeps)
+        })
+    }
+
     /// One tick with these inputs held.
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {

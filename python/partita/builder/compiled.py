@@ -241,6 +241,10 @@ class CompiledModel(Equations):
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
 
+    def stepping(self, *arguments: Any) -> _core.Stepper:
+        """What `Mechanism.stepper` steps in the core; for tools."""
+        return _core.Stepper(self.core, *arguments)
+
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again where it arrives."""
         return _again, (self._drawn, self.coordinates, self._changes)
