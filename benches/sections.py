@@ -12,6 +12,8 @@ from typing import Any
 from building import AIM, PARTS, building_cost
 from evaluations import AGREES, PROBLEMS, costs
 from limit import Figure, measured
+from loads import AIM as LOADS_AIM
+from loads import load_costs
 from many_freedoms import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
 from poses import AIM as POSES_AIM
@@ -162,6 +164,15 @@ def poses(_: Path) -> dict[str, Any]:
     return {"sweeps": [asdict(cost) for cost in found]}
 
 
+def loads(_: Path) -> dict[str, Any]:
+    """Forces over a coordinate and of tyres, without Python in the loop."""
+    print("\nLoads: m.simulate with a load over the same fixed steps without it")
+    found = load_costs()
+    for title, cost in found.items():
+        print(f"  {title}: {told(cost.bare)} without, {told(cost.loaded)} with: {against(cost.ratio, LOADS_AIM)}")
+    return {title: {**asdict(cost), "ratio": cost.ratio} for title, cost in found.items()}
+
+
 def _ratio(seconds: float, limit: Figure | None) -> float | None:
     return None if limit is None else seconds / limit.seconds
 
@@ -173,4 +184,5 @@ SECTIONS = {
     "evaluations": evaluations,
     "face": face,
     "poses": poses,
+    "loads": loads,
 }

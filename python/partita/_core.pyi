@@ -14,6 +14,35 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Goal = tuple[str, str, int, int, tuple[float, float, float]]
 
+class Stepper:
+    """A motion stepped tick by tick under inputs, on a thread of its own."""
+
+    def __init__(
+        self,
+        model: Model,
+        options: str,
+        dt: float,
+        steps: int,
+        inputs: list[tuple[int, int]],
+        t: float,
+        q: Array,
+        v: Array,
+        keeps: bool,
+    ) -> None:
+        """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components."""
+
+    def step(self, inputs: Array) -> None:
+        """One tick with these inputs held."""
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        """Stand at a closed state."""
+
+    def state(self) -> tuple[float, Array, Array]:
+        """Where it stands: t, q, v."""
+
+    def result(self, breaks: list[float], values: list[list[float]]) -> tuple[dict[str, Any], Model]:
+        """What a run would have left, and the model with the inputs as tables."""
+
 class Model:
     """A compiled mechanism: constant; states are handed in."""
 
@@ -133,6 +162,13 @@ class Model:
 
     def joint_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> Array:
         """Accelerations along the freedoms of the joints `which` (nt, freedoms), in the order of their velocities."""
+
+    def body_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> dict[str, Array]:
+        """Accelerations of the origins of the bodies `which` and of their turning at nt samples, world axes."""
+
+    def load(self, t: Array, q: Array, v: Array, number: int) -> dict[str, Array]:
+        """Power, potential and effort (NaN: none) of an applied force of the description at nt samples, (nt,) each, and
+        `point`, `force`, `moment` (nt, bodies, 3) of what it does to each body, world axes."""
 
     def energies(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
         """Kinetic and potential energy at nt samples."""

@@ -97,3 +97,6 @@ class Readable(Protocol):
 
     def body(self, name: str) -> Any:
         """Motion of a body."""
+
+    def sensor(self, name: str) -> Any:
+        """What a sensor read."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
+from .sensing import Senses
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]
@@ -24,6 +25,7 @@ class Layout:
         self.velocity_names: list[str] = []
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
+        self.senses = Senses({}, {})
         if summary is not None:
             self.fill(summary)
 
@@ -79,11 +81,19 @@ class StateView:
     name, those of joints that close loops or stand in absolute coordinates among them (their angles, in space, within
     half a turn either way; turns about all axes are not)."""
 
-    __slots__ = ("_beyond", "_layout", "q", "t", "v")
+    __slots__ = ("_beyond", "_layout", "_seen", "q", "t", "v")
 
-    def __init__(self, t: float, q: Array, v: Array, layout: Layout, beyond: tuple[Array, Array] | None = None) -> None:
+    def __init__(
+        self,
+        t: float,
+        q: Array,
+        v: Array,
+        layout: Layout,
+        beyond: tuple[Array, Array] | None = None,
+        seen: Array | None = None,
+    ) -> None:
         self.t, self.q, self.v = t, q, v
-        self._layout, self._beyond = layout, beyond
+        self._layout, self._beyond, self._seen = layout, beyond, seen
 
     def position(self, joint: Any) -> Any:
         """Coordinate of a joint by name or handle [rad or m]: a float if it has one, else an array; see
@@ -97,6 +107,20 @@ class StateView:
         if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
             return _part(self._beyond[1], span)
         return _part(self.v, self._layout.v(joint))
+
+    def sensor(self, name: Any) -> Any:
+        """What a sensor of positions or velocities reads: a float or an array, see `Mechanism.add_sensor`.
+
+        Inside of functions f(t, state) alone. Raises `UnknownNameError` for a sensor that there is not, `ArgumentError`
+        for one that needs accelerations or forces, which follow from what such functions answer.
+        """
+        if self._seen is None:
+            raise ArgumentError(
+                "sensors are read inside of force laws, and of a run by run.sensor(name); a state alone knows no "
+                "mechanism",
+                argument="name",
+            )
+        return self._layout.senses.read(name, self.t, self._seen)
 
 
 class State(StateView):

@@ -280,6 +280,15 @@ def built() -> dict[str, Callable[[], Call]]:
             "on": ["box"],
             "sees": ["A", "rod", ("box", X)],
         },
+        "add_sensor": {
+            "name": "se",
+            "of": ("box", X),
+            "reads": "acceleration",
+            "axes": "rod",
+            "coordinate": None,
+            "unit": "g",
+            "text": "of the box",
+        },
     }
 
     def make(name: str, arguments: dict[str, Any]) -> Callable[[], Call]:
@@ -288,7 +297,8 @@ def built() -> dict[str, Callable[[], Call]]:
 
             def add_and_run(**given: Any) -> Any:
                 getattr(m, name)(**given)
-                return m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
+                run = m.simulate(1e-3, t_eval=[0.0, 1e-3], max_steps=20)
+                return run, [run.sensor(each).values for each in run.sensors]
 
             return add_and_run, arguments
 
@@ -314,6 +324,12 @@ def asked() -> dict[str, Callable[[], Call]]:
     state = m.assemble(rates={"A": 1.0})
     model = m.compile()
     run = m.simulate(0.01, t_eval=[0.0, 0.01], initial=state)
+    tip = mechanism()
+    tip.add_sensor("tip", ("rod", X), "acceleration")
+    motor = mechanism()
+    motor.add_torque("A", 0.0, name="motor")
+    sim = motor.stepper(1e-3, record=False)
+    sensed = tip.simulate(0.01, t_eval=[0.0, 0.01])
     s = ring()
     hand_run = pt.simulate(s, 0.01, [1.0, 0.0], [0.0, 0.0], t_eval=[0.0, 0.01])
     q, v = state.q, state.v
@@ -496,6 +512,25 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Entry.simulate": (pt.catalogue.entry("four-bar").simulate, {"rtol": 1e-6, "max_steps": 20}),
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
+        "Result.sensor": (lambda name: sensed.sensor(name).values, {"name": "tip"}),
+        "Result.state": (lambda t: run.state(t).q, {"t": 0.005}),
+        "Mechanism.stepper": (
+            lambda **given: tip.stepper(**given).step().q,
+            {
+                "dt": 1e-3,
+                "inputs": [],
+                "initial": None,
+                "method": "rk4",
+                "substeps": 2,
+                "coordinates": "relative",
+                "exchange": 1.25,
+                "parameters": None,
+                "record": True,
+            },
+        ),
+        "Stepper.step": (lambda u: sim.step(u).q, {"u": [1.0]}),
+        "Stepper.reset": (lambda initial: sim.reset(initial).q, {"initial": None}),
+        "Stepper.joint": (lambda name: sim.joint(name).position, {"name": "A"}),
         "Result.drive": (lambda name: run.drive(name).effort, {"name": "none"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),
         "Result.self_stresses": (lambda output: run.self_stresses(output).wrenches, {"output": 0}),

@@ -75,7 +75,7 @@ pub struct Outcome {
     pub error: Option<SystemError>,
 }
 
-struct Adapter<'f, F: Formulation>(&'f mut F);
+pub(crate) struct Adapter<'f, F: Formulation>(pub(crate) &'f mut F);
 
 impl<F: Formulation> Ode for Adapter<'_, F> {
     type Error = SystemError;
@@ -88,7 +88,7 @@ impl<F: Formulation> Ode for Adapter<'_, F> {
     }
 }
 
-fn sorted(e: SystemError) -> RhsError<SystemError> {
+pub(crate) fn sorted(e: SystemError) -> RhsError<SystemError> {
     if e.is_local() {
         RhsError::Retry(e)
     } else {
@@ -184,7 +184,8 @@ fn is_of_a_position(e: &SystemError) -> bool {
     )
 }
 
-fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
+/// How a march ends that failed at t, in a word and in a sentence, and what failed.
+pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
     let message = failure.to_string();
     match failure {
         StepFailure::TooSmall { last: Some(e), .. } if is_of_a_position(&e) => {

@@ -22,7 +22,7 @@ use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{Callers, Instant};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Planar, Quaternion, Space, Spatial, Vec3};
+use partita_math::spatial::{Mat3, Planar, Quaternion, Space, Spatial, Vec3};
 use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::sync::Arc;
@@ -477,7 +477,9 @@ fn mechanics<G: Space>(
     rows.extend(conditions.iter().flat_map(|c| c.named(spec)));
     let elements = Element::all(spec, placed, numbers, &tree)?;
     let sights = Element::sights(placed, numbers, &elements)?;
-    Ok((Mechanics::new(tree, conditions, elements, sights, massive), rows))
+    let sensed = Element::sensed(spec, placed, numbers, &elements)?;
+    let out = Mat3::from_f64(placed.basis.transpose().0);
+    Ok((Mechanics::new(tree, conditions, elements, sights, massive).sensing(sensed, out), rows))
 }
 
 /// Links with mass or inertia.

@@ -31,6 +31,7 @@ pub mod place;
 pub mod reaction;
 pub mod reduced;
 pub mod rows;
+pub mod shown;
 mod sparse_mass;
 pub mod spec;
 pub mod topology;

@@ -1,11 +1,11 @@
 //! The tree in one space with everything that acts on it: what an evaluation needs.
 
 use crate::coupling::Condition;
-use crate::force::{At, Element, Reading, Room};
+use crate::force::{At, Element, Reading, Room, Seen};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::Instant;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::Space;
+use partita_math::spatial::{Mat3, Space};
 use partita_system::SystemError;
 use std::ops::Deref;
 
@@ -20,6 +20,10 @@ pub struct Mechanics<G: Space> {
     /// Coordinates of joints that close loops, in the order of the joints: functions of the state see them behind those of
     /// the tree. None where there is no such function.
     pub(crate) sights: Vec<Reading<G>>,
+    /// What sensors look at, which the same functions see behind those coordinates; none where there is no function.
+    pub(crate) sensed: Vec<Seen<G>>,
+    /// World axes from mechanism axes.
+    pub(crate) out: Mat3<G::S>,
 }
 
 impl<G: Space> Deref for Mechanics<G> {
@@ -47,7 +51,18 @@ impl<G: Space> Mechanics<G> {
         }
         tree.efforts.sort_unstable();
         tree.efforts.dedup();
-        Self { tree, elements, conditions, sights }
+        Self { tree, elements, conditions, sights, sensed: Vec::new(), out: Mat3::identity() }
+    }
+
+    /// Let functions of the state see what sensors look at.
+    pub(crate) fn sensing(mut self, sensed: Vec<Seen<G>>, out: Mat3<G::S>) -> Self {
+        (self.sensed, self.out) = (sensed, out);
+        self
+    }
+
+    /// Do functions of the state see no more than the tree's coordinates?
+    pub(crate) fn sees_tree_alone(&self) -> bool {
+        self.sights.is_empty() && self.sensed.is_empty()
     }
 
     /// M is a metric as it is: let no link count with more than it has.
@@ -100,7 +115,7 @@ impl<G: Space> Mechanics<G> {
         self.clear_forces(s);
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
-        let (all_q, all_v) = if self.sights.is_empty() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
+        let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         for e in &self.elements {
             let instant = Instant { t, q: all_q, v: all_v, callers };
             let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
@@ -121,7 +136,7 @@ impl<G: Space> Mechanics<G> {
         let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
         q.clear();
         v.clear();
-        if !self.sights.is_empty() {
+        if !self.sees_tree_alone() {
             q.extend_from_slice(instant.q);
             v.extend_from_slice(instant.v);
             let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
@@ -131,6 +146,7 @@ impl<G: Space> Mechanics<G> {
                 q.push(read.value);
                 v.push(read.rate);
             }
+            self.sensed.iter().for_each(|sight| sight.show(&at, &self.out, &mut q));
         }
         (q, v)
     }
@@ -146,7 +162,7 @@ impl<G: Space> Mechanics<G> {
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
-        let (all_q, all_v) = if self.sights.is_empty() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
+        let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         let at = At { tree: &self.tree, s, instant: Instant { t, q: all_q, v: all_v, callers } };
         for e in &self.elements {
             let effect = e.wrench(&at, room)?;

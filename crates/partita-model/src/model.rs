@@ -140,6 +140,11 @@ impl Model {
         Self::build(spec, functions, coordinates, true)
     }
 
+    /// The functions handed along with its description.
+    pub fn functions(&self) -> Arc<dyn Functions> {
+        self.callers.functions.clone()
+    }
+
     /// The same model with its reduced equations found in this way.
     pub fn with_recursion(mut self, preference: Preference) -> Self {
         self.preference = preference;

@@ -4,6 +4,7 @@
 //! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
+use crate::force::Seen;
 use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
@@ -48,7 +49,7 @@ impl Part {
         links.extend(elements.iter().flat_map(|&i| full.elements[i].touches().1));
         links.extend(elements.iter().flat_map(|&i| full.elements[i].looks_at()));
         if elements.iter().any(|&i| full.elements[i].sees_state()) {
-            links.extend(full.sights.iter().flat_map(|r| r.touches().1));
+            links.extend(seen(model));
         }
         for &k in &closings {
             links.extend(sides(k).map(|n| model.placed.link_of(n)));
@@ -77,6 +78,12 @@ fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Ve
         }
     }
     all.into_iter().collect() // a parent's number is smaller than its children's
+}
+
+/// Links that functions of the state look at.
+fn seen<S: Scalar>(model: &Evaluator<S>) -> impl Iterator<Item = usize> + '_ {
+    let coordinates = model.full.sights.iter().flat_map(|r| r.touches().1);
+    coordinates.chain(model.full.sensed.iter().flat_map(Seen::links))
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -116,6 +123,22 @@ impl<S: Scalar> Evaluator<S> {
             }
         }
         Part::new(self, &outboard, |joint| joint == j, &self.sides(j))
+    }
+
+    /// What element `e` of the applied forces depends on.
+    pub fn part_of_load(&self, e: usize) -> Part {
+        let element = &self.full.elements[e];
+        let mut links: BTreeSet<usize> = element.touches().1.into_iter().chain(element.looks_at()).collect();
+        if element.sees_state() {
+            links.extend(seen(self));
+        }
+        // the link that moves with a velocity along which it acts
+        let along = element.touches().0;
+        links.extend((1..self.full.links.len()).filter(|&i| {
+            let l = &self.placed.links[i];
+            along.is_some_and(|v| (l.v..l.v + l.motion.velocities()).contains(&v))
+        }));
+        Part { links: with_ancestors(self, links), elements: vec![e], ..Part::default() }
     }
 
     /// Links of the two sides of a joint, and those of its own motions.

@@ -43,6 +43,9 @@ pub struct Spec {
     /// Applied forces.
     #[serde(default)]
     pub forces: Vec<Force>,
+    /// What functions of the state see besides coordinates: bodies, points and joints, for sensors.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sights: Vec<Sight>,
 }
 
 /// A rigid body; its frame has its origin at `position`.

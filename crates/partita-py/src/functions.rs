@@ -4,6 +4,8 @@ use crate::arrays::entries;
 use numpy::ToPyArray;
 use partita_model::value::{Functions, RELATION, TURNING};
 use pyo3::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 
@@ -91,5 +93,62 @@ impl Functions for Callables {
             Ok([a, b, c])
         })
         .map_err(|e: PyErr| Box::new(e) as Fault)
+    }
+}
+
+/// Functions, and behind them numbers that are held until they are set anew: inputs of a motion that is stepped.
+pub struct Held {
+    functions: Arc<dyn Functions>,
+    numbers: Vec<AtomicU64>,
+}
+
+impl Held {
+    /// So many numbers, all 0.
+    pub fn new(functions: Arc<dyn Functions>, count: usize) -> Self {
+        Self { functions, numbers: (0..count).map(|_| AtomicU64::new(0)).collect() }
+    }
+
+    /// Number of the first input among the functions.
+    pub fn first(&self) -> usize {
+        self.functions.count()
+    }
+
+    /// Hold these.
+    pub fn set(&self, values: &[f64]) {
+        for (cell, x) in self.numbers.iter().zip(values) {
+            cell.store(x.to_bits(), Ordering::Relaxed);
+        }
+    }
+
+    /// What is held.
+    pub fn values(&self) -> Vec<f64> {
+        self.numbers.iter().map(|cell| f64::from_bits(cell.load(Ordering::Relaxed))).collect()
+    }
+}
+
+impl Functions for Held {
+    fn count(&self) -> usize {
+        self.functions.count() + self.numbers.len()
+    }
+    fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
+        match i.checked_sub(self.functions.count()).and_then(|i| self.numbers.get(i)) {
+            Some(cell) => Ok(f64::from_bits(cell.load(Ordering::Relaxed))),
+            None => self.functions.scalar(i, t, q, v),
+        }
+    }
+    fn vector(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<[f64; 3], Fault> {
+        self.functions.vector(i, t, q, v)
+    }
+    fn relation(&self, i: usize, t: f64, x: &[f64], rates: &[f64]) -> Result<[f64; RELATION], Fault> {
+        self.functions.relation(i, t, x, rates)
+    }
+    fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
+        self.functions.law(i, t, seen, out)
+    }
+    fn turning(&self, i: usize, t: f64) -> Result<[f64; TURNING], Fault> {
+        self.functions.turning(i, t)
+    }
+    fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
+        self.functions.motion(i, t)
     }
 }

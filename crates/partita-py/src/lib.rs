@@ -11,6 +11,7 @@ mod partition;
 mod poses;
 mod run;
 mod state;
+mod stepper;
 mod summary;
 mod tangent;
 mod toml;
@@ -29,6 +30,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<hand::System>()?;
     m.add_class::<run::Account>()?;
+    m.add_class::<stepper::Stepper>()?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
     m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;

@@ -35,7 +35,7 @@ struct Structure {
     note: Option<String>,
 }
 
-type Inner = partita_model::Model;
+pub(crate) type Inner = partita_model::Model;
 /// Coordinates, branches and residual of an assembly.
 type Assembled<'py> = (Array<'py>, Vec<i8>, f64);
 
@@ -44,6 +44,16 @@ const LONG: usize = 200_000;
 const MANY: usize = 300;
 
 impl Model {
+    /// The compiled mechanism.
+    pub(crate) fn inner(&self) -> &Inner {
+        &self.inner
+    }
+
+    /// Around a compiled mechanism.
+    pub(crate) fn of(inner: Arc<Inner>) -> Self {
+        Self { inner, structure: OnceLock::new() }
+    }
+
     /// May questions to the whole model take long?
     fn is_large(&self) -> bool {
         self.inner.size().nv > MANY
@@ -452,6 +462,34 @@ impl Model {
             let motion = Motion::read(&self.inner, &t, &q, &v)?;
             outputs::joint_accelerations(py, &self.inner, &motion, &vdot, &which)
         })
+    }
+
+    /// Accelerations of the bodies `which` at nt samples.
+    fn body_accelerations<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        which: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, &t, &q, &v)?;
+            outputs::body_accelerations(py, &self.inner, &motion, &vdot, &which)
+        })
+    }
+
+    /// What applied force `number` of the description does at nt samples.
+    fn load<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        number: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || outputs::load(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, number))
     }
 
     /// Kinetic and potential energy at nt samples.

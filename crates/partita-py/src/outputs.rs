@@ -190,6 +190,37 @@ pub fn joint_accelerations<'py>(
     Ok(array(py, &[states.len(), nv], found.next().unwrap_or_default()))
 }
 
+/// Accelerations of the origins of the bodies `which`, and of their turning.
+pub fn body_accelerations<'py>(
+    py: Python<'py>,
+    m: &Model,
+    x: &Motion,
+    vdot: &PyReadonlyArray2<'py, f64>,
+    which: &[usize],
+) -> PyResult<Bound<'py, PyDict>> {
+    known(py, which, m.spec.bodies.len(), "body")?;
+    let (states, nb) = (x.states(), which.len());
+    let vdot = rows_of(vdot, states.len(), m.size().nv, "vdot")?;
+    let found = tables(py, |watch| outputs::body_accelerations(m, &states, &vdot, which, watch))?;
+    let shapes: [(&str, &[usize]); 2] = [("body_acceleration", &[nb, 3]), ("body_angular_acceleration", &[nb, 3])];
+    named(py, states.len(), found, &shapes)
+}
+
+/// What applied force `number` does.
+pub fn load<'py>(py: Python<'py>, m: &Model, x: &Motion, number: usize) -> PyResult<Bound<'py, PyDict>> {
+    let states = x.states();
+    let (found, n) = watched(py, |watch| outputs::load(m, &states, number, watch))?;
+    let shapes: [(&str, &[usize]); 6] = [
+        ("power", &[]),
+        ("potential", &[]),
+        ("effort", &[]),
+        ("point", &[n, 3]),
+        ("force", &[n, 3]),
+        ("moment", &[n, 3]),
+    ];
+    named(py, states.len(), found.into_iter(), &shapes)
+}
+
 /// Kinetic and potential energy.
 pub fn energies<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<Bound<'py, PyDict>> {
     let states = x.states();

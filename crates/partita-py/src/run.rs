@@ -149,6 +149,19 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     Ok(d)
 }
 
+/// What a motion left that was stepped, as `run` hands it over; functions of the user are asked in order.
+pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
+    py: Python<'py>,
+    system: &Arc<S>,
+    found: Run,
+) -> PyResult<Bound<'py, PyDict>> {
+    let d = dictionary(py, &**system, &found)?;
+    let kept = Kept { system: system.clone(), journal: found.journal, shared: false };
+    d.set_item("error", py.None())?;
+    d.set_item("journal", Account(Box::new(kept)).into_pyobject(py)?)?;
+    Ok(d)
+}
+
 /// States to evaluate at, a row each: t (nt), q (nt, nq), v (nt, nv).
 pub struct Places<'x, 'py> {
     pub t: &'x PyReadonlyArray1<'py, f64>,

@@ -3,5 +3,19 @@
 from .builder import Builder
 from .measures import Along, Coordinate, Cosine, Distance
 from .records import Body, Coupling, Drive, Force, Joint
+from .sensors import Expression, Sensor
 
-__all__ = ["Along", "Body", "Builder", "Coordinate", "Cosine", "Coupling", "Distance", "Drive", "Force", "Joint"]
+__all__ = [
+    "Along",
+    "Body",
+    "Builder",
+    "Coordinate",
+    "Cosine",
+    "Coupling",
+    "Distance",
+    "Drive",
+    "Expression",
+    "Force",
+    "Joint",
+    "Sensor",
+]

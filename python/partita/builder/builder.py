@@ -17,6 +17,7 @@ from . import joints as joint_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
+from . import sensors as sensor_room
 from .drawing import Drawing
 from .elements import Elements
 from .records import Body, Coupling, Drive, Force, Handle, Joint
@@ -69,6 +70,8 @@ class Builder(Drawing):
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
     add_force_law = law_room.add_force_law
+
+    add_sensor = sensor_room.add_sensor
 
     @property
     def bodies(self) -> Elements[Body]:

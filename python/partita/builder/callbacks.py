@@ -28,7 +28,8 @@ class Callback:
         def call(t: float, q: Array, v: Array) -> Any:
             # behind those of the state stand the coordinates of joints that close loops
             n, m = len(layout.names), len(layout.velocity_names)
-            state = StateView(t, q[:n], v[:m], layout, (q[n:], v[m:]))
+            more = n + len(v) - m
+            state = StateView(t, q[:n], v[:m], layout, (q[n:more], v[m:]), q[more:])
             return self._result(t, self.function(t, state))
 
         return call

@@ -15,6 +15,7 @@ from .. import _core
 from ..errors import ArgumentError, EvaluationError
 from ..instant import Instant
 from ..numeric import floats, shown
+from ..sensing import SensorRecord
 from ..state import Layout, finite_time
 from ..units.door import SI, QuantityError, in_si
 from .checks import Element, shape_of
@@ -185,6 +186,11 @@ class CompiledModel(Equations):
         return [*self.summary.get("notes", []), *(note for notes in self._notes for note in notes)]
 
     @property
+    def sensors(self) -> Mapping[str, SensorRecord]:
+        """Sensors of the description, by name."""
+        return self._drawn.sensors
+
+    @property
     def row_names(self) -> list[str]:
         """Names of the constraint rows, such as "D.x"."""
         return list(self.summary["rows_names"])
@@ -239,6 +245,10 @@ class CompiledModel(Equations):
                 raise ArgumentError(message, argument="changes") from error
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
+
+    def stepping(self, *arguments: Any) -> _core.Stepper:
+        """What `Mechanism.stepper` steps in the core; for tools."""
+        return _core.Stepper(self.core, *arguments)
 
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again where it arrives."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..sensing import SensorRecord
 from .checks import Array
 from .poses import PoseValue
 from .values import Function, Value
@@ -256,6 +257,7 @@ class Description:
     driven: dict[str, str] = field(default_factory=dict)  # measure as text -> drive
     couplings: dict[str, CouplingRecord] = field(default_factory=dict)
     forces: dict[str, ForceLike] = field(default_factory=dict)
+    sensors: dict[str, SensorRecord] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # made-up name -> number at which the next one is looked for
     version: int = 0
 
@@ -263,7 +265,7 @@ class Description:
         """As it is now, whatever is added to this one later; records never change and are shared."""
         tables = {
             name: dict(getattr(self, name))
-            for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "numbers")
+            for name in ("bodies", "joints", "drives", "driven", "couplings", "forces", "sensors", "numbers")
         }
         return Description(
             self.name, self.gravity, self.changing_gravity, self.drawing_tolerance, version=self.version, **tables

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ..sensing import Senses
 from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
+from .joints import scalars
 from .poses import Held, PoseFunction, PoseTable, PoseValue, slide_of, turning_of
 from .records import (
     GROUND,
@@ -59,7 +61,19 @@ class Writer:
             "name": d.name,
             "gravity": d.gravity.tolist(),
             "drawing_tolerance": d.drawing_tolerance,
+            **self._sights(),
         }
+
+    def _sights(self) -> dict[str, Any]:
+        """What functions of the state see for the sensors they may read; nothing where there are none."""
+        d = self.description
+        if not d.sensors:
+            return {}
+        senses = Senses(d.sensors, {name: scalars(record) for name, record in d.joints.items()})
+        self.layout.senses = senses
+        bodies = [{"body": name} for name in senses.bodies]
+        joints = [{"joint": [name, i]} for name, count in senses.joints.items() for i in range(count)]
+        return {"sights": bodies + joints}
 
     def _lists(self) -> dict[str, Iterator[dict[str, Any]]]:
         d = self.description

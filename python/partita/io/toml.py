@@ -60,6 +60,7 @@ _STAGES = (
     ("coupler", "cam", "rolling"),
     ("drive",),
     _FORCES,
+    ("sensor",),
 )
 
 

@@ -26,6 +26,7 @@ from ..builder.records import (
 )
 from ..builder.spec import VERSION
 from ..builder.values import Constant, Cubics, Function, Table, Value
+from ..sensing import SensorRecord
 
 _WIDTH = 110
 Entries = dict[str, Any]
@@ -58,6 +59,28 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         yield _table("[[drive]]", _drive(drive))
     for force in d.forces.values():
         yield _force(force)
+    for sensor in d.sensors.values():
+        yield _table("[[sensor]]", _sensor(sensor))
+
+
+def _sensor(record: SensorRecord) -> Entries:
+    data = record.data
+    of: Entries
+    match data["of"]:
+        case "function":
+            Element("sensor", record.name).fail(
+                "it is a Python function, which a file cannot hold; say it as an expression, or leave it to Python"
+            )
+        case "point":
+            of = {"body": data["body"], "point": data["point"]}
+        case "expression":
+            of = {"expression": data["expression"]}
+        case kind:
+            of = {kind: data[kind]}
+    coordinate = data.get("coordinate") if data["of"] == "joint" else data.get("body") if "force" in data else None
+    axes = None if data.get("axes") == "world" else data.get("axes")
+    said = {"reads": data.get("reads"), "axes": axes, "coordinate": coordinate}
+    return {"name": record.name, "of": of, **said, "unit": record.unit, "text": record.text}
 
 
 def _body(record: BodyRecord) -> Entries:

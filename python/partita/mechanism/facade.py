@@ -10,6 +10,7 @@ from ..builder.records import DRAWING_TOLERANCE
 from ..comparison import compare_mechanism
 from ..io import Reading, Writing, save
 from . import models, solve
+from . import stepper as stepping
 from .assemblies import assemblies
 from .fmu import to_fmu
 from .models import Modelled
@@ -67,6 +68,8 @@ class Mechanism(Modelled):
     assemble_many = assemble_many
     convert = solve.convert
     simulate = solve.simulate
+    inputs = property(stepping.inputs)
+    stepper = stepping.stepper
     compare = compare_mechanism
     report = report
     to_fmu = to_fmu

@@ -260,6 +260,25 @@ def _fitting(what: str, state: Any, model: CompiledModel) -> None:
         )
 
 
+def start_of(
+    self: Modelled,
+    initial: Any,
+    model: CompiledModel,
+    coordinates: str,
+    parameters: Mapping[str, ArrayLike] | None,
+) -> State:
+    """Where a motion starts: the state given, in the coordinates wanted, or the drawing, assembled, at rest."""
+    start = initial if initial is not None else assemble(self, coordinates=coordinates, parameters=parameters)
+    if (
+        isinstance(start, State)
+        and start.names != model.names
+        and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
+    ):
+        start = _converted(self, start, coordinates, parameters)
+    _fitting("initial", start, model)
+    return start
+
+
 def simulate(
     self: Modelled,
     duration: float,
@@ -352,14 +371,7 @@ def simulate(
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     model, _ = layout_of(self, wanted, parameters)
-    start = initial if initial is not None else assemble(self, coordinates=coordinates, parameters=parameters)
-    if (
-        isinstance(start, State)
-        and start.names != model.names
-        and any(start.names == compile(self, other).names for other in run_options.COORDINATES)
-    ):
-        start = _converted(self, start, wanted, parameters)
-    _fitting("initial", start, model)
+    start = start_of(self, initial, model, wanted, parameters)
     chosen = run_options.options(
         start.t,
         duration,
@@ -399,4 +411,6 @@ def simulate(
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     core = raw.pop("model", model.core)
-    return Result.from_run(raw, model=core, summary=model.summary, spec=model.description, options=chosen)
+    return Result.from_run(
+        raw, model=core, summary=model.summary, spec=model.description, options=chosen, sensors=model.sensors
+    )

@@ -17,7 +17,7 @@ from .joint import draw_joint
 from .measure import draw_measure
 from .overview import draw_overview
 from .reactions import draw_reactions
-from .series import draw_closure, draw_coordinates, draw_energy
+from .series import draw_closure, draw_coordinates, draw_energy, draw_sensor
 from .style import Canvas, headline, new_figure
 
 __all__ = [
@@ -41,10 +41,11 @@ WORDS: dict[str, tuple[Callable[[Readable, Canvas], object], float]] = {
     "reactions": (draw_reactions, 5.5),
 }
 JOINT_HEIGHT = 5.5
+SENSOR_HEIGHT = 3.0
 
 
 def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
-    """Words among overview (the default), coordinates, closure, energy, measure, reactions, or names of joints,
+    """Words among overview (the default), coordinates, closure, energy, measure, reactions, names of joints or sensors,
     below each other in one figure. `UnknownNameError` for another word."""
     checked_run(result)
     parts = [_part(result, word) for word in what or ("overview",)]
@@ -64,8 +65,11 @@ def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
 def _part(result: Readable, word: str) -> tuple[Callable[[Readable, Canvas], object], float]:
     if isinstance(word, str) and word in WORDS:
         return WORDS[word]
-    known = [*WORDS, *result.names.joints]
-    name = known[index_of(word, known, "plot or joint")]
+    sensors = [item["name"] for item in result.summary.get("sensors", ())]
+    known = [*WORDS, *result.names.joints, *sensors]
+    name = known[index_of(word, known, "plot, joint or sensor")]
+    if name not in result.names.joints:
+        return (lambda result, canvas: draw_sensor(result, name, canvas.subplots())), SENSOR_HEIGHT
     return (lambda result, canvas: draw_joint(result, name, canvas)), JOINT_HEIGHT
 
 

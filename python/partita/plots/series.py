@@ -26,6 +26,18 @@ def _widest(result: Readable) -> list[int]:
     return sorted(int(i) for i in np.argsort(-span, kind="stable")[: len(COLOURS)])
 
 
+def draw_sensor(result: Readable, name: str, ax: Axes) -> None:
+    """What a sensor read over time: a line for each of its numbers."""
+    read = result.sensor(name)
+    columns = read.values.reshape(len(result.t), -1)
+    dressed(ax, f"{name}: {read.text}", f"{name}{unit_label([read.unit])}")
+    labels = "xyz" if columns.shape[1] == 3 else [str(i) for i in range(columns.shape[1])]
+    for i in range(min(columns.shape[1], len(COLOURS))):
+        ax.plot(result.t, columns[:, i], color=COLOURS[i], lw=1.2, label=labels[i])
+    if columns.shape[1] > 1:
+        legend(ax, min(columns.shape[1], len(COLOURS)), columns.shape[1], "components")
+
+
 def draw_closure(result: Readable, ax: Axes) -> None:
     """Largest closing errors over time, on a logarithmic axis."""
     dressed(ax, "Closure of the loops", "largest error")

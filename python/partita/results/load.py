@@ -19,6 +19,7 @@ from .load_check import check
 from .record import Record
 from .result import Result
 from .save_json import VERSION
+from .sensor import StoredSensors
 from .source import CHECKS, ENERGIES, OBSERVED, REACTIONS, StoredSource
 
 UNREADABLE = (
@@ -65,7 +66,8 @@ def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
         unknown["effort"] = record.arrays["multipliers"][:, int(summary.get("closing_rows", 0)) :]
         missing = {key: np.zeros(_empty(key, nt, summary)) for key in STORED if key not in (*arrays, *unknown)}
         stored = StoredSource({**unknown, **missing, **{key: arrays[key] for key in STORED if key in arrays}})
-    return Result(record, stored)
+    sensors = StoredSensors(record.summary.get("sensors", ()), arrays, len(record.arrays["t"]))
+    return Result(record, stored, sensors)
 
 
 def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:

@@ -13,6 +13,7 @@ from .record import Record
 from .variables import ACCELERATIONS, DETERMINED, OBSERVED, REACTIONS, RUN
 
 _JOINT_WORDS = ("name", "kind", "parent", "child")
+_SENSOR_WORDS = ("name", "variable", "unit", "text")
 
 
 def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -41,6 +42,14 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
             raise ValueError(f"there is no {name}")
     for name in DETERMINED:
         _fits(name, arrays, ("t", "joint", "component"), sizes)
+    for item in summary.get("sensors", ()):
+        if not all(isinstance(item[word], str) for word in _SENSOR_WORDS):
+            raise ValueError(f"the sensor {item['name']!r} is not described in words")
+        read = arrays.get(item["variable"])
+        if read is not None and (read.ndim == 0 or len(read) != nt):
+            raise ValueError(f"the sensor {item['name']!r} has the shape {read.shape} for {nt} outputs")
+        if read is None and nt:
+            raise ValueError(f"there is nothing that the sensor {item['name']!r} read")
     for joint in joints:
         if not all(isinstance(joint[word], str) for word in _JOINT_WORDS):
             raise ValueError(f"the joint {joint['name']!r} is not described in words")

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import options as run_options
 from ..errors import ArgumentError, DoubtfulResultWarning
 from ..naming import driven, listed
 from ..numeric import shown
+from ..sensing import SensorRecord
+from ..state import Layout, State, finite_time
 from .body import BodyResult, resting
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
@@ -24,6 +27,7 @@ from .names import Names, index_of
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
+from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .variables import units
 from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoticed, word_of
@@ -48,9 +52,12 @@ class Result:
     >>> result.joint("A").force[-1], result.energy.total[0]        # doctest: +SKIP
     """
 
-    def __init__(self, record: Record, source: Source | None) -> None:
+    def __init__(
+        self, record: Record, source: Source | None, sensors: LiveSensors | StoredSensors | None = None
+    ) -> None:
         self._record = record
         self._source = source
+        self._sensors = sensors
         self._warned = False
         arrays = record.arrays
         self.t: FloatArray = arrays["t"]
@@ -68,7 +75,7 @@ class Result:
         """What the compiled model says of itself: bodies, joints, sizes, removed rows."""
 
     def __copy__(self) -> Result:
-        return Result(self._record, self._source)
+        return Result(self._record, self._source, self._sensors)
 
     @classmethod
     def from_run(
@@ -79,17 +86,23 @@ class Result:
         summary: Mapping[str, Any],
         spec: str | None = None,
         options: Mapping[str, Any] | None = None,
+        sensors: Mapping[str, SensorRecord] | None = None,
     ) -> Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
-        `spec` is the description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints.
+        `sensors` are those of the description. `spec` is the description compiled, as JSON; None for a
+        hand-written `System`, which has no bodies and joints.
         """
+        account = account_of(sensors or {}, summary)
+        if account:
+            summary = {**summary, "sensors": account}
         record = Record.from_raw(raw, summary, options or {}, spec)
-        source = None
+        source, read = None, None
         if spec is not None:
             counts = len(summary.get("bodies", ())), len(summary.get("joints", ()))
             source = ModelSource(model, record.arrays, *counts, int(summary.get("closing_rows", 0)))
-        result = cls(record, source)
+            read = LiveSensors(sensors or {}, RunSignals(source, model, record.arrays, summary), account)
+        result = cls(record, source, read)
         result._warn(record.findings)
         return result
 
@@ -248,6 +261,57 @@ class Result:
         found = self._source.energies
         return EnergyResult(found["kinetic"], found["potential"], self._record.arrays["work"])
 
+    def state(self, t: float | None = None) -> State:
+        """The state at time `t` [s] of the run, to start another one from (`initial=`); None: at its end.
+
+        At an output it is that output. Between two it is marched to from the one before, with the method and the
+        tolerances of the run, and closed to round-off: it lies on the motion within these tolerances. So runs can be
+        restarted from any instant.
+
+        Raises `ArgumentError` outside of the run, for a stored result between its outputs, and where the tangent
+        velocities of the run were the user's own functions.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> run = m.simulate(1.0, t_eval=[0.0, 1.0])
+        >>> again = m.simulate(0.7, initial=run.state(0.3), t_eval=[1.0])
+        >>> bool(abs(again.q[-1] - run.q[-1]).max() < 1e-6)
+        True
+        """
+        if not len(self.t):
+            raise ArgumentError("the run has no outputs, so there is no state to be had", argument="t")
+        time = float(self.t[-1]) if t is None else finite_time(t)
+        if not self.t[0] <= time <= self.t[-1]:
+            raise ArgumentError(
+                f"t = {time:g} s is outside the outputs of the run, from {self.t[0]:g} to {self.t[-1]:g} s",
+                argument="t",
+            )
+        i = int(np.searchsorted(self.t, time, side="right")) - 1
+        q, v = self.q[i], self.v[i]
+        if time != self.t[i]:
+            q, v = self._between(i, time)
+        if self._source is not None:
+            return State(time, q.copy(), v.copy(), layout=Layout(self.summary))
+        return State(time, q.copy(), v.copy(), list(self.names.coordinates), list(self.names.velocities))
+
+    def _between(self, i: int, t: float) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and velocities at t, behind output i."""
+        model = self._source.model if isinstance(self._source, ModelSource) else None
+        chosen = {key: value for key, value in self.options.items() if key != "coordinates"}
+        if model is None or chosen.get("formulation") == "user-tangent":
+            raise ArgumentError(
+                f"t = {t:g} s lies between outputs, and what is needed to march there is not at hand; give one of the "
+                f"outputs, such as {self.t[i]:.12g} s, or simulate with t there in t_eval",
+                argument="t",
+            )
+        chosen.update(t0=float(self.t[i]), t_end=t)
+        raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
+        if not raw["success"] or not len(raw["q"]):
+            raise raw["error"] or ArgumentError(
+                f"the motion cannot be marched to t = {t:g} s: {raw['message']}", argument="t"
+            )
+        return raw["q"][-1], raw["v"][-1]
+
     def joint(self, name: str) -> JointResult:
         """Motion and reaction of the joint `name`, tree or cut alike.
 
@@ -284,6 +348,21 @@ class Result:
             return resting(name, len(self.t))
         seen = source.body(index_of(name, self.names.bodies, "body"))
         return BodyResult(name, *(seen[key] for key in BODIES))
+
+    def sensor(self, name: str) -> SensorResult:
+        """What the sensor `name` read: `values` over time, `unit` and long name; see `Mechanism.add_sensor`.
+
+        Computed at the outputs when it is first asked for, and kept. `UnknownNameError` with the nearest names; an
+        `EvaluationError` where the function of a sensor fails.
+        """
+        self._source_for("sensor", name)
+        read = self._sensors
+        return result_of(name, self.summary.get("sensors", ()), lambda one: read.read(one) if read else np.zeros(0))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(item["name"] for item in self.summary.get("sensors", ()))
 
     @property
     def observed(self) -> Arrays:
@@ -433,7 +512,7 @@ class Result:
 
     def plot(self, *what: str, path: str | os.PathLike[str] | None = None) -> Figure:
         """A matplotlib figure of `what`: "overview" (the default), "coordinates", "closure", "energy", "measure",
-        "reactions", or the name of a joint; several stand below each other. `path` saves it too.
+        "reactions", or the name of a joint or of a sensor; several stand below each other. `path` saves it too.
 
         Nothing is shown on the screen; in a notebook the figure displays itself.
         """

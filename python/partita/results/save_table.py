@@ -50,7 +50,7 @@ def columns(result: Readable) -> list[Column]:
         for name in ("kinetic", "potential", "total", "work"):
             found.append(Column(f"energy.{name}", "J", getattr(energy, name)))
     if result.is_mechanism:
-        found += _joints(result) + _bodies(result)
+        found += _joints(result) + _bodies(result) + _sensors(result)
     return [column for column in found if len(column.values) == len(result.t)]
 
 
@@ -77,6 +77,24 @@ def _bodies(result: Readable) -> list[Column]:
     for b, name in enumerate(result.names.bodies):
         for what, unit in (("position", "m"), ("velocity", "m/s"), ("angular_velocity", "rad/s")):
             found += _spread(f"body.{name}.{what}.{{}}", XYZ, (unit,) * 3, result.observed[f"body_{what}"][:, b])
+    return found
+
+
+def _sensors(result: Readable) -> list[Column]:
+    found: list[Column] = []
+    for item in result.summary.get("sensors", ()):
+        read = result.sensor(item["name"])
+        if read.values.ndim == 1:
+            found.append(Column(f"sensor.{read.name}", read.unit, read.values))
+        elif read.values.ndim == 2:
+            width = read.values.shape[1]
+            labels = XYZ if width == 3 else tuple(map(str, range(width)))
+            found += _spread(
+                f"sensor.{read.name.replace('{', '(').replace('}', ')')}.{{}}",
+                labels,
+                (read.unit,) * width,
+                read.values,
+            )
     return found
 
 

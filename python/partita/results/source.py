@@ -102,6 +102,11 @@ class ModelSource:
         self._reactions: dict[int, Arrays] = {}
         self._stresses: dict[int, NDArray[np.float64]] = {}
 
+    @property
+    def model(self) -> Any:
+        """The compiled model."""
+        return self._model
+
     def body(self, i: int) -> Arrays:
         if i not in self._bodies:
             self._bodies[i] = alone(self._model.bodies(*self._motion, [i]), BODIES)

@@ -107,6 +107,26 @@ def variables(result: Readable) -> list[Variable]:
         found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
         text = "1 where the effort is unique"
         found.append(Variable("determined_effort", result.determined_efforts, ("t", "condition"), "1", text))
+        found += [variable for variable, _ in sensors(result)]
+    return found
+
+
+def sensors(result: Readable) -> list[tuple[Variable, Axis | None]]:
+    """What sensors read, each with an axis of its own where its columns are not x, y, z."""
+    found: list[tuple[Variable, Axis | None]] = []
+    for item in result.summary.get("sensors", ()):
+        read, own = result.sensor(item["name"]), None
+        along: tuple[str, ...] = ()
+        if read.values.ndim == 3:
+            along = ("axis", "body_axis")
+        elif read.values.ndim == 2 and read.values.shape[1] == 3:
+            along = ("axis",)
+        elif read.values.ndim == 2:
+            own = Axis(f"{item['variable']}_component", tuple(str(i) for i in range(read.values.shape[1])))
+            along = (own.name,)
+        found.append(
+            (Variable(item["variable"], read.values, ("t", *along), read.unit, f"{item['name']}: {read.text}"), own)
+        )
     return found
 
 
@@ -154,6 +174,8 @@ def axes(result: Readable) -> dict[str, Axis]:
         Axis("joint_axis", xyz),
         Axis("component", COMPONENTS),
     ]
+    if result.is_mechanism:
+        listed += [axis for _, axis in sensors(result) if axis is not None]
     return {axis.name: axis for axis in listed}
 
 

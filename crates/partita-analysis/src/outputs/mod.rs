@@ -7,7 +7,7 @@ mod reactions;
 mod rows;
 
 pub use checks::checks;
-pub use motion::{bodies, energies, joint_accelerations, joints, BODY, JOINT_POINT};
+pub use motion::{bodies, body_accelerations, energies, joint_accelerations, joints, load, BODY, JOINT_POINT};
 pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
 pub use rows::{tables, Rows, Watch};
 

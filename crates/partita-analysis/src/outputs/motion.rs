@@ -137,3 +137,62 @@ pub fn energies<E: Send + From<SystemError>>(
     };
     tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)
 }
+
+/// Accelerations of the origins of the bodies `which`, and of their turning, world axes.
+///
+/// # Errors
+/// Those of `watch`.
+pub fn body_accelerations<E: Send>(
+    model: &Model,
+    states: &States,
+    vdot: &[f64],
+    which: &[usize],
+    watch: Watch<E>,
+) -> Result<Vec<Vec<f64>>, E> {
+    let part = part_of(model, which, |i| model.part_of_body(i));
+    let nv = model.size().nv;
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
+        let (_, q, v) = states.at(model, i);
+        model.look_at(&part, q, v, s);
+        for (place, &body) in which.iter().enumerate() {
+            let found = model.body_acceleration(body, &part, &vdot[i * nv..][..nv], s);
+            for (table, x) in found.into_iter().enumerate() {
+                rows.row(table, i)[3 * place..][..3].copy_from_slice(&x.0);
+            }
+        }
+        Ok(())
+    };
+    tables(states.len(), &[3 * which.len(); 2], 1, || model.scratch(), row, watch)
+}
+
+/// Power, potential and effort (NaN where there is none) of applied force `number` of the description, then point, force and
+/// moment on each body that it acts on, world axes; also how many these are.
+///
+/// # Errors
+/// There is no such force; what a user's function raises, and those of `watch`.
+pub fn load<E: Send + From<SystemError> + From<AnalysisError>>(
+    model: &Model,
+    states: &States,
+    number: usize,
+    watch: Watch<E>,
+) -> Result<(Vec<Vec<f64>>, usize), E> {
+    let (e, bodies) = model.load_number(number).map_err(AnalysisError::from)?;
+    let part = model.part_of_load(e);
+    let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
+        let (t, q, v) = states.at(model, i);
+        model.look_at(&part, q, v, s);
+        let found = model.shown(e, t, q, v, s)?;
+        rows.row(0, i)[0] = found.power;
+        rows.row(1, i)[0] = found.potential;
+        rows.row(2, i)[0] = found.effort.unwrap_or(f64::NAN);
+        for (place, push) in found.pushes.iter().take(bodies).enumerate() {
+            for (table, x) in push.iter().enumerate() {
+                rows.row(3 + table, i)[3 * place..][..3].copy_from_slice(&x.0);
+            }
+        }
+        Ok(())
+    };
+    let wide = 3 * bodies;
+    let found = tables(states.len(), &[1, 1, 1, wide, wide, wide], chunk_of(model), || model.scratch(), row, watch)?;
+    Ok((found, bodies))
+}

@@ -6,10 +6,12 @@ mod inconsistent;
 mod journal;
 pub mod meant;
 mod request;
+mod stepping;
 mod verdict;
 
 pub use journal::{Assessed, Described, Journal};
 pub use request::Request;
+pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;

@@ -1,7 +1,9 @@
 //! The forces of a description as elements.
 
 use super::loads;
-use super::{CutEffort, CutTorsion, Effort, EffortOver, Element, Place, PointForce, Reading, Spring, Torsion, Unit};
+use super::{
+    CutEffort, CutTorsion, Effort, EffortOver, Element, Place, PointForce, Reading, Seen, Spring, Torsion, Unit,
+};
 use crate::compile;
 use crate::error::DescriptionError;
 use crate::gauge;
@@ -45,6 +47,19 @@ impl<G: Space> Element<G> {
             }
         }
         Ok(sights)
+    }
+
+    /// What sensors look at, if there are functions of the state to see it.
+    pub(crate) fn sensed(
+        spec: &Spec,
+        placed: &Placed,
+        numbers: &Numbers<G::S>,
+        elements: &[Self],
+    ) -> Result<Vec<Seen<G>>, DescriptionError> {
+        if spec.sights.is_empty() || !elements.iter().any(Self::sees_state) {
+            return Ok(Vec::new());
+        }
+        loads::sensed(spec, &validate::nodes(spec)?, placed, numbers)
     }
 
     /// All forces of a description, springs between points first.

@@ -29,7 +29,33 @@ pub struct CutEffort<G: Space> {
     pub value: Source<G::S>,
 }
 
+impl<G: Space> Unit<G> {
+    /// Moment and force of a unit effort now, for the links of parent and child.
+    fn now(&self, at: &At<G>, parent: usize, child: usize) -> (G::Ang, G::Vec) {
+        let (xp, xc) = (&at.s.links[parent], &at.s.links[child]);
+        match *self {
+            Self::Moment(on_parent, on_child) => {
+                let axis = G::rotate_ang(&xp.rot, on_parent) + G::rotate_ang(&xc.rot, on_child);
+                (axis, G::Vec::default())
+            }
+            Self::Force(a) => (G::Ang::default(), G::rotate(&xp.rot, a)),
+        }
+    }
+
+    /// How many unit efforts a push on the child is.
+    pub(crate) fn effort(&self, at: &At<G>, parent: usize, on: &Push<G>) -> G::S {
+        let (axis, direction) = self.now(at, parent, on.link);
+        let size = G::dot_ang(axis, axis) + G::dot(direction, direction);
+        (G::dot_ang(axis, on.moment) + G::dot(direction, on.force)) / size
+    }
+}
+
 impl<G: Space> CutEffort<G> {
+    /// The effort that a push on the child is.
+    pub(crate) fn effort(&self, at: &At<G>, on: &Push<G>) -> G::S {
+        self.unit.effort(at, self.parent.link, on)
+    }
+
     #[inline(always)]
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Vec<f64>) -> Result<Effect<G>, SystemError> {
         let x = self.value.at(&at.instant, &self.name, room)?;

@@ -26,6 +26,30 @@ impl<G: Space> Seen<G> {
             Self::Joint(r) => r.touches().1,
         }
     }
+
+    /// What is seen, in world axes, behind the numbers that are there; `out` leads from mechanism axes to those of the world.
+    pub(crate) fn show(&self, at: &At<G>, out: &Mat3<G::S>, numbers: &mut Vec<G::S>) {
+        let world = |x: Vec3<G::S>| out.apply(x).0;
+        match self {
+            Self::Point(p) => {
+                let x = at.spot(p);
+                numbers.extend(world(x));
+                numbers.extend(world(at.moving(p.place.link, x)));
+            }
+            Self::Body(p, axes) => {
+                let x = at.spot(p);
+                numbers.extend(world(x));
+                let axes = out.mul(&at.axes(p.place.link)).mul(axes);
+                numbers.extend(axes.0.into_iter().flatten());
+                numbers.extend(world(at.moving(p.place.link, x)));
+                numbers.extend(world(at.spinning(p.place.link)));
+            }
+            Self::Joint(reading) => {
+                let read = reading.read(at);
+                numbers.extend([read.value, read.rate]);
+            }
+        }
+    }
 }
 
 /// Numbers of a wrench.
@@ -50,30 +74,9 @@ pub struct Law<G: Space> {
 
 impl<G: Space> Law<G> {
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
-        let world = |x: Vec3<G::S>| self.out.apply(x).0;
         let Room { plain, seen, answers, pushes, .. } = room;
         seen.clear();
-        for sight in &self.sees {
-            match sight {
-                Seen::Point(p) => {
-                    let x = at.spot(p);
-                    seen.extend(world(x));
-                    seen.extend(world(at.moving(p.place.link, x)));
-                }
-                Seen::Body(p, axes) => {
-                    let x = at.spot(p);
-                    seen.extend(world(x));
-                    let axes = self.out.mul(&at.axes(p.place.link)).mul(axes);
-                    seen.extend(axes.0.into_iter().flatten());
-                    seen.extend(world(at.moving(p.place.link, x)));
-                    seen.extend(world(at.spinning(p.place.link)));
-                }
-                Seen::Joint(reading) => {
-                    let read = reading.read(at);
-                    seen.extend([read.value, read.rate]);
-                }
-            }
-        }
+        self.sees.iter().for_each(|sight| sight.show(at, &self.out, seen));
         answers.clear();
         answers.resize(WRENCH * self.on.len(), G::S::zero());
         let given = Arguments { t: at.instant.t, q: &seen[..], v: &[], q_sizes: &self.sizes, v_sizes: &[] };

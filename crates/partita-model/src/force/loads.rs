@@ -167,6 +167,24 @@ pub(super) fn element<G: Space>(
     }))
 }
 
+/// What sensors look at, for functions of the state.
+pub(super) fn sensed<G: Space>(
+    spec: &Spec,
+    nodes: &HashMap<&str, usize>,
+    placed: &Placed,
+    numbers: &Numbers<G::S>,
+) -> Result<Vec<Seen<G>>, DescriptionError> {
+    let maker = Maker { nodes, placed, numbers };
+    let known = |sight: &Sight| match sight {
+        Sight::Point(spec::Spot { body: name, .. }) | Sight::Body(name) => nodes.contains_key(name.as_str()),
+        Sight::Joint(name, _) => placed.joint_numbers.contains_key(name),
+    };
+    match spec.sights.iter().find(|sight| !known(sight)) {
+        Some(sight) => Err(DescriptionError::new("sensor", "", format!("it looks at {sight:?}, which there is not"))),
+        None => spec.sights.iter().map(|sight| maker.sight("of a sensor", sight)).collect(),
+    }
+}
+
 impl<S: Scalar> Maker<'_, S> {
     /// A point of the zero position on a node's link.
     fn place<G: Space<S = S>>(&self, node: usize, point: Vec3<S>) -> Place<G> {
@@ -209,25 +227,25 @@ impl<S: Scalar> Maker<'_, S> {
         Buffer { stiffness: n.number("stiffness"), damping: n.number("damping"), exponent, damped: damping != 0.0 }
     }
 
+    fn sight<G: Space<S = S>>(&self, name: &str, sight: &Sight) -> Result<Seen<G>, DescriptionError> {
+        Ok(match sight {
+            Sight::Point(p) => Seen::Point(self.spot(&p.body, Vec3::from_f64(p.point))),
+            Sight::Body(body) => Seen::Body(self.spot(body, Vec3::zero()), Mat3::from_f64(self.axes(body).0)),
+            Sight::Joint(joint, i) => Seen::Joint(self.reading(name, (joint, *i), S::zero())?),
+        })
+    }
+
     fn law<G: Space<S = S>>(&self, x: &spec::Law) -> Result<Law<G>, DescriptionError> {
-        let vec = |p: [f64; 3]| Vec3::<S>::from_f64(p);
         let (mut sees, mut sizes) = (Vec::with_capacity(x.sees.len()), Vec::new());
         let length = self.placed.length;
         for sight in &x.sees {
+            sees.push(self.sight(&x.name, sight)?);
             match sight {
-                Sight::Point(p) => {
-                    sees.push(Seen::Point(self.spot(&p.body, vec(p.point))));
-                    sizes.extend([length; 6]);
-                }
-                Sight::Body(body) => {
-                    let axes = Mat3::from_f64(self.axes(body).0);
-                    sees.push(Seen::Body(self.spot(body, Vec3::zero()), axes));
+                Sight::Point(_) => sizes.extend([length; 6]),
+                Sight::Body(_) => {
                     sizes.extend([length; 3].into_iter().chain([1.0; 9]).chain([length; 3]).chain([1.0; 3]));
                 }
-                Sight::Joint(joint, i) => {
-                    sees.push(Seen::Joint(self.reading(&x.name, (joint, *i), S::zero())?));
-                    sizes.extend([1.0; 2]);
-                }
+                Sight::Joint(..) => sizes.extend([1.0; 2]),
             }
         }
         for p in &x.on {
@@ -235,7 +253,7 @@ impl<S: Scalar> Maker<'_, S> {
                 return Err(DescriptionError::new("force", &x.name, "the ground does not feel a force; name bodies"));
             }
         }
-        let on = x.on.iter().map(|p| self.spot(&p.body, vec(p.point))).collect();
+        let on = x.on.iter().map(|p| self.spot(&p.body, Vec3::from_f64(p.point))).collect();
         let out = Mat3::from_f64(self.placed.basis.transpose().0);
         let spec::Value::Function(function) = x.value else {
             return Err(DescriptionError::new("force", &x.name, "its value is no function"));

@@ -213,6 +213,20 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// Effort along the coordinate of a joint that an effect of it is.
+    pub(crate) fn effort(&self, at: &At<G>, effect: &Effect<G>) -> Option<G::S> {
+        let along = |reading: &Reading<G>, on: &Push<G>| reading.effort(at, on);
+        match (&effect.acts, self) {
+            (Acts::Along(_, effort), _) => Some(*effort),
+            (Acts::Between(on, _), Self::CutEffort(e)) => Some(e.effort(at, on)),
+            (Acts::Between(on, _), Self::CutTorsion(e)) => along(&e.along, on),
+            (Acts::Between(on, _), Self::EffortOver(e)) => along(&e.along, on),
+            (Acts::Between(on, _), Self::Friction(e)) => along(&e.along, on),
+            (Acts::Between(on, _), Self::Stop(e)) => along(&e.along, on),
+            _ => None,
+        }
+    }
+
     /// The elements that are large: kept out of the way of the others.
     #[inline(never)]
     fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {

@@ -159,6 +159,14 @@ impl<G: Space> Reading<G> {
         }
     }
 
+    /// The effort that a push on the child is; none for a coordinate of the tree.
+    pub(crate) fn effort(&self, at: &At<G>, on: &Push<G>) -> Option<G::S> {
+        match self {
+            Self::Tree { .. } => None,
+            Self::Cut(c) => Some(c.unit.effort(at, c.parent.link, on)),
+        }
+    }
+
     /// An effort along the coordinate: on the child, its opposite on the parent.
     #[inline(always)]
     pub(crate) fn acts(&self, read: &Read<G>, effort: G::S) -> Acts<G> {

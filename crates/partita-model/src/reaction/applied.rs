@@ -42,7 +42,7 @@ impl<S: Scalar> Evaluator<S> {
         }
         let mut room = std::mem::take(&mut s.full_forces);
         let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
-        let (q, v) = if self.full.sights.is_empty() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
+        let (q, v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
             match &effect.acts {

@@ -567,6 +567,11 @@ impl<S: Scalar> Evaluator<S> {
         moved
     }
 
+    /// Of those, the one of a link of `part`.
+    pub(crate) fn link_acceleration(&self, part: &Part, link: usize, vdot: &[S], s: &Scratch<S>) -> (Vec3<S>, Vec3<S>) {
+        self.link_accelerations(part, vdot, s)[link]
+    }
+
     /// Joint wrenches (world axes) that the multipliers alone bring about: for self-stresses.
     pub fn wrenches_of(&self, q: &[S], lambda: &[S], s: &mut Scratch<S>) -> Vec<Wrench<S>> {
         let still = vec![S::zero(); self.placed.nv];

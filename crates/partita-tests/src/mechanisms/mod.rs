@@ -108,6 +108,7 @@ pub fn empty(name: &str) -> Spec {
         couplings: vec![],
         drives: vec![],
         forces: vec![],
+        sights: vec![],
     }
 }
 

@@ -13,4 +13,5 @@ mod parameters;
 mod passages;
 mod reactions;
 mod scalars;
+mod stepping;
 mod tangent_allocations;

@@ -1,0 +1,94 @@
+//! One applied force as people ask for it: what acts where, its effort along a joint, its energy and its power.
+
+use crate::error::DescriptionError;
+use crate::evaluator::{Evaluator, Scratch};
+use crate::force::{Acts, At, Push};
+use crate::model::{Model, ModelScratch};
+use crate::part::Part;
+use crate::spec::Force;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Spatial, Vec3};
+use partita_system::SystemError;
+
+/// What an applied force does at one instant, world axes.
+#[derive(Clone, Debug, Default)]
+pub struct Shown<S = f64> {
+    /// Power of all that acts.
+    pub power: S,
+    /// Its potential, 0 if it has none.
+    pub potential: S,
+    /// Effort along a coordinate of a joint; none for what acts between points.
+    pub effort: Option<S>,
+    /// On each body that it acts on: point, force, and moment about that point.
+    pub pushes: Vec<[Vec3<S>; 3]>,
+}
+
+impl<S: Scalar> Evaluator<S> {
+    /// Applied force `e` of the model at (t, q, v), after [`look_at`](Self::look_at) its part.
+    ///
+    /// # Errors
+    /// What a user's function raises.
+    pub fn shown(&self, e: usize, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<Shown<S>, SystemError> {
+        let mut room = std::mem::take(&mut s.full_forces);
+        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
+        let (all_q, all_v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
+        let at = At { tree: &self.full, s: &s.full, instant: self.instant(t, all_q, all_v) };
+        let element = &self.full.elements[e];
+        let found = element.wrench(&at, &mut room).map(|effect| {
+            let mut shown =
+                Shown { potential: effect.potential, effort: element.effort(&at, &effect), ..Shown::default() };
+            let mut push = |p: &Push<Spatial<S>>| {
+                let x = &s.full.links[p.link];
+                shown.power += p.force.dot(x.u + x.w.cross(p.arm)) + p.moment.dot(x.w);
+                let point = self.full.place(p.link, &s.full) + p.arm;
+                shown.pushes.push([point, p.force, p.moment].map(|x| self.outward(x)));
+            };
+            match &effect.acts {
+                Acts::Along(i, effort) => shown.power += *effort * v[*i],
+                Acts::On(p) => push(p),
+                Acts::Between(a, b) => [a, b].into_iter().for_each(push),
+                Acts::Listed => room.pushes.iter().for_each(push),
+            }
+            shown
+        });
+        (room.q, room.v) = (seen_q, seen_v);
+        s.full_forces = room;
+        found
+    }
+
+    /// From mechanism axes to those of the world.
+    fn outward(&self, x: Vec3<S>) -> Vec3<S> {
+        Vec3([0, 1, 2].map(|i| Vec3::<S>::from_f64(self.placed.basis.column(i).0).dot(x)))
+    }
+}
+
+impl Model {
+    /// Place among the elements of force number `i` of the description, and how many bodies it acts on: springs between
+    /// points come first.
+    ///
+    /// # Errors
+    /// There is no such force.
+    pub fn load_number(&self, i: usize) -> Result<(usize, usize), DescriptionError> {
+        let spring = |f: &Force| matches!(f, Force::Spring { .. });
+        let (forces, elements) = (&self.spec.forces, &self.full.elements);
+        if i >= forces.len() || elements.len() != forces.len() {
+            let message = format!("there is no force {i}; there are {}, numbered from 0", forces.len());
+            return Err(DescriptionError::new("mechanism", &self.spec.name, message));
+        }
+        let before = forces[..i].iter().filter(|f| spring(f) == spring(&forces[i])).count();
+        let springs = forces.iter().filter(|f| spring(f)).count();
+        let e = if spring(&forces[i]) { before } else { springs + before };
+        Ok((e, elements[e].nodes().len()))
+    }
+
+    /// Accelerations of the origin of body `i` and of its turning for v', after [`look_at`](Evaluator::look_at) its part;
+    /// world axes.
+    pub fn body_acceleration(&self, i: usize, part: &Part, vdot: &[f64], s: &ModelScratch) -> [Vec3<f64>; 2] {
+        let b = &self.placed.bodies[i];
+        let (x, (turned, moved)) = (&s.full.links[b.link], self.link_acceleration(part, b.link, vdot, s));
+        let arm = self.arm_now(s, b.link, self.numbers.bodies[i].origin);
+        let alpha = x.alpha + turned;
+        let acc = x.acc + moved + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
+        [acc, alpha].map(|x| self.placed.basis.apply_transposed(x))
+    }
+}

@@ -1,0 +1,375 @@
+"""Sensors: named outputs of a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..numeric import shown
+from ..sensing import OPERATIONS, READS, SensorRecord, known
+from .bodies import own_name, resolve
+from .checks import Element, choice, find, index, name_of, number, vector
+from .drawing import Drawing
+from .joints import joint_record, speeds
+from .measures import Along, Coordinate, Cosine, Distance, measure
+from .records import (
+    GROUND,
+    Body,
+    Coupling,
+    Drive,
+    Force,
+    Handle,
+    Joint,
+    LoadRecord,
+    SpringRecord,
+    TorqueRecord,
+    TorsionSpringRecord,
+)
+
+Tree = Any
+"""A sensor's name, a number, or a list of an operation and its operands."""
+
+
+class Reading:
+    """Something that expressions are made of: sums, differences, products, quotients, components, norms."""
+
+    def tree(self) -> Tree:
+        """As plain data."""
+        raise NotImplementedError
+
+    def __add__(self, other: Any) -> Expression:
+        return _made("sum", self, other)
+
+    def __radd__(self, other: Any) -> Expression:
+        return _made("sum", other, self)
+
+    def __sub__(self, other: Any) -> Expression:
+        return _made("sum", self, _made("product", -1.0, other))
+
+    def __rsub__(self, other: Any) -> Expression:
+        return _made("sum", other, _made("product", -1.0, self))
+
+    def __mul__(self, other: Any) -> Expression:
+        return _made("product", self, other)
+
+    def __rmul__(self, other: Any) -> Expression:
+        return _made("product", other, self)
+
+    def __truediv__(self, other: Any) -> Expression:
+        return _made("quotient", self, other)
+
+    def __rtruediv__(self, other: Any) -> Expression:
+        return _made("quotient", other, self)
+
+    def __neg__(self) -> Expression:
+        return _made("product", -1.0, self)
+
+    def __getitem__(self, component: int) -> Expression:
+        """One component of a vector, counted from 0."""
+        if isinstance(component, bool) or not isinstance(component, int) or component < 0:
+            raise IndexError(f"a component is counted from 0, not {shown(component)}")
+        return Expression(["component", self.tree(), component])
+
+    __iter__ = None  # else Python would ask for one component after the other, without end
+
+    def norm(self) -> Expression:
+        """Length of a vector, or the size of a number."""
+        return _made("norm", self)
+
+    def dot(self, other: Any) -> Expression:
+        """Product of two vectors, a number."""
+        return _made("dot", self, other)
+
+
+class Expression(Reading):
+    """What becomes of other sensors, to be given to `add_sensor`.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> tip = m.add_sensor("tip", (rod, (1, 0, 0)), "velocity")
+    >>> m.add_sensor("speed", tip.norm()).name
+    'speed'
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+
+    def tree(self) -> Tree:
+        return self._tree
+
+    def __repr__(self) -> str:
+        return f"Expression({self._tree!r})"
+
+
+class Sensor(Handle, Reading):
+    """A named output; sums, products and components of it are expressions."""
+
+    def tree(self) -> Tree:
+        return self.name
+
+
+def _made(word: str, *parts: Any) -> Expression:
+    return Expression([word, *(part.tree() if isinstance(part, Reading) else part for part in parts)])
+
+
+_MEASURES = (Coordinate, Distance, Along, Cosine)
+
+
+def add_sensor(
+    self: Drawing,
+    name: str,
+    of: Any,
+    reads: str | None = None,
+    *,
+    axes: Any = None,
+    coordinate: int | None = None,
+    function: Callable[..., Any] | None = None,
+    unit: str | None = None,
+    text: str | None = None,
+) -> Sensor:
+    """Add a named output: something that a run shows over time by `run.sensor(name)`, in saved files and in plots.
+
+    A sensor changes nothing of the motion. Its values are computed when they are asked for, at the outputs, from the
+    coordinates, velocities, accelerations and multipliers that the run found there: no differences are taken.
+
+    What `of` may be, and what it `reads`:
+
+    - (body, point), the point in body axes: "position", "velocity", "acceleration" (3);
+    - a body: the same of its origin, "rotation" (3, 3), "angular_velocity", "angular_acceleration" (3);
+    - a joint, one that closes a loop too: "position", "velocity", "acceleration", "drive" (its coordinates side by
+      side, or one of them by `coordinate`), "force", "moment" (3) on its child;
+    - pt.Distance, pt.Along, pt.Cosine, pt.Coordinate: "position", "velocity", "acceleration" (a number);
+    - a spring between points: "length", "rate", "force" (positive: it pulls them together), "power", "energy";
+    - a torque, torsion spring, friction or stop along a joint coordinate: "effort", "power", "energy";
+    - any other force: "force", "moment" about the point where it acts, "position" of that point (3), on its first body
+      (`coordinate` counts the others), "power", "energy";
+    - a drive: "effort", and "power" where it drives one coordinate; a coupling: "effort";
+    - an expression of other sensors: `front + rear`, `2 * tip[0]`, `force * rate`, `tip.norm()`, `a.dot(b)`;
+    - a list of other sensors with a `function` f(t, a, b, ...) of their values at one output: a number or an array.
+
+    Powers are those done on the bodies. Vectors stand in world axes unless `axes` says others. Force laws f(t, state)
+    read sensors of positions and velocities by `state.sensor(name)`; one that would need accelerations or forces,
+    which follow from what laws answer, is refused there.
+
+    Args:
+        name: unique among the sensors.
+        of: what is looked at; handles, or a name that only one element of the mechanism has.
+        reads: which quantity of it; None for expressions and functions.
+        axes: a body whose axes vectors are given in, as an accelerometer on it would (points, bodies, forces); "joint"
+            or "world" of a joint's force and moment.
+        coordinate: of a joint with several, or of a force on several bodies; None: all of a joint, the first of a
+            force.
+        function: f(t, *values); it must depend on its arguments alone. A file cannot hold it.
+        unit: for files and plots; None: as it follows from what is read.
+        text: a long name; None: made from what is read.
+
+    Returns:
+        A handle: accepted in expressions.
+
+    Raises:
+        DescriptionError: the name is taken, the quantity is not one of `of`, an expression has no sense.
+        UnknownNameError: nothing has that name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("pendulum")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> tip = m.add_sensor("tip", (rod, (1, 0, 0)), "acceleration")
+    >>> felt = m.add_sensor("felt", tip.norm() / 9.81, unit="g")
+    >>> run = m.simulate(1.0)
+    >>> run.sensor("felt").values[0].round(6).item(), run.sensor("tip").unit      # faster than a stone falls
+    (1.5, 'm/s^2')
+    """
+    element = name_of("sensor", name, self._description.sensors)
+    for what, value in (("unit", unit), ("text", text)):
+        if value is not None and (not isinstance(value, str) or not value.isprintable()):
+            element.fail(f"{what} must be printable text, not {shown(value)}")
+    if function is not None and not callable(function):
+        element.fail(f"function must be a function f(t, *values), not {shown(function)}")
+    data = _data(self, element, of, function is not None)
+    if data["of"] in ("expression", "function"):
+        given = {"reads": reads, "axes": axes, "coordinate": coordinate}
+        more = next((what for what, value in given.items() if value is not None), None)
+        if more is not None:
+            element.fail(f"{more} is of things that are measured; an expression says all by itself")
+    else:
+        _complete(self, element, data, reads, axes, coordinate)
+    self._description.store(self._description.sensors, SensorRecord(element.name, data, unit, text, function))
+    return Sensor(element.name, self)
+
+
+def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, Any]:
+    """What is looked at, as plain data."""
+    if function:
+        if isinstance(of, str | bytes | dict | Reading) or not isinstance(of, Sequence):
+            element.fail(f"a function is of a list of other sensors, not {shown(of)}")
+        return {"of": "function", "sensors": [_sensor(m, element, one) for one in of]}
+    if isinstance(of, dict):
+        return _from_dict(m, element, of)
+    if isinstance(of, Reading):
+        if isinstance(of, Sensor):
+            own_name(m, element, "of", of, Sensor)
+        return {"of": "expression", "expression": _tree(m, element, of.tree())}
+    if isinstance(of, _MEASURES):
+        return {"of": "measure", "measure": measure(m, element, of)}
+    if isinstance(of, tuple | list):
+        if len(of) != 2 or not isinstance(of[0], str | Body):
+            element.fail(f"a point is given as (body, (x, y, z)), not as {shown(of)}")
+        return _point(m, element, of[0], of[1])
+    if isinstance(of, str):
+        return _named(m, element, of)
+    for kind, what in ((Body, "body"), (Joint, "joint"), (Force, "force"), (Drive, "drive"), (Coupling, "coupling")):
+        if isinstance(of, kind):
+            return _element(m, element, what, own_name(m, element, "of", of, kind))
+    element.fail(
+        f"there is nothing to be read of {shown(of)}; give a body, (body, point), a joint, a force, a drive, a "
+        "coupling, pt.Distance and the like, or an expression of other sensors"
+    )
+
+
+def _point(m: Drawing, element: Element, body: Any, point: Any) -> dict[str, Any]:
+    at = vector(element, "the point", point).tolist()
+    return {"of": "point", "body": resolve(m, element, "the body of the point", body), "point": at}
+
+
+def _tables(m: Drawing) -> dict[str, Any]:
+    d = m._description
+    return {
+        "body": {**d.bodies, GROUND: None},
+        "joint": d.joints,
+        "force": d.forces,
+        "drive": d.drives,
+        "coupling": d.couplings,
+        "sensor": d.sensors,
+    }
+
+
+def _named(m: Drawing, element: Element, name: str) -> dict[str, Any]:
+    """What has this name, if only one thing has."""
+    tables = _tables(m)
+    kinds = [kind for kind, table in tables.items() if name in table]
+    if len(kinds) > 1:
+        element.fail(f'"{name}" is the name of a {" and of a ".join(kinds)}; give the handle of the one that is meant')
+    if not kinds:
+        every = [other for table in tables.values() for other in table]
+        find("element", name, every, where=f'sensor "{element.name}": ')
+    if kinds[0] == "sensor":
+        return {"of": "expression", "expression": name}
+    return _element(m, element, kinds[0], name)
+
+
+def _element(m: Drawing, element: Element, kind: str, name: Any) -> dict[str, Any]:
+    """A named element of a kind."""
+    if not isinstance(name, str):
+        element.fail(f"a {kind} is meant by its name, not by {shown(name)}")
+    find(kind, name, _tables(m)[kind], where=f'sensor "{element.name}": ')
+    data: dict[str, Any] = {"of": kind, kind: name}
+    if kind == "force":
+        data["form"] = _form(m._description.forces[name])
+    if kind == "drive":
+        drive = m._description.drives[name]
+        if drive.level != "pose":
+            data["measure"] = dict(drive.measure)
+    return data
+
+
+def _form(record: Any) -> str:
+    if isinstance(record, SpringRecord):
+        return "spring"
+    if isinstance(record, TorsionSpringRecord | TorqueRecord):
+        return "effort"
+    return "effort" if isinstance(record, LoadRecord) and record.kind in ("friction", "stop") else "load"
+
+
+_KEYS = ("body", "joint", "force", "drive", "coupling", "measure", "expression")
+
+
+def _from_dict(m: Drawing, element: Element, of: dict[str, Any]) -> dict[str, Any]:
+    """As a file says it: { body = "rod", point = [...] }, { joint = "A" }, { expression = ["sum", "a", "b"] }, ..."""
+    keys = [key for key in of if key != "point"]
+    if len(keys) != 1 or keys[0] not in _KEYS or ("point" in of and keys[0] != "body"):
+        element.fail(
+            f"of must have one key of {', '.join(_KEYS)} (a point beside a body), not {', '.join(map(str, of))}"
+        )
+    key = keys[0]
+    if "point" in of:
+        return _point(m, element, of[key], of["point"])
+    if key == "measure":
+        return {"of": "measure", "measure": measure(m, element, of[key])}
+    if key == "expression":
+        return {"of": "expression", "expression": _tree(m, element, of[key])}
+    return _element(m, element, key, of[key])
+
+
+def _sensor(m: Drawing, element: Element, one: Any) -> str:
+    name = own_name(m, element, "a sensor of the list", one, Sensor)
+    return known(name, m._description.sensors, f'sensor "{element.name}": ')
+
+
+def _tree(m: Drawing, element: Element, tree: Tree, depth: int = 0) -> Tree:
+    """An expression, checked."""
+    if isinstance(tree, str):
+        return known(tree, m._description.sensors, f'sensor "{element.name}": ')
+    if not isinstance(tree, list | tuple):
+        return number(element, "a number in the expression", tree)
+    if depth > 100:
+        element.fail("the expression is nested more than 100 deep; name parts of it as sensors of their own")
+    if not tree or not isinstance(tree[0], str) or tree[0] not in OPERATIONS:
+        element.fail(f"an expression begins with one of {', '.join(OPERATIONS)}, not with {shown(tree[:1])}")
+    word, parts = tree[0], list(tree[1:])
+    least = OPERATIONS[word]
+    if len(parts) < least or (len(parts) > least and word not in ("sum", "product")):
+        element.fail(f"a {word} has {least} operands, not {len(parts)}")
+    if word == "component":
+        inner = _tree(m, element, parts[0], depth + 1)
+        return [word, inner, index(element, "the component", parts[1], 1000)]
+    return [word, *(_tree(m, element, part, depth + 1) for part in parts)]
+
+
+def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, axes: Any, coordinate: Any) -> None:
+    """Add which quantity is read, along what, if what is looked at has it."""
+    form = data.get("form", data["of"])
+    if reads is None:
+        element.fail(f"say what it reads of the {data['of']}: {', '.join(READS[form])}")
+    data["reads"] = choice(element, "reads", reads, READS[form])
+    if data["of"] == "drive" and "measure" not in data and data["reads"] == "power":
+        element.fail(
+            f'the drive "{data["drive"]}" holds a pose, whose power is no product; read the power of its joint'
+        )
+    if data["of"] == "joint":
+        _along_joint(m, element, data, coordinate)
+    elif coordinate is not None:
+        if form != "load" or data["reads"] in ("power", "energy"):
+            element.fail("coordinate is of joints, and of forces that act on several bodies")
+        data["body"] = index(element, "coordinate", coordinate, _sides(m._description.forces[data["force"]]))
+    if axes is None:
+        return
+    if data["of"] == "joint" and data["reads"] in ("force", "moment"):
+        data["axes"] = choice(element, "axes", axes, ("world", "joint"))
+    elif form in ("point", "body", "load") and data["reads"] not in ("rotation", "power", "energy"):
+        data["axes"] = "world" if isinstance(axes, str) and axes == "world" else resolve(m, element, "axes", axes)
+    else:
+        element.fail(f"{data['reads']} of a {data['of']} is no vector; it has no axes")
+
+
+def _along_joint(m: Drawing, element: Element, data: dict[str, Any], coordinate: Any) -> None:
+    record = joint_record(m, element, data["joint"])
+    count = speeds(record)
+    if data["reads"] in ("force", "moment"):
+        if coordinate is not None:
+            element.fail("coordinate is of motions and drives; the components of a force are its x, y, z")
+        return
+    if count == 0:
+        element.fail(f'the {record.kind} joint "{record.name}" lets nothing move; read its force or moment')
+    if coordinate is not None:
+        index(element, f'coordinate of the joint "{record.name}"', coordinate, count)
+        if count > 1:
+            data["coordinate"] = int(coordinate)
+
+
+def _sides(record: Any) -> int:
+    """Bodies that a force acts on."""
+    if not isinstance(record, LoadRecord):
+        return 1
+    return len(record.means["on"]) if record.kind == "law" else 2

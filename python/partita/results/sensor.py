@@ -1,0 +1,167 @@
+"""Sensors of a run: where their numbers come from, and what `run.sensor` returns."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..naming import driven, index_of
+from ..sensing import Moving, Reader, SensorRecord, text_of, unit_of
+from .body import BodyResult, resting
+from .source import BODIES, ModelSource, Span
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, repr=False)
+class SensorResult:
+    """What one sensor read over the nt outputs of a run."""
+
+    name: str
+    values: Array
+    """(nt,) of a number, (nt, 3) of a vector, (nt, 3, 3) of a rotation, (nt, n) of n coordinates."""
+    unit: str
+    """"" where the columns differ, or where it is not known."""
+    text: str
+    """The long name."""
+
+    def __repr__(self) -> str:
+        unit = f" [{self.unit}]" if self.unit not in ("", "1") else ""
+        return f"<sensor {self.name!r}: {self.text}{unit}, values {self.values.shape}>"
+
+
+def account_of(sensors: Mapping[str, SensorRecord], summary: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Name, unit, long name, and the name of its array in files, of each sensor."""
+    found: list[dict[str, str]] = []
+    taken: set[str] = set()
+    for name, record in sensors.items():
+        variable = "sensor_" + re.sub(r"\W", "_", name, flags=re.ASCII)
+        while variable in taken or variable.endswith(("_name", "_unit", "_length")):
+            variable += "_"
+        taken.add(variable)
+        unit = unit_of(record, sensors, summary.get("joints", ()))
+        found.append({"name": name, "variable": variable, "unit": unit, "text": text_of(record)})
+    return found
+
+
+class RunSignals:
+    """Numbers of all outputs of a run."""
+
+    def __init__(self, source: ModelSource, model: Any, run: Mapping[str, Array], summary: Mapping[str, Any]) -> None:
+        self._source, self._model, self._run, self._summary = source, model, run, summary
+        self._names = {
+            kind: tuple(item["name"] for item in summary.get(key, ()))
+            for kind, key in (("body", "bodies"), ("joint", "joints"))
+        }
+        self._loads: dict[str, Mapping[str, Array]] = {}
+        self._accelerations: dict[str, tuple[Array, Array]] = {}
+
+    @property
+    def t(self) -> Array:
+        return self._run["t"]
+
+    def body(self, name: str) -> Moving:
+        if name == "ground":
+            at: BodyResult = resting(name, len(self.t))
+            return Moving(at.position, at.rotation, at.velocity, at.angular_velocity)
+        seen = self._source.body(self._names["body"].index(name))
+        return Moving(*(seen[key] for key in BODIES))
+
+    def body_acceleration(self, name: str) -> tuple[Array, Array]:
+        if name == "ground":
+            return np.zeros((len(self.t), 3)), np.zeros((len(self.t), 3))
+        if name not in self._accelerations:
+            i = self._names["body"].index(name)
+            found = self._model.body_accelerations(*self._motion, self._run["vdot"], [i])
+            acceleration, spin = found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
+            self._accelerations[name] = acceleration, spin
+        return self._accelerations[name]
+
+    def joint(self, name: str) -> tuple[Array, Array]:
+        found = self._source.joint(*self._place(name))
+        return found["joint_position"], found["joint_velocity"]
+
+    def joint_acceleration(self, name: str) -> Array:
+        j, _, v = self._place(name)
+        return self._source.joint_acceleration(j, v)
+
+    def joint_wrench(self, name: str, reads: str, axes: str) -> Array:
+        j, _, v = self._place(name)
+        found = self._source.reaction(j, v)
+        if axes == "world":
+            return found[reads]
+        return np.asarray(np.einsum("...ij,...i->...j", found["joint_rotation"], found[reads]))
+
+    def load(self, name: str) -> Mapping[str, Array]:
+        if name not in self._loads:
+            self._loads[name] = self._model.load(*self._motion, self._forces[name][0])
+        return self._loads[name]
+
+    def ends(self, name: str) -> Sequence[tuple[str, Array]]:
+        spring = self._forces[name][1]
+        return [(spring[f"body{i}"], np.array(spring[f"point{i}"])) for i in (1, 2)]
+
+    def condition(self, kind: str, name: str) -> Array:
+        first = int(self._summary.get("closing_rows", 0))
+        if kind == "drive":
+            rows = driven(self._summary)[name]
+        else:
+            rows = next(item["rows"] for item in self._summary.get("couplings", ()) if item["name"] == name)
+        return np.asarray(self._source.efforts[:, [row - first for row in rows]])
+
+    @cached_property
+    def _forces(self) -> dict[str, tuple[int, dict[str, Any]]]:
+        """Forces of the description that was computed, parameters changed: their numbers and data."""
+        return {force["name"]: (i, force) for i, force in enumerate(json.loads(self._model.description)["forces"])}
+
+    def _place(self, name: str) -> tuple[int, Span, Span]:
+        j = self._names["joint"].index(name)
+        about = self._summary["joints"][j]
+        return j, tuple(about["q"]), tuple(about["v"])
+
+    @property
+    def _motion(self) -> tuple[Array, ...]:
+        return self._run["t"], self._run["q"], self._run["v"]
+
+
+class LiveSensors:
+    """Sensors read when they are asked for, from the model that the run came from."""
+
+    def __init__(
+        self, sensors: Mapping[str, SensorRecord], signals: RunSignals, account: Sequence[Mapping[str, str]]
+    ) -> None:
+        self._reader, self._account, self._outputs = Reader(sensors, signals), account, len(signals.t)
+
+    def read(self, name: str) -> Array:
+        return self._reader.read(name)
+
+    def __reduce__(self) -> tuple[type[StoredSensors], tuple[Any, ...]]:
+        """What they read, so that it can be read where no model is."""
+        arrays = {item["variable"]: self.read(item["name"]) for item in self._account}
+        return StoredSensors, (self._account, arrays, self._outputs)
+
+
+class StoredSensors:
+    """Sensors that were read before: arrays by the names of their variables."""
+
+    def __init__(self, account: Sequence[Mapping[str, str]], arrays: Mapping[str, Array], outputs: int) -> None:
+        self._variables = {item["name"]: item["variable"] for item in account}
+        self._arrays, self._outputs = arrays, outputs
+
+    def read(self, name: str) -> Array:
+        # arrays without entries are left out of files
+        return np.asarray(self._arrays.get(self._variables[name], np.zeros(self._outputs)))
+
+
+def result_of(name: Any, account: Sequence[Mapping[str, str]], values: Any) -> SensorResult:
+    """One sensor by its name; `values` reads it."""
+    known = [item["name"] for item in account]
+    item = account[index_of(str(name) if hasattr(name, "tree") else name, known, "sensor")]
+    return SensorResult(item["name"], values(item["name"]), item["unit"], item["text"])
