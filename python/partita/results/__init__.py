@@ -4,7 +4,7 @@ from .body import BodyResult
 from .certificate import Certificate
 from .energy import EnergyResult
 from .joint import JointResult
-from .load import load
+from .load import load_result
 from .names import Names
 from .partition_log import PartitionChange
 from .result import Result
@@ -17,5 +17,5 @@ __all__ = [
     "Names",
     "PartitionChange",
     "Result",
-    "load",
+    "load_result",
 ]

@@ -390,28 +390,51 @@ class Result:
         return self._source is not None
 
     def to_xarray(self) -> xarray.Dataset:
-        """All arrays with named axes and units. `MissingDependencyError` without xarray."""
-        from .save_xarray import to_xarray
+        """All arrays as an `xarray.Dataset`: dimensions `time`, `joint`, `body`, `axis`, `coordinate`, ... with the
+        names as coordinates, `units` and `long_name` of every array, and as texts `model` (JSON) and `account`;
+        attributes tell settings and certificate. `save("x.nc")` stores this dataset. `MissingDependencyError` without
+        xarray.
+
+        >>> import partita as pt
+        >>> found = pt.catalogue.load("four-bar").simulate(0.5).to_xarray()
+        >>> found.force.sel(joint="A", axis="x").dims
+        ('time',)
+        """
+        from .dataset import to_xarray
 
         return to_xarray(self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
 
-        Columns are those of `save("x.csv")`. `MissingDependencyError` without pandas.
+        Columns are those of `save("x.csv")`: what people look at first, then rotation matrices, flags and the rest.
+        `MissingDependencyError` without pandas.
         """
-        from .save_table import to_pandas
+        from .table import to_pandas
 
         return to_pandas(self)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to `path`, in the format of its ending, and return the path.
+        """Write to `path`, in the format of its ending, and return the path; `partita.load_result` reads all of them.
 
-        `.json`: everything, self-contained, can be loaded, plotted and viewed again. `.nc`: NetCDF 3 with units,
-        the same content. `.mat`: all arrays for MATLAB and Octave. `.csv`, `.parquet`: a table, one row per output
-        (without rotation matrices). Raises `FileFormatError` for another ending, `MissingFileError` when the folder
-        does not exist, `MissingDependencyError` for Parquet without pyarrow. A file is replaced only when
-        the new one is complete.
+        `.nc`: NetCDF 4, the dataset of `to_xarray`, for xarray, MATLAB and the tools of the geosciences (extra
+        `netcdf`). `.zarr`: the same as a folder of chunks (extra `zarr`). `.json`: one readable text. `.mat`: for
+        MATLAB and Octave. `.csv`, `.parquet` (extra `parquet`): a table, one row per output, for spreadsheets.
+
+        Every format holds everything: arrays, names, units, model, settings, certificate, version, and a checksum by
+        which a later change or damage is noticed. What is there already is replaced only when the new one is complete.
+
+        Raises `FileFormatError` for another ending and where the file cannot be written, `MissingFileError` when the
+        folder does not exist, `MissingDependencyError` naming the extra where a package is not installed. Costs the
+        reactions and the certificate at all outputs, if they were not asked for before.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = run.save(os.path.join(folder, "run.json"))
+        ...     pt.load_result(path).title == run.title
+        True
         """
         from .save import save
 
