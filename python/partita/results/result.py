@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError, DoubtfulResultWarning
+from ..errors import ArgumentError, DoubtfulResultWarning, Interrupted
 from ..naming import driven, listed
 from ..numeric import shown
 from .body import BodyResult, resting
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+
+INTERRUPTED = "interrupted"
+AT_A_PROMPT = "sys.last_value.result"
 
 
 class Result:
@@ -82,6 +85,7 @@ class Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
         `spec` is the description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints.
+        Raises `Interrupted`, with the result, for a run that Ctrl-C ended.
         """
         record = Record.from_raw(raw, summary, options or {}, spec)
         source = None
@@ -90,6 +94,8 @@ class Result:
             source = ModelSource(model, record.arrays, *counts, int(summary.get("closing_rows", 0)))
         result = cls(record, source)
         result._warn(record.findings)
+        if record.status == INTERRUPTED and record.error is None:
+            raise Interrupted(f"{record.message}, in `result` of this error (here and now: {AT_A_PROMPT})", result)
         return result
 
     @property
