@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures  # which imports its processes and threads when they are asked for
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,6 +16,8 @@ from .numeric import shown
 from .progress import telling
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
     import xarray
 
 Point = tuple[int, ...]
@@ -121,7 +115,7 @@ def _grid(parameters: Any) -> dict[str, list[Any]]:
     return grid
 
 
-Make = Callable[[], Executor]
+Make = Callable[[], "Executor"]
 
 
 @contextmanager
@@ -130,7 +124,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
     if executor is None:
         yield None
     elif isinstance(executor, str):
-        kinds: dict[str, Any] = {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}
+        kinds: dict[str, Any] = {"threads": "ThreadPoolExecutor", "processes": "ProcessPoolExecutor"}
         if executor not in kinds:
             raise ArgumentError(
                 f'executor is "{executor}"; known: threads, processes, or an object with submit', argument="executor"
@@ -138,7 +132,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
         made: list[Executor] = []
 
         def make() -> Executor:
-            made.append(kinds[executor](max_workers=workers))
+            made.append(getattr(futures, kinds[executor])(max_workers=workers))
             return made[-1]
 
         try:
@@ -198,17 +192,17 @@ class _Work:
             try:
                 for point in waiting:
                     under_way[pool.submit(self.model, **self.named(point))] = point
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 pass
             lost += [point for point in waiting if point not in set(under_way.values())]
             while under_way:
-                done, _ = wait(under_way, timeout=PULSE, return_when=FIRST_COMPLETED)
+                done, _ = futures.wait(under_way, timeout=PULSE, return_when=futures.FIRST_COMPLETED)
                 for future in done:
                     point = under_way.pop(future)
                     error = future.exception()
                     if error is None:
                         self.keep(point, future.result())
-                    elif isinstance(error, BrokenExecutor) or _is_death(error):
+                    elif isinstance(error, futures.BrokenExecutor) or _is_death(error):
                         lost.append(point)
                     elif isinstance(error, Exception):
                         self.failed[point] = _words(error)
@@ -228,7 +222,7 @@ class _Work:
         for point in points:
             try:
                 self.keep(point, make().submit(self.model, **self.named(point)).result())
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 self.failed[point] = f"its worker died {TRIES} times"
             except Exception as error:
                 died = _is_death(error)

@@ -1,13 +1,19 @@
 """What a run returns, and files of it: reading by names, saving, loading."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from .body import BodyResult
 from .certificate import Certificate
 from .energy import EnergyResult
 from .joint import JointResult
-from .load import load_result
 from .names import Names
 from .partition_log import PartitionChange
 from .result import Result
+
+if TYPE_CHECKING:
+    from .load import load_result
 
 __all__ = [
     "BodyResult",
@@ -19,3 +25,11 @@ __all__ = [
     "Result",
     "load_result",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "load_result":  # with all the formats, which a run does not need
+        from .load import load_result
+
+        return load_result
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,8 @@ PACKAGES = ("xarray", "zarr")
 
 def write(content: Content) -> dict[str, bytes]:
     """The files of the folder by their names: the dataset of `to_xarray` and its seal, not yet put in."""
+    import tempfile  # slow to import, and few write folders
+
     found = dataset(content)
     found.attrs["checksum"] = BLANK  # in text, twice: the second time among the metadata gathered for quick opening
     with tempfile.TemporaryDirectory() as folder:
