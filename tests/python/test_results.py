@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
+import pickle
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -412,3 +414,43 @@ def test_turns_of_a_cut_joint_are_counted_over_most_of_a_turn(turn: float) -> No
     # eight turns at the tolerance of the run, 1e-8
     assert hinge.position[:, 0] == pytest.approx(turn * 2.0 * np.pi * times, abs=1e-6)
     assert hinge.velocity[:, 0] == pytest.approx(np.full(9, turn * 2.0 * np.pi), rel=1e-7)
+
+
+def test_every_part_travels_and_is_exported() -> None:
+    """Pickled and read again it tells the same, and its class has a public name."""
+    m = pt.Mechanism("hook", gravity=(0, -GRAVITY, 0))
+    load_ = m.add_body("load", mass=2.0, inertia=(1, 1, 1), position=(0, -1, 0))
+    m.add_distance("rope", m.ground, (0, 0, 0), load_, (0, 0, 0))
+    m.add_free("any", m.ground, load_)
+    rod = m.add_rod("rod", start=(1, 0, 0), end=(2, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(1, 0, 0))
+    m.add_drive("A", position=lambda t: t, velocity=lambda t: 1.0, acceleration=lambda t: 0.0, name="motor")
+    run = m.simulate(0.1, t_eval=[0.0, 0.1])
+    parts = [
+        run, run.joint("A"), run.body("rod"), run.coupling("rope"), run.drive("motor"), run.energy, run.certificate,
+        run.names, run.partitions[0], run.self_stresses(), results.Finding(False, 0.0, "doubtful"),
+    ]  # fmt: skip
+    for part in parts:
+        other = pickle.loads(pickle.dumps(part))
+        assert type(part).__name__ in results.__all__ and type(other) is type(part) and repr(other) == repr(part)
+    assert pt.Result is results.Result and pt.load_result is results.load_result
+    assert {type(part).__name__ for part in parts} == set(results.__all__) - {"load_result"}
+
+
+def test_a_notebook_shows_a_small_table_with_every_word_escaped() -> None:
+    run = odd()
+    shown = run._repr_html_()
+    page = ElementTree.fromstring(shown)  # well-formed, so that no name of a user's opens a tag
+    told = {row[0].text: row[1].text for row in page.iter("tr")}
+    assert told["joints"] == "2: A;,'é, A [N]" and told["ended"] == run.status
+    m = pt.Mechanism("<script>alert(1)</script> & more")
+    for i in range(40):
+        m.add_body(f"<b>{i}" + 60 * "x", mass=1.0, inertia=(1, 1, 1))
+    many = m.simulate(0.1, t_eval=[0.0, 0.1])
+    shown = many._repr_html_()
+    assert "<script" not in shown and "<b>0" not in shown and len(shown) < 4000
+    assert "40: <b>0" in "".join(ElementTree.fromstring(shown).itertext()) and "and 32 more" in shown
+    assert "certificate" not in shown  # it would cost all reactions
+    verdict = many.certificate.verdict
+    assert verdict in many._repr_html_() and verdict in ElementTree.fromstring(many.certificate._repr_html_()).text
+    assert "NaN" in failing([0.6])._repr_html_() or "evaluation" in failing([0.6])._repr_html_()

@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from .body import BodyResult
 from .certificate import Certificate
+from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
 from .joint import JointResult
 from .names import Names
 from .partition_log import PartitionChange
 from .result import Result
+from .self_stress import SelfStresses
+from .verdict import Finding
 
 if TYPE_CHECKING:
     from .load import load_result
@@ -18,11 +21,15 @@ if TYPE_CHECKING:
 __all__ = [
     "BodyResult",
     "Certificate",
+    "CouplingResult",
+    "DriveResult",
     "EnergyResult",
+    "Finding",
     "JointResult",
     "Names",
     "PartitionChange",
     "Result",
+    "SelfStresses",
     "load_result",
 ]
 

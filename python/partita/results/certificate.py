@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
+from .notebook import lines
 from .verdict import Finding, allowed, findings_of, of_arrays, of_energy, of_reactions, unnoticed, word_of
 
 NOTES = 12
@@ -88,7 +89,7 @@ class Certificate:
         return cls(**{key: value for key, value in told.items() if key in known} | own)
 
     def __str__(self) -> str:
-        lines = [
+        told = [
             f"verdict           {self.verdict}",
             *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
             f"closure           {_shown(self.closure)}{_who(self.closure_row, self.closure_t)}",
@@ -110,7 +111,11 @@ class Certificate:
         notes = [f"note: {_cut(note)}" for note in self.notes[:NOTES]]
         if len(self.notes) > NOTES:
             notes.append(f"note: and {len(self.notes) - NOTES} more in certificate.notes")
-        return "\n".join([*lines, *notes])
+        return "\n".join([*told, *notes])
+
+    def _repr_html_(self) -> str:
+        """The same words, in a notebook."""
+        return lines(str(self))
 
 
 def certify(result: Readable) -> Certificate:

@@ -21,6 +21,7 @@ from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
 from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
+from .notebook import names, table
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
@@ -464,15 +465,39 @@ class Result:
         return Path(path)
 
     def __repr__(self) -> str:
-        span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
-        try:
-            closure = f"{np.max(self.closure, initial=0.0):.1e}"
-        except Exception:  # of a user's function, which also ended the run
-            closure = "not known"
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
-        switches = sum(change.is_switch for change in self.partitions)
         return (
-            f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {span}; "
-            f"closure {closure}, {switches} switches, "
+            f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {self._span}; "
+            f"closure {self._closed}, {self._switches} switches, "
             f"{self.counters.get('steps', 0)} steps>"
         )
+
+    def _repr_html_(self) -> str:
+        """A small table, in a notebook."""
+        rows = [
+            ("ended", self.status if self.success else f"{self.status}: {self.message}"),
+            ("outputs", f"{len(self.t)}, {self._span}"),
+            ("largest closing error", self._closed),
+            ("steps", f"{self.counters.get('steps', 0)}, {self._switches} switches of coordinates"),
+            ("coordinates", names(self.names.coordinates)),
+        ]
+        if self.is_mechanism:
+            rows += [("joints", names(self.names.joints)), ("bodies", names(self.names.bodies))]
+        if "certificate" in self.__dict__:
+            rows.append(("certificate", self.certificate.verdict))
+        return table(self.title, rows)
+
+    @property
+    def _span(self) -> str:
+        return f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
+
+    @property
+    def _closed(self) -> str:
+        try:
+            return f"{np.max(self.closure, initial=0.0):.1e}"
+        except Exception:  # of a user's function, which also ended the run
+            return "not known"
+
+    @property
+    def _switches(self) -> int:
+        return sum(change.is_switch for change in self.partitions)
