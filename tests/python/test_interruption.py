@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import partita as pt
+from partita.cli import main
 
 MONTHS = 1e7
 
@@ -118,6 +119,22 @@ def test_the_bar_tells_rate_and_remaining_time_and_goes(monkeypatch: pytest.Monk
     lines = shown.getvalue().split("\r")
     assert any("of 1e+07 s" in line and " left, " in line and "s/s" in line for line in lines)
     assert not lines[-1].strip()  # cleared
+
+
+@pytest.mark.parametrize("words", [["simulate", "four-bar", "--time", "0.1"], ["compare", "four-bar", "--time", "0.1"]])
+def test_the_command_line_draws_it_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    pytest.importorskip("tqdm")
+    if words[0] == "compare":
+        words = [*words, "--formulations", "projective", "--rules", "collective"]
+    for place, drawn in ((Terminal(), True), (io.StringIO(), False)):
+        monkeypatch.setattr(sys, "stderr", place)
+        assert main(words) == 0
+        assert (" left, " in place.getvalue()) is drawn and not place.getvalue().split("\r")[-1].strip()
+    monkeypatch.setitem(sys.modules, "tqdm", None)  # nobody asked for it: the run goes on without
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert main(words) == 0
 
 
 @pytest.mark.parametrize("what", ["run", "sweep", "comparison"])
