@@ -17,6 +17,9 @@ from .errors import ArgumentError, FileFormatError, MissingFileError
 BLANK = "sha256:" + 64 * "0"
 """Stands once in the content of a file that is to be sealed, before all that a user has named."""
 
+_SMALL = 1 << 24
+"""Bytes of a file in which a seal of a folder may stand."""
+
 _MARK = re.compile(rb"sha256:([0-9a-f]{64})")
 
 
@@ -112,6 +115,8 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
                 raise
         finally:
             for left in (draft, older):
+                if left.is_file():
+                    left.unlink()
                 shutil.rmtree(left, ignore_errors=True)
     except (OSError, ValueError) as error:
         raise FileFormatError(
@@ -148,7 +153,8 @@ def _joined(files: dict[str, bytes]) -> bytes:
 
 def _is_ours(folder: Path) -> bool:
     """Whether a folder is one that was put there as a sealed one, so that replacing it destroys nothing else."""
-    return any(_MARK.search(content) for content in get_folder(folder).values())
+    small = (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)
+    return any(_MARK.search(p.read_bytes()) for p in small)
 
 
 def _why(error: Exception) -> str:
