@@ -17,7 +17,7 @@ export MPLBACKEND ?= Agg
 
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
-.PHONY: all install fmu format lint test test-rust test-python trust errors bench docs compare-docs demo paper clean
+.PHONY: all install install-check fmu format lint test test-rust test-python trust errors bench docs compare-docs demo paper clean
 
 ## all: check, test, show and document everything
 all: lint test demo docs
@@ -91,6 +91,10 @@ trust: $(BUILT)
 ONLY ?=
 errors: $(BUILT)
 	$(BIN)/python tools/deliberate_errors.py $(ONLY)
+
+## install-check: wheel, source archive and folder, each installed into an empty environment and used there; minutes
+install-check: $(BUILT)
+	$(BIN)/python tools/install_check.py
 
 ## bench: measured costs against their limits
 bench: $(BUILT)

@@ -781,7 +781,7 @@ ERRORS = (
         f"{PACKAGE}/results/record.py",
         'told["findings"] = findings_of(account.get("findings", ()))',
         'told["findings"] = findings_of(())',
-        ("python test_verdict.py",),
+        ("python test_results.py", "python test_verdict.py"),
     ),
     # forces that resist
     Error(

@@ -12,7 +12,7 @@ True
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import errors, partition, units
 from ._core import version as _version
@@ -24,6 +24,10 @@ from .sweep import sweep
 from .system import System, simulate
 from .tangent import TangentVelocities
 
+if TYPE_CHECKING:
+    from . import catalogue
+    from .results import Result, load_result
+
 __version__ = _version()
 
 __all__ = [
@@ -32,6 +36,7 @@ __all__ = [
     "Cosine",
     "Distance",
     "Mechanism",
+    "Result",
     "State",
     "System",
     "TangentVelocities",
@@ -40,6 +45,7 @@ __all__ = [
     "compare",
     "errors",
     "load",
+    "load_result",
     "partition",
     "simulate",
     "sweep",
@@ -48,13 +54,16 @@ __all__ = [
 
 # Imported when first asked for: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
+_NAMED_LATER = {"Result": "results", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:
     if name in _LATER:
         return importlib.import_module(f"{__name__}.{name}")
+    if name in _NAMED_LATER:
+        return getattr(importlib.import_module(f"{__name__}.{_NAMED_LATER[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LATER})
+    return sorted({*globals(), *_LATER, *_NAMED_LATER})

@@ -26,6 +26,7 @@ __all__ = [
     "EvaluationError",
     "FileFormatError",
     "IntegrationError",
+    "Interrupted",
     "LossyFileWarning",
     "MissingDependencyError",
     "MissingFileError",
@@ -164,6 +165,25 @@ class IntegrationError(PartitaError, RuntimeError):
     """The march in time cannot go on. Field: time `t` [s] reached."""
 
     t: float
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run, a sweep or a comparison; nothing that was computed is lost.
+
+    It is a `KeyboardInterrupt` and no `PartitaError`, so that a loop of runs stops even where it catches errors. Field:
+    `result`, what there was: a `Result` with the outputs reached, a `Comparison` with the rows so far, the dataset of a
+    sweep. At a prompt, where nobody caught it, it is `sys.last_value.result`.
+    """
+
+    message: str
+    result: Any
+
+    def __init__(self, message: str, result: Any = None) -> None:
+        super().__init__(message)
+        self.message, self.result = message, result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.message, self.result)
 
 
 class MissingDependencyError(PartitaError, ImportError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from .errors import ArgumentError, FileFormatError, MissingFileError
 
 BLANK = "sha256:" + 64 * "0"
 """Stands once in the content of a file that is to be sealed, before all that a user has named."""
+
+_SMALL = 1 << 24
+"""Bytes of a file in which a seal of a folder may stand."""
 
 _MARK = re.compile(rb"sha256:([0-9a-f]{64})")
 
@@ -35,11 +39,12 @@ def place(path: Any) -> Path:
     return where
 
 
-def target(path: Any, what: str = "") -> Path:
+def target(path: Any, what: str = "", folder: str | None = None) -> Path:
     """`path` as one where a file can be put: `MissingFileError` when its folder does not exist, `FileFormatError` when
-    it is itself a folder. `what` is what shall be written there."""
+    it is itself a folder, unless one sealed by `put_folder` whose name ends in `folder`. `what` is what shall be
+    written there."""
     where = place(path)
-    if where.is_dir():
+    if where.is_dir() and not (where.suffix.lower() == folder and _is_ours(where)):
         raise FileFormatError(
             f"cannot write {what}to {str(where)!r}: it is a folder; give the name of a file", path=str(where), line=None
         )
@@ -83,6 +88,73 @@ def put(path: Path, content: bytes) -> Path:
             line=None,
         ) from error
     return path
+
+
+def put_folder(path: Path, files: dict[str, bytes]) -> Path:
+    """The same for a folder of files, sealed together: it is written beside `path` and takes its place as a whole, by
+    renaming the older one away and the new one there. Where that fails, the older one is put back."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    older = path.with_name(f".{path.name}.{os.getpid()}.old")
+    seal = b"sha256:" + _digest(_joined(files))
+    try:
+        try:
+            for name, content in files.items():
+                file = draft / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                with file.open("wb") as stream:
+                    stream.write(content.replace(BLANK.encode(), seal))
+                    stream.flush()
+                    os.fsync(stream.fileno())
+            if path.exists():
+                os.replace(path, older)
+            try:
+                os.replace(draft, path)
+            except OSError:
+                if older.exists():
+                    os.replace(older, path)
+                raise
+        finally:
+            for left in (draft, older):
+                if left.is_file():
+                    left.unlink()
+                shutil.rmtree(left, ignore_errors=True)
+    except (OSError, ValueError) as error:
+        raise FileFormatError(
+            f"cannot write {str(path)!r}: {_why(error)}; what stood there before is unchanged. "
+            "Free space or give another place",
+            path=str(path),
+            line=None,
+        ) from error
+    return path
+
+
+def get_folder(path: Path) -> dict[str, bytes]:
+    """All files of a folder by their names in it; `FileFormatError` where one cannot be read."""
+    try:
+        return {p.relative_to(path).as_posix(): p.read_bytes() for p in sorted(path.rglob("*")) if p.is_file()}
+    except OSError as error:
+        raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
+
+
+def intact_folder(files: dict[str, bytes]) -> bool | None:
+    """Whether a sealed folder is as it was written: every file, and none more; None where no seal is found."""
+    mark = next((found for content in files.values() if (found := _MARK.search(content))), None)
+    if mark is None:
+        return None
+    blank = {name: content.replace(mark[0], BLANK.encode()) for name, content in files.items()}
+    return _digest(_joined(blank)) == mark[1]
+
+
+def _joined(files: dict[str, bytes]) -> bytes:
+    """Names, lengths and contents in one, so that no two folders read alike."""
+    parts = (f"{name}\0{len(files[name])}\0".encode() + files[name] for name in sorted(files))
+    return b"".join(parts)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether a folder is one that was put there as a sealed one, so that replacing it destroys nothing else."""
+    small = (p for p in folder.rglob("*") if p.is_file() and p.stat().st_size < _SMALL)
+    return any(_MARK.search(p.read_bytes()) for p in small)
 
 
 def _why(error: Exception) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, real, shown
+from .progress import telling
 from .tangent import TangentVelocities
 from .units.door import SI, QuantityError, in_si
 
@@ -173,9 +173,8 @@ def run(
 ) -> dict[str, Any]:
     """March in the core; what it returns."""
     own = None if tangent is None else tangent_of(tangent, v.size)
-    return core.simulate(
-        json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), _progress(progress), own
-    )
+    with telling(progress, chosen["t_end"] - chosen["t0"], "s") as tell:
+        return core.simulate(json.dumps(chosen), t_eval, np.ascontiguousarray(q), np.ascontiguousarray(v), tell, own)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:
@@ -301,23 +300,3 @@ def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> li
     if len(set(names)) < len(names):
         raise ArgumentError(f"{what} names a velocity twice: {', '.join(names)}", argument=what)
     return names
-
-
-def _progress(progress: Any) -> Callable[[float], None] | None:
-    """What the core calls with the fraction done: nothing, the user's function, or a line on stderr."""
-    if progress is None or progress is False:
-        return None
-    if progress is True:
-        return _print_progress
-    if not callable(progress):
-        raise ArgumentError(
-            f"progress must be True, False or a function of the fraction done, not {progress!r}",
-            argument="progress",
-        )
-    return progress  # type: ignore[no-any-return]
-
-
-def _print_progress(fraction: float) -> None:
-    end = "\n" if fraction >= 1.0 else ""
-    sys.stderr.write(f"\r{100.0 * fraction:5.1f} % of the run{end}")
-    sys.stderr.flush()

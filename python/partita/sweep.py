@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import itertools
-import math
-import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures  # which imports its processes and threads when they are asked for
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import ArgumentError, MissingDependencyError
+from .errors import ArgumentError, Interrupted, MissingDependencyError
 from .numeric import shown
+from .progress import telling
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
     import xarray
 
 Point = tuple[int, ...]
@@ -54,18 +46,19 @@ def sweep(
             with `submit`, as those of `concurrent.futures`, Dask's `client.get_executor()`, `mpi4py`'s
             `MPIPoolExecutor`.
         workers: how many, for "threads" and "processes"; None: as many as there are cores.
-        progress: True: a line on stderr; or a function of the part done, 0 to 1.
+        progress: True: a bar on the terminal with the rate and the time that remains (needs tqdm); or a function of
+            the part done, 0 to 1.
 
     Returns:
         An `xarray.Dataset`: a variable for each name, with the parameters as its first dimensions and the axes of
         arrays (`NAME_axis0`, ...) behind; `failed` tells, for each point, the error in which it ended (empty: none).
-        Its numbers are NaN there. What was computed before Ctrl-C stands in `KeyboardInterrupt.partial`.
+        Its numbers are NaN there.
 
     A worker that dies takes nothing along: points that were not done go to new ones, up to three times each.
 
     Raises:
         MissingDependencyError: without xarray. ArgumentError: parameters or executor make no sense, or every point
-            failed.
+            failed. Interrupted: Ctrl-C; its `result` is the dataset so far.
 
     >>> import partita as pt
     >>> def period(length):
@@ -86,16 +79,18 @@ def sweep(
     if not callable(model):
         raise ArgumentError(f"model must be a function of the parameters, not {shown(model)}", argument="model")
     grid = _grid(parameters)
-    work = _Work(model, grid, _told(progress))
+    work = _Work(model, grid)
     try:
-        with _pool(executor, workers) as make:
+        with telling(progress, len(work.points), "points") as tell, _pool(executor, workers) as make:
+            work.tell = tell or work.tell
             if make is None:
                 work.in_turn()
             else:
                 work.spread(make)
     except KeyboardInterrupt as stopped:
-        stopped.partial = work.dataset()  # type: ignore[attr-defined]
-        raise
+        done = len(work.found) + len(work.failed)
+        words = f"interrupted after {done} of {len(work.points)} points; `result` of this error has them"
+        raise Interrupted(words, work.dataset()) from stopped
     if len(work.failed) == len(work.points):
         point, said = next(iter(work.failed.items()))
         raise ArgumentError(f"every point failed; the first, {work.named(point)}: {said}", argument="model")
@@ -120,22 +115,7 @@ def _grid(parameters: Any) -> dict[str, list[Any]]:
     return grid
 
 
-def _told(progress: Any) -> Callable[[float], None]:
-    if callable(progress):
-        return progress  # type: ignore[no-any-return]
-    if not progress:
-        return lambda part: None
-    begun = time.monotonic()
-
-    def line(part: float) -> None:
-        left = (time.monotonic() - begun) * (1.0 - part) / part if part > 0.0 else math.inf
-        rest = f", {left:.0f} s left" if math.isfinite(left) else ""
-        print(f"\rsweep {100 * part:3.0f} %{rest}   ", end="\n" if part >= 1.0 else "", file=sys.stderr, flush=True)
-
-    return line
-
-
-Make = Callable[[], Executor]
+Make = Callable[[], "Executor"]
 
 
 @contextmanager
@@ -144,7 +124,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
     if executor is None:
         yield None
     elif isinstance(executor, str):
-        kinds: dict[str, Any] = {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}
+        kinds: dict[str, Any] = {"threads": "ThreadPoolExecutor", "processes": "ProcessPoolExecutor"}
         if executor not in kinds:
             raise ArgumentError(
                 f'executor is "{executor}"; known: threads, processes, or an object with submit', argument="executor"
@@ -152,7 +132,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Make | None]:
         made: list[Executor] = []
 
         def make() -> Executor:
-            made.append(kinds[executor](max_workers=workers))
+            made.append(getattr(futures, kinds[executor])(max_workers=workers))
             return made[-1]
 
         try:
@@ -172,7 +152,7 @@ class _Work:
 
     model: Callable[..., Any]
     grid: dict[str, list[Any]]
-    tell: Callable[[float], None]
+    tell: Callable[[float], None] = lambda part: None
     found: dict[Point, dict[str, Any]] = field(default_factory=dict)
     failed: dict[Point, str] = field(default_factory=dict)
 
@@ -212,17 +192,17 @@ class _Work:
             try:
                 for point in waiting:
                     under_way[pool.submit(self.model, **self.named(point))] = point
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 pass
             lost += [point for point in waiting if point not in set(under_way.values())]
             while under_way:
-                done, _ = wait(under_way, timeout=PULSE, return_when=FIRST_COMPLETED)
+                done, _ = futures.wait(under_way, timeout=PULSE, return_when=futures.FIRST_COMPLETED)
                 for future in done:
                     point = under_way.pop(future)
                     error = future.exception()
                     if error is None:
                         self.keep(point, future.result())
-                    elif isinstance(error, BrokenExecutor) or _is_death(error):
+                    elif isinstance(error, futures.BrokenExecutor) or _is_death(error):
                         lost.append(point)
                     elif isinstance(error, Exception):
                         self.failed[point] = _words(error)
@@ -242,7 +222,7 @@ class _Work:
         for point in points:
             try:
                 self.keep(point, make().submit(self.model, **self.named(point)).result())
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 self.failed[point] = f"its worker died {TRIES} times"
             except Exception as error:
                 died = _is_death(error)

@@ -560,7 +560,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Mechanism.save": (loop().save, {"path": "none/x.urdf", "strict": True}),
         "load": (pt.load, {"path": "none.toml", "base": "fixed"}),
         "sweep": (pt.sweep, {"model": abs_of, "parameters": {"x": [1.0]}, "executor": None, "workers": 1}),
-        "results.load": (results.load, {"path": "none.json"}),
+        "load_result": (pt.load_result, {"path": "none.json"}),
     }
     for name in ("mass_matrix", "constraints", "jacobian", "measure", "rate"):
         calls[f"Model.{name}"] = (getattr(model, name), {"q": q, "t": 0.0})

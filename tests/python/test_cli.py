@@ -30,7 +30,7 @@ def test_run_of_the_catalogue_tells_what_it_found(tmp_path: Path, capsys: pytest
     assert code == 0
     for word in ("independent", "rho", "Switches", "closure", "energy balance", "steps", *map(str, files.values())):
         assert word in said
-    stored = results.load(files[".nc"])
+    stored = results.load_result(files[".nc"])
     assert len(stored.t) == 51 and stored.t[-1] == 1.0
     assert files[".png"].read_bytes().startswith(b"\x89PNG")
     assert "<html" in files[".html"].read_text().lower()
@@ -66,7 +66,7 @@ def test_command_and_function_agree(tmp_path: Path) -> None:
     assert run("simulate", tmp_path / "pendulum.toml", *words, "--quiet", "--save", path) == 0
     start = m.assemble(targets={"A": np.radians(30.0)}, rates={"A": 2.0})
     expected = m.simulate(1.0, t_eval=np.linspace(0, 1, 11), initial=start, rtol=1e-9, method="tsit5")
-    assert np.array_equal(results.load(path).q, expected.q)
+    assert np.array_equal(results.load_result(path).q, expected.q)
 
 
 def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
@@ -84,8 +84,8 @@ def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
     ):
         assert run(*common, *words, "--quiet", "--save", path) == 0
         expected = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8, **options)  # type: ignore[arg-type]
-        assert np.array_equal(results.load(path).q, expected.q), words
-        told = {key: value for key, value in results.load(path).options.items() if key in options}
+        assert np.array_equal(results.load_result(path).q, expected.q), words
+        told = {key: value for key, value in results.load_result(path).options.items() if key in options}
         assert told.keys() == options.keys()
         if "selection" not in options:  # which may choose what the default chooses
             assert not np.array_equal(expected.q, plain.q)
@@ -244,5 +244,5 @@ def test_control_c_keeps_what_was_computed(tmp_path: Path, capsys: pytest.Captur
     # The run itself stops within a second; the rest is for reactions and the file.
     assert time.monotonic() - pressed[0] < 10.0
     assert "interrupted" in capsys.readouterr().err
-    stored = results.load(path)
+    stored = results.load_result(path)
     assert not stored.success and stored.status == "interrupted" and len(stored.t) >= 1

@@ -294,7 +294,9 @@ def test_interrupt_keeps_the_rows_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
         return simulate(self, *arguments, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(pt.Mechanism, "simulate", impatient)
-    found = m.compare(0.5, formulations=[*SURE, "projective"], selections=["collective"])
+    with pytest.raises(pt.errors.Interrupted) as stopped:
+        m.compare(0.5, formulations=[*SURE, "projective"], selections=["collective"])
+    found = stopped.value.result
     assert found.interrupted and found.rows[0].finished
     assert found.rows[1].status == "not run" and "interrupted" in found.rows[1].message
 

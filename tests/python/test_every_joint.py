@@ -12,7 +12,7 @@ import pytest
 
 import partita as pt
 from partita.errors import AssemblyError, ContradictionError
-from partita.results import load
+from partita.results import load_result
 
 AXIS = (1.0, 2.0, 2.0)
 KINDS: dict[str, tuple[str, dict[str, Any], int]] = {
@@ -170,12 +170,12 @@ def test_accelerations_travel_with_the_result(tmp_path: Path) -> None:
         assert np.array_equal(run.joint(name).acceleration, all_at_once[:, first : first + count])
     for file in ("run.json", "run.nc"):
         run.save(tmp_path / file)
-        back = load(tmp_path / file)
+        back = load_result(tmp_path / file)
         assert all(np.array_equal(back.joint(n).acceleration, run.joint(n).acceleration) for n in run.names.joints)
     sent = pickle.loads(pickle.dumps(run.joint(run.names.joints[0])))
     assert np.array_equal(sent.acceleration, run.joint(run.names.joints[0]).acceleration)
     stored = run.to_xarray()["joint_acceleration"]
-    assert stored.dims == ("t", "joint_freedom") and np.array_equal(stored.values, all_at_once)
+    assert stored.dims == ("time", "joint_freedom") and np.array_equal(stored.values, all_at_once)
     run.save(tmp_path / "run.csv")
     assert ".acceleration [" in (tmp_path / "run.csv").read_text(encoding="utf-8").split("\n", 1)[0]
 

@@ -113,7 +113,7 @@ def test_what_was_computed_is_kept(caller: str, kind: str) -> None:
 
 def test_a_failed_run_is_stored_and_pickled_with_its_message(tmp_path: Path) -> None:
     run = with_torque(mistake)(t_eval=np.linspace(0.0, 1.0, 101))
-    for other in (pickle.loads(pickle.dumps(run)), pt.results.load(run.save(tmp_path / "run.json"))):
+    for other in (pickle.loads(pickle.dumps(run)), pt.results.load_result(run.save(tmp_path / "run.json"))):
         assert other.message == run.message and not other.success and np.array_equal(other.t, run.t)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import warnings
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from partita.errors import ChangedFileWarning, FileFormatError, MissingFileError
 from partita.files import BLANK, sealed
 
 FLIPS = 200
-READ, UNREAD = (".json", ".nc"), (".csv", ".mat", ".parquet")
+ENDINGS = (".json", ".nc", ".zarr", ".csv", ".mat", ".parquet")
 
 
 @pytest.fixture(scope="module")
@@ -41,45 +42,82 @@ def told(result: results.Result) -> list[bytes]:
     return [*(np.asarray(a, dtype=float).tobytes() for a in arrays.values()), words.encode()]
 
 
-@pytest.mark.parametrize("ending", READ)
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_a_flipped_bit_is_noticed(run: results.Result, tmp_path: Path, ending: str) -> None:
     path = run.save(tmp_path / f"run{ending}")
-    content, right = path.read_bytes(), told(run)
-    assert told(results.load(path)) == right
-    noticed = 0
-    for number in range(FLIPS):
-        path.write_bytes(flipped(content, number))
-        try:
-            assert told(results.load(path)) == right
-        except FileFormatError as error:
-            assert error.path == str(path) and path.name in str(error)
-            noticed += 1
-    assert noticed == FLIPS  # the seal covers every byte
+    right = told(run)
+    assert told(pt.load_result(path)) == right
+    files = [p for p in sorted(path.rglob("*")) if p.is_file()] or [path]
+    flips = [(file, number) for number, file in enumerate((files * FLIPS)[: FLIPS if len(files) == 1 else len(files)])]
+    for file, number in flips:  # the seal covers every byte
+        content = file.read_bytes()
+        if not content:
+            continue
+        file.write_bytes(flipped(content, number))
+        with pytest.raises(FileFormatError, match=path.name) as caught:
+            pt.load_result(path)
+        assert caught.value.path == str(path)
+        file.write_bytes(content)
 
 
-@pytest.mark.parametrize("ending", READ)
+def test_a_folder_that_lost_or_got_a_file_is_noticed(run: results.Result, tmp_path: Path) -> None:
+    path = run.save(tmp_path / "run.zarr")
+    for file in [p for p in sorted(path.rglob("*")) if p.is_file()][::9]:
+        content = file.read_bytes()
+        file.unlink()
+        with pytest.raises(FileFormatError, match="checksum"):
+            pt.load_result(path)
+        file.write_bytes(content)
+    (path / "more").write_bytes(b"")
+    with pytest.raises(FileFormatError, match="checksum"):
+        pt.load_result(path)
+
+
+def test_a_folder_of_others_is_never_replaced(run: results.Result, tmp_path: Path) -> None:
+    path = tmp_path / "run.zarr"
+    path.mkdir()
+    (path / "mine.txt").write_text("mine")
+    with pytest.raises(FileFormatError, match="it is a folder"):
+        run.save(path)
+    assert (path / "mine.txt").read_text() == "mine"
+
+
+def test_a_folder_takes_the_place_of_an_older_one_and_of_a_file(run: results.Result, tmp_path: Path) -> None:
+    path = tmp_path / "run.zarr"
+    path.write_text("a file")
+    for _ in range(2):
+        run.save(path)
+        assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and told(pt.load_result(path)) == told(run)
+
+
+def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(
+    run: results.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = run.save(tmp_path / "run.zarr")
+    replace = os.replace
+
+    def failing(source: Path, goal: Path) -> None:
+        if str(source).endswith(".part"):
+            raise OSError("no more")
+        replace(source, goal)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(FileFormatError, match="unchanged"):
+        run.save(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and told(pt.load_result(path)) == told(run)
+
+
+@pytest.mark.parametrize("ending", [ending for ending in ENDINGS if ending != ".zarr"])
 def test_a_truncated_file_is_noticed(run: results.Result, tmp_path: Path, ending: str) -> None:
     path = run.save(tmp_path / f"run{ending}")
     content = path.read_bytes()
     for length in [*range(0, 200, 7), *range(0, len(content), len(content) // 50)]:
         path.write_bytes(content[:length])
         with pytest.raises(FileFormatError, match=path.name):
-            results.load(path)
+            results.load_result(path)
     path.write_bytes(content + b" ")
     with pytest.raises(FileFormatError, match="checksum"):
-        results.load(path)
-
-
-@pytest.mark.parametrize("ending", UNREAD)
-def test_formats_for_others_are_not_read_here(run: results.Result, tmp_path: Path, ending: str) -> None:
-    if ending == ".parquet":
-        pytest.importorskip("pyarrow")
-    path = run.save(tmp_path / f"run{ending}")
-    content = path.read_bytes()
-    for number in range(FLIPS):
-        path.write_bytes(flipped(content, number))
-        with pytest.raises(FileFormatError, match=r"\.json and \.nc"):
-            results.load(path)
+        results.load_result(path)
 
 
 def test_a_damaged_page_of_parquet_is_noticed_by_those_who_ask(run: results.Result, tmp_path: Path) -> None:
@@ -158,7 +196,7 @@ TAMPERED = {
     "no times": _drop("arrays", "t"),
     "no coordinates": _drop("arrays", "q"),
     "times fall": _put([0.2, 0.1, 0.0, -0.1, -0.2], "arrays", "t", "values"),
-    "a time too few": _put({"shape": [4], "values": [0, 1, 2, 3]}, "arrays", "t"),
+    "a time too few": _put({"type": "number", "shape": [4], "values": [0, 1, 2, 3]}, "arrays", "t"),
     "a shape that lies": _put([5, 99], "arrays", "q", "shape"),
     "a negative shape": _put([-5, -3], "arrays", "q", "shape"),
     "a shape beyond all memory": _put([10**18], "arrays", "q", "shape"),
@@ -185,7 +223,7 @@ def test_a_tampered_result_with_a_good_seal_is_refused(run: results.Result, tmp_
     TAMPERED[name](document)
     path.write_bytes(sealed(json.dumps(document).encode()))
     with pytest.raises(FileFormatError, match=r"run\.json"):
-        results.load(path)
+        results.load_result(path)
 
 
 def written(run: results.Result, path: Path) -> None:
@@ -200,7 +238,7 @@ def written(run: results.Result, path: Path) -> None:
             run.save(path)
 
 
-@pytest.mark.parametrize("ending", [*READ, ".csv", ".mat", ".toml", ".html", ".png"])
+@pytest.mark.parametrize("ending", [*(e for e in ENDINGS if e != ".zarr"), ".toml", ".html", ".png"])
 def test_a_full_disk_leaves_the_old_file(run: results.Result, tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"run{ending}"
     path.write_bytes(b"old")
@@ -217,7 +255,7 @@ def test_a_full_disk_leaves_the_old_file(run: results.Result, tmp_path: Path, en
 
 @pytest.mark.parametrize("path", [None, 3, b"x.json", "", "x\0.json", object(), [], "y" * 5000 + ".json"])
 def test_what_is_no_path_is_told(run: results.Result, path: Any) -> None:
-    for use in (run.save, run.to_html, results.load, pt.load, pt.catalogue.load("four-bar").save):
+    for use in (run.save, run.to_html, pt.load_result, pt.load, pt.catalogue.load("four-bar").save):
         with pytest.raises(PartitaError):
             use(path)
 
@@ -229,6 +267,6 @@ def test_places_that_are_no_files(run: results.Result, tmp_path: Path) -> None:
             written(run, tmp_path / name)
         with pytest.raises(MissingFileError, match="make it first"):
             written(run, tmp_path / "none" / name)
-    for load in (results.load, pt.load):
+    for load in (pt.load_result, pt.load):
         with pytest.raises(PartitaError):
             load(tmp_path)

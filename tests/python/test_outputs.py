@@ -153,7 +153,7 @@ def test_results_and_their_parts_are_pickled_and_copied(stored: bool, tmp_path: 
     m = pt.catalogue.load("four-bar")
     run = m.simulate(0.3, t_eval=np.linspace(0.0, 0.3, 7))
     if stored:
-        run = pt.results.load(run.save(tmp_path / "run.json"))
+        run = pt.results.load_result(run.save(tmp_path / "run.json"))
     for other in (pickle.loads(pickle.dumps(run)), copy.deepcopy(run), copy.copy(run)):
         assert other.names == run.names and other.summary == run.summary and other.spec == run.spec
         assert other.counters == run.counters and other.options == run.options and other.notes == run.notes
@@ -260,6 +260,6 @@ def test_a_certificate_looks_at_every_step(tmp_path: Any) -> None:
     drift = float(many.closure.max())
     assert drift > 1e2 * float(few.closure.max())  # the first steps do not show it
     assert few.certificate.closure == pytest.approx(drift, rel=1e-6)
-    loaded = pt.results.load(few.save(tmp_path / "run.json"))
+    loaded = pt.results.load_result(few.save(tmp_path / "run.json"))
     assert loaded.certificate.closure == few.certificate.closure
     assert m.simulate(2.0, t_eval=[0.01], initial=start).certificate.closure < 1e-12

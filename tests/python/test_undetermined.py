@@ -325,7 +325,7 @@ def test_multipliers_of_an_instant_follow_the_rule() -> None:
 def test_stored_results_tell_the_same(tmp_path: Path) -> None:
     run = bricard().simulate(0.1)
     run.save(tmp_path / "run.json")
-    again = pt.results.load(tmp_path / "run.json")
+    again = pt.results.load_result(tmp_path / "run.json")
     np.testing.assert_array_equal(again.joint("P1").force, run.joint("P1").force)
     assert again.joint("P1").drive_determined.tolist() == run.joint("P1").drive_determined.tolist()
     for ask in (again.self_stresses, again.joint("P1").directions):

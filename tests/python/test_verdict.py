@@ -89,7 +89,7 @@ def test_stored_results_keep_the_verdict(tmp_path: Path, ending: str, broken: bo
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DoubtfulResultWarning)
         run.save(tmp_path / f"run.{ending}")
-        back = results.load(tmp_path / f"run.{ending}")
+        back = results.load_result(tmp_path / f"run.{ending}")
         assert back.success is run.success and back.status == run.status and back.message == run.message
         assert back.certificate.findings == run.certificate.findings
 

@@ -41,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     _command(words, "list", commands.list_names, "list the mechanisms of the catalogue")
 
     plot = _command(words, "plot", commands.plot, "draw a stored result")
-    plot.add_argument("result", metavar="RESULT", help="a stored result (.json or .nc)")
+    plot.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     plot.add_argument(
         "-o", "--output", metavar="FILE", help="figure to write (.png, .pdf, .svg); default: beside RESULT"
     )
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     )
 
     view = _command(words, "view", commands.view, "make the animated page of a stored result")
-    view.add_argument("result", metavar="RESULT", help="a stored result (.json or .nc)")
+    view.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     view.add_argument("-o", "--output", metavar="FILE", help="page to write (.html); default: beside RESULT")
 
     convert = _command(words, "convert", commands.convert, "read one model file and write another")
@@ -102,7 +102,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
         help="velocity of a joint at the start [rad/s or m/s; or with its unit: 60rpm]; repeatable",
     )
     add("--html", metavar="FILE", help="write the animated page")
-    add("--save", metavar="FILE", help="write the result (.nc, .json, .csv, .parquet, .mat)")
+    add("--save", metavar="FILE", help="write the result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     add("--plot", metavar="FILE", help="write the figure (.png, .pdf, .svg)")
     add("--quiet", action="store_true", help="print nothing but errors")
 

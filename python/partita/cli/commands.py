@@ -32,20 +32,20 @@ def list_names(arguments: argparse.Namespace) -> int:
 
 def plot(arguments: argparse.Namespace) -> int:
     """Draw a stored result."""
-    from ..results import load
+    from ..results import load_result
 
     target = _beside(arguments.result, arguments.output, ".png")
-    load(arguments.result).plot(*(arguments.what or ()), path=target)
+    load_result(arguments.result).plot(*(arguments.what or ()), path=target)
     print(f"wrote {target}")
     return 0
 
 
 def view(arguments: argparse.Namespace) -> int:
     """Make the page of a stored result."""
-    from ..results import load
+    from ..results import load_result
 
     target = _beside(arguments.result, arguments.output, ".html")
-    load(arguments.result).to_html(target)
+    load_result(arguments.result).to_html(target)
     print(f"wrote {target}; open it with a browser")
     return 0
 

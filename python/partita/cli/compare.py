@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 from ..errors import ArgumentError, MissingFileError
+from ..progress import has_bars
+from .interruption import so_far
 from .models import open_model
 
 INTERRUPTED = 130
@@ -18,20 +20,22 @@ def compare(arguments: argparse.Namespace) -> int:
     opened = open_model(arguments.model)
     if arguments.time is None and opened.entry is None:
         raise ArgumentError(f"{arguments.model}: a model file has no length of its own; add --time 10", argument="time")
-    watched = sys.stderr.isatty()
-    found = opened.mechanism.compare(
-        arguments.time or (opened.entry.duration if opened.entry else None),
-        initial=opened.initial(arguments.coordinates),
-        formulations=arguments.formulations,
-        selections=arguments.rules,
-        corrections=arguments.correction,
-        coordinates=arguments.coordinates,
-        rtol=arguments.rtol,
-        atol=arguments.atol,
-        method=arguments.method,
-        baumgarte=arguments.baumgarte,
-        window=arguments.window,
-        progress=watched,
+    watched = has_bars() and sys.stderr.isatty()
+    found = so_far(
+        lambda: opened.mechanism.compare(
+            arguments.time or (opened.entry.duration if opened.entry else None),
+            initial=opened.initial(arguments.coordinates),
+            formulations=arguments.formulations,
+            selections=arguments.rules,
+            corrections=arguments.correction,
+            coordinates=arguments.coordinates,
+            rtol=arguments.rtol,
+            atol=arguments.atol,
+            method=arguments.method,
+            baumgarte=arguments.baumgarte,
+            window=arguments.window,
+            progress=watched,
+        )
     )
     print(found)
     if arguments.csv:
@@ -41,7 +45,7 @@ def compare(arguments: argparse.Namespace) -> int:
         print(f"wrote {arguments.plot}")
     if (arguments.work_precision or arguments.tolerances) and not found.interrupted:
         given = {} if arguments.tolerances is None else {"tolerances": arguments.tolerances}
-        ladder = found.work_precision(progress=watched, **given)
+        ladder = so_far(lambda: found.work_precision(progress=watched, **given))
         print(f"\n{ladder}")
         if arguments.work_precision:
             ladder.plot(arguments.work_precision)

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError, DoubtfulResultWarning, MissingFileError
+from ..progress import has_bars
 from ..results.save import checked_path
 from .account import account
+from .interruption import so_far
 from .models import Opened, open_model
 
 if TYPE_CHECKING:
@@ -101,15 +103,12 @@ def _run(opened: Opened, start: State | None, arguments: argparse.Namespace) -> 
         if getattr(arguments, name) is not None:
             options[name] = getattr(arguments, name)
     duration = arguments.time or (opened.entry.duration if opened.entry else 0.0)
-    progress = _Progress() if sys.stderr.isatty() and not arguments.quiet else None
+    progress = not arguments.quiet and has_bars() and sys.stderr.isatty()
     warnings.simplefilter("ignore", DoubtfulResultWarning)  # told in a line of its own
-    try:
-        return opened.mechanism.simulate(
-            duration, t_eval=_outputs(opened, start, duration, arguments), initial=start, progress=progress, **options
-        )
-    finally:
-        if progress:
-            progress.clear()
+    times = _outputs(opened, start, duration, arguments)
+    return so_far(
+        lambda: opened.mechanism.simulate(duration, t_eval=times, initial=start, progress=progress, **options)
+    )
 
 
 def _outputs(
@@ -146,19 +145,3 @@ def _write(result: Result, arguments: argparse.Namespace) -> list[Path]:
             write(path)
             written.append(Path(path))
     return written
-
-
-class _Progress:
-    """A line on the terminal that tells the fraction done, and goes when the run ends."""
-
-    WIDTH = 30
-
-    def __call__(self, fraction: float) -> None:
-        done = int(self.WIDTH * min(max(fraction, 0.0), 1.0))
-        bar = "#" * done + "-" * (self.WIDTH - done)
-        sys.stderr.write(f"\r[{bar}] {100 * fraction:5.1f} % ")
-        sys.stderr.flush()
-
-    def clear(self) -> None:
-        sys.stderr.write("\r" + " " * (self.WIDTH + 14) + "\r")
-        sys.stderr.flush()

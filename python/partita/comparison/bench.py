@@ -125,8 +125,6 @@ class Bench:
             except PartitaError as error:
                 why = str(error)
                 continue
-            if result.status == "interrupted":
-                raise KeyboardInterrupt
             if result.success:
                 words = f"{DEFAULT}, {REFERENCE_METHOD}, rtol {rtol:g}, atol {atol:g}"
                 return replace(self, reference=Reference(result, words))

@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import PartitaError
+from ..errors import Interrupted, PartitaError
 from ..naming import index_of
 from .bench import Bench
 from .cases import Case
 from .progress import Progress
-from .row import FAILED, INTERRUPTED, Row, lacking, measured, not_run
+from .row import FAILED, Row, lacking, measured, not_run
 from .table import CONDITION_NOTE, aligned, notes, to_pandas, write_csv
 from .work_precision import WorkPrecision, work_precision
 
@@ -124,28 +124,32 @@ class Comparison:
 
 
 def carry_out(bench: Bench, cases: Sequence[Case], reference: Result | None, progress: Any) -> Comparison:
-    """Every case, one after the other. A typed error of one does not stop the others; Ctrl-C keeps what is there."""
+    """Every case, one after the other. A typed error of one does not stop the others; Ctrl-C raises `Interrupted` with
+    what is there."""
     rows: list[Row] = []
     runs: dict[int, Result] = {}
     tell = Progress(progress, len(cases) + 1)
+    stopped: KeyboardInterrupt | None = None
     try:
         bench = bench.with_reference(reference, tell.part("reference"))
         for case in cases:
             row, result = _row(bench, case, tell.part(case.name))
             rows.append(row)
-            if row.status == INTERRUPTED:
-                break
             if result is not None and len(result.t) > 1 and row.steps:
                 runs[len(rows) - 1] = result
         dearest = max(((rows[i].time or 0.0) / (rows[i].evaluations or 1) for i in runs), default=0.0)
         for place, cost in zip(runs, bench.costs(list(runs.values()), dearest) if runs else [], strict=True):
             rows[place] = replace(rows[place], time_per_evaluation=cost)
-    except KeyboardInterrupt:
-        pass
-    interrupted = len(rows) < len(cases) or (bool(rows) and rows[-1].status == INTERRUPTED)
-    tell.end()
-    left = [not_run(case, "interrupted before its turn came") for case in cases[len(rows) :]]
-    return Comparison(bench, cases, [*rows, *left], interrupted)
+    except KeyboardInterrupt as error:
+        stopped = error
+    finally:
+        tell.end()
+    left = [not_run(case, "interrupted before its end") for case in cases[len(rows) :]]
+    found = Comparison(bench, cases, [*rows, *left], stopped is not None)
+    if stopped is not None:
+        words = f"interrupted after {len(rows)} of {len(cases)} rows; `result` of this error has them"
+        raise Interrupted(words, found) from stopped
+    return found
 
 
 def _row(bench: Bench, case: Case, progress: Any) -> tuple[Row, Result | None]:

@@ -74,7 +74,7 @@ def compare_mechanism(
             methods of lower order) or 2000, which only runs exceed that creep towards a place they cannot pass.
         reference: a finished run of this mechanism, from the same start, to measure errors against; its outputs are
             used. None: "projective" with "dop853" at rtol 1e-13, or the tightest that finishes.
-        progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
+        progress: True: a bar on the terminal (needs tqdm); or a function of the fraction done, 0 to 1.
 
     Raises:
         ArgumentError: an unknown name, no duration, or a reference that did not finish. Errors of `assemble`.

@@ -14,7 +14,7 @@ from .cases import Case
 if TYPE_CHECKING:
     from ..results import Result
 
-FINISHED, FAILED, NOT_RUN, INTERRUPTED = "finished", "failed", "not run", "interrupted"
+FINISHED, FAILED, NOT_RUN = "finished", "failed", "not run"
 NEEDS = "needs "
 """Status of a run that lacks an option: this and the option's name."""
 # Formulations whose velocities are coordinates, so that C_D means something; and those that choose nothing at all.

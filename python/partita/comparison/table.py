@@ -10,6 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..extras import extra
 from ..files import put, target
 from .row import Row
 
@@ -103,12 +104,7 @@ def write_lines(headings: Sequence[str], lines: Sequence[Sequence[Any]], path: P
 
 def to_pandas(rows: Sequence[Row], caption: str) -> pandas.DataFrame:
     """See `Comparison.to_pandas`."""
-    try:
-        import pandas
-    except ImportError as error:
-        from ..results.save_table import missing
-
-        raise missing("pandas", "pandas", "to_pandas") from error
+    pandas = extra("pandas", "pandas", "to_pandas")
     frame = pandas.DataFrame([asdict(row) for row in rows], columns=[field.name for field in fields(Row)])
     frame = frame.set_index("name")
     frame.attrs["caption"] = caption

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import ArgumentError, PartitaError
+from ..errors import ArgumentError, Interrupted, PartitaError
 from ..options import positive
 from .bench import Bench
 from .cases import Case
@@ -90,22 +90,26 @@ class WorkPrecision:
 
 
 def work_precision(bench: Bench, cases: Sequence[Case], tolerances: Sequence[float], progress: Any) -> WorkPrecision:
-    """Every case with every tolerance; Ctrl-C keeps what is there."""
+    """Every case with every tolerance; Ctrl-C raises `Interrupted` with what is there."""
     wanted = sorted({positive("tolerances", tolerance) for tolerance in tolerances}, reverse=True)
     if not wanted:
         raise ArgumentError("tolerances is empty; give some such as (1e-4, 1e-6, 1e-8)", argument="tolerances")
     points: list[Point] = []
     tell = Progress(progress, len(cases) * len(wanted))
-    interrupted = False
+    stopped: KeyboardInterrupt | None = None
     try:
         for case in cases:
             for rtol in wanted:
                 points.append(_point(bench, case, rtol, tell.part(f"{case.name}, rtol {rtol:g}")))
-    except KeyboardInterrupt:
-        interrupted = True
-    tell.end()
+    except KeyboardInterrupt as error:
+        stopped = error
+    finally:
+        tell.end()
     words = bench.reference.words if bench.reference is not None else "none: interrupted"
-    return WorkPrecision(bench.title, words, points, interrupted, bench.unit)
+    found = WorkPrecision(bench.title, words, points, stopped is not None, bench.unit)
+    if stopped is not None:
+        raise Interrupted(f"interrupted after {len(points)} runs; `result` of this error has them", found) from stopped
+    return found
 
 
 def _point(bench: Bench, case: Case, rtol: float, progress: Any) -> Point:
@@ -113,8 +117,6 @@ def _point(bench: Bench, case: Case, rtol: float, progress: Any) -> Point:
         result, time = bench.run(case, progress, rtol)
     except PartitaError as error:
         return Point(case.name, rtol, FAILED, None, None, None, str(error))
-    if result.status == "interrupted":
-        raise KeyboardInterrupt
     if not result.success:
         return Point(case.name, rtol, result.status, None, None, None, result.message)
     return Point(case.name, rtol, FINISHED, bench.error(result), result.counters.get("evaluations"), time)

@@ -329,7 +329,8 @@ def simulate(
             for redundant rows), "baumgarte" (stabilised, never exactly closed; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not offered by this version; anything but an empty sequence raises `ArgumentError`.
-        progress: True: a line on stderr; or a function of the fraction done, 0 to 1.
+        progress: True: a bar on the terminal with the rate and the time that remains (needs tqdm); or a function of
+            the fraction done, 0 to 1.
         correction: how the remainder of the constraints is removed after each step: "partition" (dependent
             coordinates only), "mass-orthogonal" or "none" (a drift then remains, and the result shows it).
         exchange: a coordinate choice is replaced when another is this much better; at least 1.
@@ -357,6 +358,7 @@ def simulate(
 
     Raises:
         ArgumentError, AssemblyError, EvaluationError, SingularityError; DescriptionError from `compile`.
+        Interrupted: Ctrl-C; its `result` is the run up to there.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum")

@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from matplotlib.figure import Figure
+from ..extras import missing
+
+try:
+    from matplotlib.figure import Figure
+except ImportError as error:
+    raise missing("matplotlib", "plots", "a figure") from error
 
 from ..naming import index_of
 from ..readable import Readable, checked_run

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..readable import Readable
-from .verdict import Finding, allowed, of_arrays, of_energy, of_reactions, unnoticed, word_of
+from .notebook import lines
+from .verdict import Finding, allowed, findings_of, of_arrays, of_energy, of_reactions, unnoticed, word_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -74,8 +76,20 @@ class Certificate:
         """ "holds", "doubtful" or "broken": that of the worst finding."""
         return word_of(self.findings)
 
+    @classmethod
+    def from_account(cls, told: Mapping[str, Any]) -> Certificate:
+        """The inverse of `vars(certificate)` after a way through JSON."""
+        known = {field.name for field in fields(cls)}
+        own: dict[str, Any] = {
+            "notes": tuple(map(str, told["notes"])),
+            "bodies": tuple((str(name), float(worst), float(t)) for name, worst, t in told["bodies"]),
+            "rank": tuple(int(rank) for rank in told["rank"]),
+            "findings": tuple(findings_of(told["findings"])),
+        }
+        return cls(**{key: value for key, value in told.items() if key in known} | own)
+
     def __str__(self) -> str:
-        lines = [
+        told = [
             f"verdict           {self.verdict}",
             *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
             f"closure           {_shown(self.closure)}{_who(self.closure_row, self.closure_t)}",
@@ -97,7 +111,11 @@ class Certificate:
         notes = [f"note: {_cut(note)}" for note in self.notes[:NOTES]]
         if len(self.notes) > NOTES:
             notes.append(f"note: and {len(self.notes) - NOTES} more in certificate.notes")
-        return "\n".join([*lines, *notes])
+        return "\n".join([*told, *notes])
+
+    def _repr_html_(self) -> str:
+        """The same words, in a notebook."""
+        return lines(str(self))
 
 
 def certify(result: Readable) -> Certificate:

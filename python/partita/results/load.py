@@ -6,19 +6,20 @@ import json
 import os
 import struct
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
-from ..files import get, intact, place
+from ..errors import FileFormatError, MissingDependencyError
+from ..files import get, get_folder, intact, intact_folder, place
+from .certificate import Certificate
+from .content import VERSION, restored
 from .load_check import check
 from .record import Record
 from .result import Result
-from .save_json import VERSION
+from .save import FOLDER, format_of
 from .sensor import StoredSensors
 from .source import CHECKS, ENERGIES, OBSERVED, REACTIONS, StoredSource
 
@@ -32,28 +33,54 @@ FLAGS = ("determined_world", "determined_joint", "determined_drive", "determined
 STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAGS)
 
 
-def load(path: str | os.PathLike[str]) -> Result:
-    """The result stored in `path` (`.json` or `.nc`, written by `Result.save`).
+def load_result(path: str | os.PathLike[str]) -> Result:
+    """The result stored in `path`, in any of the formats that `Result.save` writes, known by its ending.
 
-    It reads as the original did: arrays, joints, bodies, reactions, log, certificate, plots and page.
-    Only what was computed then is there; for other times, run the mechanism again. Raises
-    `MissingFileError`, or `FileFormatError` when the file is not a stored result.
+    It is equal to the original, number for number: arrays, names, units, settings, joints, bodies, reactions, log,
+    certificate, plots and page. Only what was computed then is there; for other times, run the mechanism again. A file
+    that was changed or damaged is refused, by the checksum inside.
 
-    >>> load("run.json").joint("A").force                              # doctest: +SKIP
+    Raises `MissingFileError`, `FileFormatError` when the file is not a stored result or not as it was written, and
+    `MissingDependencyError` where its format needs a package that is not installed.
+
+    >>> import os, tempfile
+    >>> import partita as pt
+    >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run.save(os.path.join(folder, "run.json")) and None
+    ...     again = pt.load_result(os.path.join(folder, "run.json"))
+    >>> bool((again.joint("A").force == run.joint("A").force).all())
+    True
     """
     source = place(path)
-    readers = {".json": _read_json, ".nc": _read_netcdf}
-    content = get(source)
-    reader = readers.get(source.suffix.lower())
-    if reader is None:
-        raise _bad(source, f"results are read from .json and .nc, not from {source.suffix!r}; save in one of these")
-    account, arrays = reader(source, content)
+    folder = source.suffix.lower() == FOLDER and source.is_dir()
+    content = get_folder(source) if folder else get(source)
+    form = format_of(source, f"cannot read {str(source)!r}")
+    form.check("reading")
     try:
-        record = Record.from_account(account, arrays)
+        if form.name != "JSON":  # a text tells a slip better than its seal does
+            _check_seal(source, content, form.name)
+        header, values = form.read(source if folder else content)
+        _check_version(source, header.get("partita_result"))
+        _check_seal(source, content, form.name)
+        arrays = {str(name): restored(values[name], about) for name, about in header["arrays"].items()}
+        record = Record.from_account(header["account"], arrays)
         check(record, arrays)
-        return _restored(record, arrays)
+        result = _restored(record, arrays)
+        if "certificate" in header["account"]:
+            result.__dict__["certificate"] = Certificate.from_account(header["account"]["certificate"])
+        return result
+    except json.JSONDecodeError as error:
+        raise FileFormatError(
+            f"{str(source)!r}, line {error.lineno}: not JSON ({error.msg})", path=str(source), line=error.lineno
+        ) from error
+    except UnicodeDecodeError as error:
+        raise _bad(source, "it is not text in UTF-8") from error
+    except (FileFormatError, MissingDependencyError):
+        raise
     except UNREADABLE as error:
-        raise _bad(source, f"it is not a complete result ({type(error).__name__}: {error}); simulate again") from error
+        why = f"it is not a complete result in {form.name} ({type(error).__name__}: {error}); simulate again"
+        raise _bad(source, why) from error
 
 
 def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:
@@ -88,72 +115,16 @@ def _empty(key: str, nt: int, summary: Mapping[str, Any]) -> tuple[int, ...]:
     return (nt, nj, 3, 3) if key == "joint_rotation" else (nt, nj, 3)
 
 
-def _read_json(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    try:
-        document = json.loads(content.decode("utf-8"))
-    except json.JSONDecodeError as error:
-        raise FileFormatError(
-            f"{str(path)!r}, line {error.lineno}: not JSON ({error.msg})", path=str(path), line=error.lineno
-        ) from error
-    except UnicodeDecodeError as error:
-        raise _bad(path, "it is not text in UTF-8") from error
-    except (ValueError, RecursionError) as error:
-        raise _bad(path, f"it is not JSON ({error})") from error
-    if not isinstance(document, dict) or "partita_result" not in document:
-        raise _bad(path, "it is not a stored result (no key 'partita_result'); save one with result.save")
-    _check_version(path, document["partita_result"])
-    _check_seal(path, content)
-    try:
-        arrays = {str(key): _array(item) for key, item in document["arrays"].items()}
-        return document["account"], arrays
-    except UNREADABLE as error:
-        raise _bad(path, f"its arrays cannot be read ({type(error).__name__}: {error})") from error
-
-
-def _array(item: Mapping[str, Any]) -> NDArray[Any]:
-    """An array of the file; null stands for NaN."""
-    return np.array(item["values"], dtype=float).reshape(item["shape"])
-
-
-def _read_netcdf(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    from scipy import io  # slow to import, and few read files
-
-    if not content.startswith(b"CDF"):
-        raise _bad(path, "it is not NetCDF in the classic format")
-    if b"partita_result" not in content:
-        raise _bad(path, "it is NetCDF, but not a stored result of partita, or a damaged one")
-    # before it is taken apart: sizes in a damaged file may ask for all memory there is
-    if intact(content) is not None:
-        _check_seal(path, content)
-    try:
-        with io.netcdf_file(BytesIO(content), "r", mmap=False) as file:
-            _check_version(path, int(getattr(file, "partita_result", 0)))
-            _check_seal(path, content)
-            account = json.loads(bytes(file.partita_account).decode("utf-8"))
-            arrays = {
-                name: _native(stored.data)
-                for name, stored in file.variables.items()
-                if not name.endswith(("_name", "_unit"))
-            }
-    except FileFormatError:
-        raise
-    except UNREADABLE as error:
-        raise _bad(path, f"it is not NetCDF in the classic format ({type(error).__name__}: {error})") from error
-    return account, arrays
-
-
-def _native(values: NDArray[Any]) -> NDArray[Any]:
-    """In the byte order of this machine: the file is big-endian."""
-    return np.array(values, dtype=values.dtype.newbyteorder("="))
-
-
 def _check_version(path: Path, version: Any) -> None:
     if version != VERSION:
         raise _bad(path, f"it has version {version} of the format, this program reads version {VERSION}")
 
 
-def _check_seal(path: Path, content: bytes) -> None:
-    if not intact(content):
+def _check_seal(path: Path, content: bytes | dict[str, bytes], name: str) -> None:
+    sound = intact_folder(content) if isinstance(content, dict) else intact(content)
+    if sound is None:
+        raise _bad(path, f"it is not a result in {name} as it was saved: there is no checksum in it")
+    if not sound:
         raise _bad(
             path,
             "its content is not what was written (the checksum does not agree): it was changed or damaged since; take "

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from .._core import version as core_version
 from .tables import Tables
 from .verdict import WHOLE, Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
-    "findings", "options", "spec",
+    "findings", "options", "spec", "version",
 )  # fmt: skip
 
 
@@ -44,6 +45,8 @@ class Record:
     """What ended the run early, from its cause; only in memory."""
     description: str | None = None
     """The mechanism as built, as JSON; None for a `System`."""
+    version: str = ""
+    """Of Partita, that computed it."""
 
     @cached_property
     def spec(self) -> dict[str, Any] | None:
@@ -77,15 +80,16 @@ class Record:
             gaps=_pair(raw.get("gaps")),
             misfit=float(raw.get("misfit", 0.0)),
             findings=findings_of(raw.get("findings", ())),
-            options=dict(options),
+            options=read_exact(exact(options)),  # as a file gives them back
             error=raw.get("error"),
             description=description,
+            version=core_version(),
         )
 
     def account(self) -> dict[str, Any]:
-        """Everything but the arrays, ready for JSON."""
-        told = {"notes": self.all_notes, "findings": plain([*self.findings, *self.arrays.findings])}
-        return {key: plain(getattr(self, key)) for key in ACCOUNT} | told
+        """Everything but the arrays, ready for JSON; the inverse is `from_account` of what `read_exact` finds."""
+        told = {"notes": self.all_notes, "findings": exact([*self.findings, *self.arrays.findings])}
+        return {key: exact(getattr(self, key)) for key in ACCOUNT} | told
 
     @property
     def all_notes(self) -> list[str]:
@@ -96,10 +100,12 @@ class Record:
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays put back."""
         spec = account["spec"]
-        told = {key: account[key] for key in ACCOUNT if key not in ("spec", "steps_open", "gaps", "misfit", "findings")}
+        own = ("spec", "steps_open", "gaps", "misfit", "findings", "version")
+        told = {key: account[key] for key in ACCOUNT if key not in own}
         told["steps_open"], told["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
         told["misfit"] = _pair((account.get("misfit", 0.0), 0.0))[0]
         told["findings"] = findings_of(account.get("findings", ()))
+        told["version"] = str(account.get("version", ""))
         return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
 
 
@@ -109,19 +115,37 @@ def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
     return (float("inf") if one is None else float(one), float("inf") if other is None else float(other))
 
 
-def plain(value: Any) -> Any:
-    """`value` out of what JSON knows: arrays become lists, NumPy numbers numbers, other objects words."""
+def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> Any:
+    """`value` out of what JSON knows: arrays become lists, NumPy numbers numbers, other objects words; what is not
+    finite becomes null, or what `unfit` makes of it."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): plain(item, unfit) for key, item in value.items()}
     if isinstance(value, np.ndarray):
         complete = value.dtype.kind in "biu" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
-        return value.tolist() if complete else plain(value.tolist())
+        return value.tolist() if complete else plain(value.tolist(), unfit)
     if isinstance(value, np.generic):
-        return plain(value.item())
+        return plain(value.item(), unfit)
     if isinstance(value, float):
-        return value if np.isfinite(value) else None
+        return value if np.isfinite(value) else unfit(value)
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, Sequence):
-        return [plain(item) for item in value]
+        return [plain(item, unfit) for item in value]
     return str(value)
+
+
+NOT_FINITE = "not finite"
+
+
+def exact(value: Any) -> Any:
+    """The same without a loss: what is not finite becomes `{"not finite": "nan"}`, which `read_exact` reads back."""
+    return plain(value, lambda number: {NOT_FINITE: repr(number)})
+
+
+def read_exact(told: Any) -> Any:
+    """The inverse of `exact`, of a JSON text or of what was read from one."""
+    return json.loads(told if isinstance(told, str) else json.dumps(told), object_hook=_number)
+
+
+def _number(item: dict[str, Any]) -> Any:
+    return float(item[NOT_FINITE]) if list(item) == [NOT_FINITE] and isinstance(item[NOT_FINITE], str) else item

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import options as run_options
-from ..errors import ArgumentError, DoubtfulResultWarning
+from ..errors import ArgumentError, DoubtfulResultWarning, Interrupted
 from ..naming import driven, listed
 from ..numeric import shown
 from ..sensing import SensorRecord
@@ -24,6 +24,7 @@ from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
 from .joint import AskedJoint, JointPlace, JointResult
 from .names import Names, index_of
+from .notebook import names, table
 from .partition_log import PartitionChange, partition_changes
 from .record import Record
 from .self_stress import SelfStresses, self_stresses_of
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+
+INTERRUPTED = "interrupted"
+AT_A_PROMPT = "sys.last_value.result"
 
 
 class Result:
@@ -91,7 +95,8 @@ class Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
         `sensors` are those of the description. `spec` is the description compiled, as JSON; None for a
-        hand-written `System`, which has no bodies and joints.
+        hand-written `System`, which has no bodies and joints. Raises `Interrupted`, with the result, for a run that Ctrl-C
+        ended.
         """
         account = account_of(sensors or {}, summary)
         if account:
@@ -104,6 +109,8 @@ class Result:
             read = LiveSensors(sensors or {}, RunSignals(source, model, record.arrays, summary), account)
         result = cls(record, source, read)
         result._warn(record.findings)
+        if record.status == INTERRUPTED and record.error is None:
+            raise Interrupted(f"{record.message}, in `result` of this error (here and now: {AT_A_PROMPT})", result)
         return result
 
     @property
@@ -483,28 +490,51 @@ class Result:
         return self._source is not None
 
     def to_xarray(self) -> xarray.Dataset:
-        """All arrays with named axes and units. `MissingDependencyError` without xarray."""
-        from .save_xarray import to_xarray
+        """All arrays as an `xarray.Dataset`: dimensions `time`, `joint`, `body`, `axis`, `coordinate`, ... with the
+        names as coordinates, `units` and `long_name` of every array, and as texts `model` (JSON) and `account`;
+        attributes tell settings and certificate. `save("x.nc")` stores this dataset. `MissingDependencyError` without
+        xarray.
+
+        >>> import partita as pt
+        >>> found = pt.catalogue.load("four-bar").simulate(0.5).to_xarray()
+        >>> found.force.sel(joint="A", axis="x").dims
+        ('time',)
+        """
+        from .dataset import to_xarray
 
         return to_xarray(self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """One row per output, one column per number, indexed by time; `df.attrs["units"]` has the units.
 
-        Columns are those of `save("x.csv")`. `MissingDependencyError` without pandas.
+        Columns are those of `save("x.csv")`: what people look at first, then rotation matrices, flags and the rest.
+        `MissingDependencyError` without pandas.
         """
-        from .save_table import to_pandas
+        from .table import to_pandas
 
         return to_pandas(self)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write to `path`, in the format of its ending, and return the path.
+        """Write to `path`, in the format of its ending, and return the path; `partita.load_result` reads all of them.
 
-        `.json`: everything, self-contained, can be loaded, plotted and viewed again. `.nc`: NetCDF 3 with units,
-        the same content. `.mat`: all arrays for MATLAB and Octave. `.csv`, `.parquet`: a table, one row per output
-        (without rotation matrices). Raises `FileFormatError` for another ending, `MissingFileError` when the folder
-        does not exist, `MissingDependencyError` for Parquet without pyarrow. A file is replaced only when
-        the new one is complete.
+        `.nc`: NetCDF 4, the dataset of `to_xarray`, for xarray, MATLAB and the tools of the geosciences (extra
+        `netcdf`). `.zarr`: the same as a folder of chunks (extra `zarr`). `.json`: one readable text. `.mat`: for
+        MATLAB and Octave. `.csv`, `.parquet` (extra `parquet`): a table, one row per output, for spreadsheets.
+
+        Every format holds everything: arrays, names, units, model, settings, certificate, version, and a checksum by
+        which a later change or damage is noticed. What is there already is replaced only when the new one is complete.
+
+        Raises `FileFormatError` for another ending and where the file cannot be written, `MissingFileError` when the
+        folder does not exist, `MissingDependencyError` naming the extra where a package is not installed. Costs the
+        reactions and the certificate at all outputs, if they were not asked for before.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = run.save(os.path.join(folder, "run.json"))
+        ...     pt.load_result(path).title == run.title
+        True
         """
         from .save import save
 
@@ -528,15 +558,39 @@ class Result:
         return Path(path)
 
     def __repr__(self) -> str:
-        span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
-        try:
-            closure = f"{np.max(self.closure, initial=0.0):.1e}"
-        except Exception:  # of a user's function, which also ended the run
-            closure = "not known"
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
-        switches = sum(change.is_switch for change in self.partitions)
         return (
-            f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {span}; "
-            f"closure {closure}, {switches} switches, "
+            f"<Result of {self.title!r}: {ended}; {len(self.t)} outputs, {self._span}; "
+            f"closure {self._closed}, {self._switches} switches, "
             f"{self.counters.get('steps', 0)} steps>"
         )
+
+    def _repr_html_(self) -> str:
+        """A small table, in a notebook."""
+        rows = [
+            ("ended", self.status if self.success else f"{self.status}: {self.message}"),
+            ("outputs", f"{len(self.t)}, {self._span}"),
+            ("largest closing error", self._closed),
+            ("steps", f"{self.counters.get('steps', 0)}, {self._switches} switches of coordinates"),
+            ("coordinates", names(self.names.coordinates)),
+        ]
+        if self.is_mechanism:
+            rows += [("joints", names(self.names.joints)), ("bodies", names(self.names.bodies))]
+        if "certificate" in self.__dict__:
+            rows.append(("certificate", self.certificate.verdict))
+        return table(self.title, rows)
+
+    @property
+    def _span(self) -> str:
+        return f"t = {self.t[0]:g} .. {self.t[-1]:g} s" if len(self.t) else "no outputs"
+
+    @property
+    def _closed(self) -> str:
+        try:
+            return f"{np.max(self.closure, initial=0.0):.1e}"
+        except Exception:  # of a user's function, which also ended the run
+            return "not known"
+
+    @property
+    def _switches(self) -> int:
+        return sum(change.is_switch for change in self.partitions)

@@ -4,38 +4,63 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..errors import FileFormatError
-from ..files import put, target
+from ..extras import wanted
+from ..files import put, put_folder, target
 from ..readable import Readable
-from .save_json import as_json
-from .save_mat import as_mat
-from .save_netcdf import as_netcdf
-from .save_table import as_csv, as_parquet
+from .content import Content, content_of
+from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
 
-WRITERS: dict[str, Callable[[Readable], bytes]] = {
-    ".nc": as_netcdf,
-    ".parquet": as_parquet,
-    ".csv": as_csv,
-    ".mat": as_mat,
-    ".json": as_json,
+
+@dataclass(frozen=True)
+class Format:
+    """How a content is written and read again, and what that needs besides NumPy and SciPy."""
+
+    name: str
+    write: Callable[[Content], Any]
+    read: Callable[[Any], tuple[dict[str, Any], Any]]
+    packages: tuple[str, ...] = ()
+    extra: str = ""
+
+    def check(self, doing: str) -> None:
+        """`MissingDependencyError` where a package is missing."""
+        wanted(self.packages, self.extra, f"{doing} {self.name}")
+
+
+FORMATS = {
+    ".nc": Format("NetCDF", netcdf.write, netcdf.read, netcdf.PACKAGES, "netcdf"),
+    ".zarr": Format("Zarr", zarr_folder.write, zarr_folder.read, zarr_folder.PACKAGES, "zarr"),
+    ".parquet": Format("Parquet", parquet.write, parquet.read, parquet.PACKAGES, "parquet"),
+    ".csv": Format("CSV", text_csv.write, text_csv.read),
+    ".mat": Format("MAT", matlab.write, matlab.read),
+    ".json": Format("JSON", text_json.write, text_json.read),
 }
+FOLDER = ".zarr"
 
 
 def checked_path(path: str | os.PathLike[str]) -> Path:
-    """`path` when a result can be written there: known ending, existing folder. See `Result.save`."""
-    where = target(path)
-    if where.suffix.lower() not in WRITERS:
-        raise FileFormatError(
-            f"cannot save to {str(where)!r}: the ending {where.suffix!r} is not known; use one of {', '.join(WRITERS)}",
-            path=str(where),
-            line=None,
-        )
+    """`path` when a result can be written there: known ending, existing folder, packages at hand. See `Result.save`."""
+    where = target(path, folder=FOLDER)
+    format_of(where, f"cannot save to {str(where)!r}").check("saving to")
     return where
+
+
+def format_of(path: Path, failing: str) -> Format:
+    """The format that the ending of `path` tells; `FileFormatError` where it is not known."""
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise FileFormatError(
+            f"{failing}: the ending {ending!r} is not known; use one of {', '.join(FORMATS)}", path=str(path), line=None
+        )
+    return FORMATS[ending]
 
 
 def save(result: Readable, path: str | os.PathLike[str]) -> Path:
     """Write `result` to `path`; a file there is replaced only when the new one is complete."""
     where = checked_path(path)
-    return put(where, WRITERS[where.suffix.lower()](result))
+    written = FORMATS[where.suffix.lower()].write(content_of(result))
+    return put_folder(where, written) if isinstance(written, dict) else put(where, written)

@@ -55,7 +55,7 @@ def stored() -> Iterator[Held]:
     run = done(pendulum(drawn=1.0).simulate(2.0, rtol=1e-10, atol=1e-12))
     yield Held("angle", run.q[:, 0] + 1.0, swing(run.t, 1.0), 1e-8)
     with tempfile.TemporaryDirectory() as folder:
-        others = [results.load(run.save(Path(folder) / f"run{ending}")) for ending in (".json", ".nc")]
+        others = [results.load_result(run.save(Path(folder) / f"run{ending}")) for ending in (".json", ".nc")]
     for other in (*others, pickle.loads(pickle.dumps(run)), copy.deepcopy(run)):
         done(other)
         for what in ("t", "q", "v", "vdot"):
@@ -70,7 +70,7 @@ def stored_failure() -> Iterator[Held]:
     m.add_drive("A", position=(np.linspace(0, 1, 11), np.sin(np.linspace(0, 1, 11))))
     run = m.simulate(2.0)
     with tempfile.TemporaryDirectory() as folder:
-        other = results.load(run.save(Path(folder) / "run.json"))
+        other = results.load_result(run.save(Path(folder) / "run.json"))
     yield Held("success", [run.success, other.success], False, 0.0)
     yield Held(
         "words", [other.message == run.message, other.status == run.status, "ends at 1 s" in run.message], True, 0.0

@@ -114,7 +114,7 @@ CASES = [
         "a result that is not there",
         MissingFileError,
         "there.json",
-        lambda: results.load("not/there.json"),
+        lambda: results.load_result("not/there.json"),
     ),
     asked(
         "empty",
@@ -149,7 +149,7 @@ def damaged(name: str, title: str, words: str, ending: str, harm: Callable[[byte
         with tempfile.TemporaryDirectory() as folder:
             path = pendulum().simulate(0.2, t_eval=np.linspace(0, 0.2, 5)).save(Path(folder) / f"run{ending}")
             path.write_bytes(harm(path.read_bytes()))
-            results.load(path)
+            results.load_result(path)
         yield from ()
 
     return replace(ask, name=name)

@@ -1,0 +1,37 @@
+"""Optional packages: imported when something asks for them, and named together with their extra where they are not."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import Any
+
+from .errors import MissingDependencyError
+
+
+def extra(package: str, name: str, purpose: str) -> Any:
+    """The module `package`, which comes with the extra `name` and which `purpose` needs; else
+    `MissingDependencyError`."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise missing(package, name, purpose) from error
+
+
+def wanted(packages: tuple[str, ...], name: str, purpose: str) -> None:
+    """The same question without importing: before a long run, not after."""
+    for package in packages:
+        try:
+            found = importlib.util.find_spec(package)
+        except ValueError:  # a module without a specification is there all the same
+            continue
+        if found is None:
+            raise missing(package, name, purpose)
+
+
+def missing(package: str, name: str, purpose: str) -> MissingDependencyError:
+    """The error for an optional package that is not installed."""
+    package = package.partition(".")[0]
+    return MissingDependencyError(
+        f"{purpose} needs {package}, which is not installed; pip install 'partita[{name}]'", package=package
+    )

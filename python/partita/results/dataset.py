@@ -1,0 +1,85 @@
+"""xarray: labelled arrays in memory, and what NetCDF and Zarr store."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..extras import extra
+from ..readable import Readable
+from .certificate import Certificate
+from .content import Content, content_of, read_header
+from .record import read_exact
+
+if TYPE_CHECKING:
+    import xarray
+
+TIME = "time"
+"""The axis, and the coordinate along it, that is `t` in a result."""
+LONGEST = 20_000
+"""Letters of an attribute: HDF5 holds no more than 64 kB in one."""
+
+
+def to_xarray(result: Readable) -> xarray.Dataset:
+    """See `Result.to_xarray`."""
+    extra("xarray", "xarray", "to_xarray")
+    return dataset(content_of(result))
+
+
+def dataset(content: Content) -> xarray.Dataset:
+    """Every array with its axes, `units` and `long_name`; labels as coordinates; model and account as texts."""
+    xarray = extra("xarray", "xarray", "a dataset")
+    header = content.header()
+    account = header["account"]
+    plain = read_exact(account)
+    variables: dict[str, Any] = {
+        v.name: ([TIME, *v.axes[1:]], v.values, _attributes(v.unit, v.text)) for v in content.variables if v.name != "t"
+    }
+    about = "the mechanism as built, as JSON"
+    variables["model"] = ((), _text(account["spec"]), {"long_name": about})
+    header["account"] = {key: value for key, value in account.items() if key != "spec"}
+    about = "how the result came about, and what its arrays are, as JSON"
+    variables["account"] = ((), _text(header), {"long_name": about})
+    t = next(v for v in content.variables if v.name == "t")
+    labels: dict[str, Any] = {TIME: (TIME, t.values, _attributes(t.unit, t.text))}
+    for axis in content.axes.values():
+        if len(set(axis.labels)) == len(axis.labels):
+            labels[axis.name] = (axis.name, np.array(axis.labels, dtype=str))
+            if any(axis.units):
+                labels[f"{axis.name}_unit"] = (axis.name, np.array(axis.units, dtype=str))
+    attributes = {
+        "Conventions": "CF-1.8",
+        "title": str(plain["summary"].get("name") or "system"),
+        "source": f"partita {plain['version']}",
+        "status": plain["status"],
+        "message": plain["message"][:LONGEST],
+        "settings": json.dumps(account["options"])[:LONGEST],
+        "certificate": str(Certificate.from_account(plain["certificate"]))[:LONGEST],
+    }
+    return xarray.Dataset(variables, coords=labels, attrs=attributes)
+
+
+def as_header(found: xarray.Dataset) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and arrays of a dataset made by `dataset`."""
+    header = read_header(str(found["account"].values[()]))
+    header["account"]["spec"] = read_exact(str(found["model"].values[()]))
+    # sizes first: a damaged file must not make room for numbers that it does not have
+    for name, about in header["arrays"].items():
+        if list(found[TIME if name == "t" else name].shape) != about["shape"]:
+            raise ValueError(f"{name} has another shape than its account tells")
+    return header, {name: found[TIME if name == "t" else name].values for name in header["arrays"]}
+
+
+def unfilled(found: xarray.Dataset) -> dict[str, dict[str, Any]]:
+    """Encoding for files: no number stands for a missing one."""
+    return {str(name): {"_FillValue": None} for name in found.variables}
+
+
+def _text(value: Any) -> Any:
+    return np.array(json.dumps(value, separators=(",", ":")))
+
+
+def _attributes(unit: str, text: str) -> dict[str, str]:
+    return {"units": unit, "long_name": text} if unit else {"long_name": text}

@@ -1,0 +1,1 @@
+"""Formats of files, one each: `write` makes bytes of a content, `read` finds header and arrays again."""

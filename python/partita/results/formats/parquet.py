@@ -1,0 +1,45 @@
+"""Parquet: a table for pandas, Polars, DuckDB and Spark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...extras import extra
+from ...files import BLANK, sealed
+from ..content import Content, read_header
+from ..table import column_names, columns, gathered
+
+PACKAGES = ("pyarrow",)
+ACCOUNT = b"partita"
+
+
+def write(content: Content) -> bytes:
+    """One column for each number; a column's unit stands in the metadata of its field, the account in those of the
+    schema. Sealed, and with checksums of its pages for others."""
+    pyarrow = extra("pyarrow", "parquet", "saving to Parquet")
+    parquet = extra("pyarrow.parquet", "parquet", "saving to Parquet")
+    found = columns(content)
+    schema = pyarrow.schema(
+        [pyarrow.field(c.name, pyarrow.from_numpy_dtype(c.values.dtype), metadata={"unit": c.unit}) for c in found],
+        metadata={
+            "title": str(content.account["summary"].get("name") or "system"),
+            "status": content.account["status"],
+            ACCOUNT: content.text(checksum=BLANK),
+        },
+    )
+    table = pyarrow.table([pyarrow.array(c.values) for c in found], schema=schema)
+    stream = pyarrow.BufferOutputStream()
+    parquet.write_table(table, stream, write_page_checksum=True)
+    return sealed(stream.getvalue().to_pybytes())
+
+
+def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and arrays."""
+    pyarrow = extra("pyarrow", "parquet", "reading Parquet")
+    parquet = extra("pyarrow.parquet", "parquet", "reading Parquet")
+    table = parquet.read_table(pyarrow.BufferReader(content))
+    header = read_header(table.schema.metadata[ACCOUNT].decode("ascii"))
+    names = [name for name, _ in column_names(header)]
+    if table.column_names != names:
+        raise ValueError("its columns are not those of its account")
+    return header, gathered({name: table.column(name).to_numpy() for name in names}, header)
