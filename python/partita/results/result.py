@@ -95,8 +95,8 @@ class Result:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
         `sensors` are those of the description. `spec` is the description compiled, as JSON; None for a
-        hand-written `System`, which has no bodies and joints. Raises `Interrupted`, with the result, for a run that Ctrl-C
-        ended.
+        hand-written `System`, which has no bodies and joints. Raises `Interrupted`, with the result, for a run that
+        Ctrl-C ended.
         """
         account = account_of(sensors or {}, summary)
         if account:
