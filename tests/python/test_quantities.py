@@ -392,7 +392,7 @@ def test_model_files_hold_quantities(tmp_path: Path) -> None:
 
 def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from partita.cli import main
-    from partita.results import load
+    from partita.results import load_result
 
     run = tmp_path / "run.json"
     start = ["--target", "A=40 deg", "--rate", "A=60rpm", "--outputs", "3", "--quiet"]
@@ -402,7 +402,7 @@ def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.Captur
     near = pt.catalogue.entry("four-bar").initial(m)
     state = m.assemble({"A": math.radians(40.0)}, {"A": 60 * units.rpm}, near)
     here = m.simulate(0.1, initial=state, t_eval=[0.0, 0.05, 0.1], **options)
-    assert load(run).q.tolist() == here.q.tolist()
+    assert load_result(run).q.tolist() == here.q.tolist()
     for words, told in [
         (["--time", "3 m"], "is a length"),
         (["--time", "1 s", "--target", "A=3 mm"], "is an angle"),

@@ -246,7 +246,7 @@ class CompiledModel(Equations):
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
 
-    def stepping(self, *arguments: Any) -> _core.Stepper:
+    def _stepping(self, *arguments: Any) -> _core.Stepper:
         """What `Mechanism.stepper` steps in the core; for tools."""
         return _core.Stepper(self.core, *arguments)
 

@@ -3,23 +3,42 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import NoReturn
 
 from ..options import COORDINATES, CORRECTIONS, FORMULATIONS, METHODS, SELECTIONS
-from ..units.door import QuantityError, in_si
-from ..units.text import NotAQuantity, quantity_of
+from .values import count, ladder, listed, pair, positive, repeats, seconds, setting
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
 BAUMGARTE = "the two numbers [1/s] that the formulation baumgarte needs"
 WINDOW = "time [s] over which the rule persistence looks back"
+EXAMPLES = {
+    "simulate": (
+        "four-bar --html four-bar.html",
+        "four-bar --time 5 --rate A=60rpm --save run.nc",
+        "four-bar --time '500 ms' --method rk4 --json",
+    ),
+    "compare": ("four-bar --time 1", "four-bar --time 1 --formulations projective,svd --tolerances 1e-6,1e-9"),
+    "report": ("bricard", "four-bar --markdown"),
+    "check": ("model.toml", "robot.urdf --base free --json"),
+    "assemble": ("four-bar --target A=30deg", "four-bar --target A=0.5 --inputs A --all"),
+    "list": ("",),
+    "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
+    "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
+    "view": ("run.nc -o run.html",),
+    "convert": ("robot.urdf robot.toml", "four-bar four-bar.mjcf --json"),
+    "completion": ("bash >> ~/.bash_completion",),
+}
+"""What each command is good for, in lines that work."""
 
 
 def parser() -> argparse.ArgumentParser:
     """The parser; every command stores the function that carries it out in `run`."""
     from .. import __version__
     from . import check, commands
+    from .assemble import assemble
+    from .bench import bench
     from .compare import compare
+    from .completion import completion
     from .simulate import simulate
 
     top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
@@ -32,13 +51,19 @@ def parser() -> argparse.ArgumentParser:
 
     report = _command(words, "report", commands.report, "mobility, redundancy, coordinates and reactions, in words")
     report.add_argument("model", metavar="FILE|NAME", help=MODEL)
+    report.add_argument("--markdown", action="store_true", help="headings and tables instead of plain text")
+    _json(report)
     about = "what a model file is: what was read and dropped, whether it closes, what moves, what looks like a slip"
     lint = _command(words, "check", check.check, about)
     lint.add_argument("model", metavar="FILE|NAME", help=MODEL)
-    lint.add_argument("--json", action="store_true", help="print all that was found as JSON")
+    _json(lint)
     lint.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
 
-    _command(words, "list", commands.list_names, "list the mechanisms of the catalogue")
+    _assemble(_command(words, "assemble", assemble, "close the loops, and print where everything stands"))
+
+    _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
+
+    _bench(_command(words, "bench", bench, "run at several tolerances, and tell what each costs and gives"))
 
     plot = _command(words, "plot", commands.plot, "draw a stored result")
     plot.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
@@ -60,8 +85,11 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("source", metavar="A", help="model file to read, or a name of the catalogue")
     convert.add_argument("target", metavar="B", help="model file to write; its ending decides the format")
     convert.add_argument("--strict", action="store_true", help="refuse what the format cannot carry")
-    convert.add_argument("--json", action="store_true", help="print what was changed and dropped as JSON")
+    _json(convert, "print what was changed and dropped as JSON")
     convert.add_argument("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
+
+    shell = _command(words, "completion", completion, "print what a shell reads to complete these words")
+    shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="for which shell")
     return top
 
 
@@ -85,26 +113,12 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--window", metavar="S", type=seconds, help=WINDOW)
     add("--correction", choices=CORRECTIONS, help="what closes the loops after a step (default partition)")
     add("--baumgarte", metavar="ALPHA,BETA", type=pair, help=BAUMGARTE)
-    add(
-        "--target",
-        metavar="JOINT=VALUE",
-        type=setting,
-        action="append",
-        default=[],
-        help="position of a joint at the start [rad or m; or with its unit: 30deg, '5 mm']; repeatable",
-    )
-    add(
-        "--rate",
-        metavar="JOINT=VALUE",
-        type=setting,
-        action="append",
-        default=[],
-        help="velocity of a joint at the start [rad/s or m/s; or with its unit: 60rpm]; repeatable",
-    )
+    _start(command)
     add("--html", metavar="FILE", help="write the animated page")
     add("--save", metavar="FILE", help="write the result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     add("--plot", metavar="FILE", help="write the figure (.png, .pdf, .svg)")
     add("--quiet", action="store_true", help="print nothing but errors")
+    _json(command)
 
 
 def _compare(command: argparse.ArgumentParser) -> None:
@@ -137,10 +151,65 @@ def _compare(command: argparse.ArgumentParser) -> None:
     add("--plot", metavar="FILE", help="write a figure of errors and costs (.png, .pdf, .svg)")
     add("--work-precision", metavar="FILE", help="run over the tolerances, and write the figure of error over work")
     add("--csv", metavar="FILE", help="write the rows")
+    _json(command)
+
+
+def _assemble(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE|NAME", help=MODEL)
+    _start(command)
+    add("--all", action="store_true", help="all positions that close for these targets, branch by branch")
+    add("--inputs", metavar="A,B", type=listed, help="with --all: velocities whose positions are given")
+    add("--base", choices=("fixed", "free"), default="fixed", help="what the root of a URDF does")
+    _json(command)
+
+
+def _bench(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE|NAME", help=MODEL)
+    add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
+    add("--tolerances", metavar="X,Y", type=ladder, default=[1e-4, 1e-6, 1e-8, 1e-10],
+        help="relative tolerances (default 1e-4,1e-6,1e-8,1e-10)")  # fmt: skip
+    add("--outputs", metavar="N", type=count, default=101, help="number of equally spaced outputs (default 101)")
+    add("--repeat", metavar="N", type=repeats, default=3, help="how often each is run; the median counts (default 3)")
+    add("--method", choices=METHODS, help="integrator (default dop853)")
+    add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
+    add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
+    _start(command)
+    _json(command)
+
+
+def _start(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--target",
+        metavar="JOINT=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="position of a joint at the start [rad or m; or with its unit: 30deg, '5 mm']; repeatable",
+    )
+    command.add_argument(
+        "--rate",
+        metavar="JOINT=VALUE",
+        type=setting,
+        action="append",
+        default=[],
+        help="velocity of a joint at the start [rad/s or m/s; or with its unit: 60rpm]; repeatable",
+    )
+
+
+def _json(command: argparse.ArgumentParser, text: str = "print all that was found as JSON") -> None:
+    command.add_argument("--json", action="store_true", help=text)
 
 
 def _command(words: argparse._SubParsersAction, name: str, run: object, text: str) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    command: argparse.ArgumentParser = words.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    command: argparse.ArgumentParser = words.add_parser(
+        name,
+        help=text,
+        description=text[0].upper() + text[1:] + ".",
+        epilog="for example:\n" + "\n".join(f"  partita {name} {line}" for line in EXAMPLES[name]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     command.set_defaults(run=run)
     return command
 
@@ -150,86 +219,3 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"partita: error: {message}; see `{self.prog} --help`\n")
-
-
-def number(text: str) -> float:
-    """A finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not finite")
-    return value
-
-
-def seconds(text: str) -> float:
-    """A time above zero [s], or one with its unit."""
-    try:
-        value = float(text)
-    except ValueError:
-        try:
-            value = in_si("it", text, "s")
-        except QuantityError as error:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a number: {error}") from None
-    return positive(repr(value))
-
-
-def ladder(text: str) -> list[float]:
-    """Several numbers above zero, with commas."""
-    return [positive(part) for part in text.split(",")]
-
-
-def positive(text: str) -> float:
-    """A finite number above zero."""
-    value = number(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not greater than zero")
-    return value
-
-
-def count(text: str) -> int:
-    """Two or more."""
-    try:
-        value = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
-    if value < 2:
-        raise argparse.ArgumentTypeError(f"{text!r} is too few: the start and the end are two outputs")
-    return value
-
-
-def listed(text: str) -> list[str]:
-    """Names with commas between them."""
-    names = [name.strip() for name in text.split(",")]
-    if not all(names):
-        raise argparse.ArgumentTypeError(f"{text!r} does not read A,B,C")
-    return names
-
-
-def pair(text: str) -> tuple[float, float]:
-    """Two finite numbers with a comma between them."""
-    values = [number(part) for part in text.split(",")]
-    if len(values) != 2:
-        raise argparse.ArgumentTypeError(f"{text!r} are not two numbers with a comma between them")
-    return values[0], values[1]
-
-
-def setting(text: str) -> tuple[str, list[float | str]]:
-    """`JOINT=VALUE`; several values for a joint with several coordinates stand with commas. What has a unit is read
-    where the joint is known."""
-    name, equals, values = text.rpartition("=")
-    if not equals or not name:
-        raise argparse.ArgumentTypeError(f"{text!r} does not read JOINT=VALUE, such as A=0.5 or A=30deg")
-    return name, [_number_or_quantity(value) for value in values.split(",")]
-
-
-def _number_or_quantity(text: str) -> float | str:
-    try:
-        found = quantity_of(text)
-    except NotAQuantity as error:
-        try:
-            return number(text)
-        except argparse.ArgumentTypeError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a number: {error}") from None
-    return text if found.named else number(text)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from typing import Any
 
 from ..errors import AssemblyError, SingularityError
 from .models import open_model
+from .printing import print_json
 
 HELD, BROKEN = 0, 1
 
@@ -22,7 +22,7 @@ def check(arguments: argparse.Namespace) -> int:
     except (AssemblyError, SingularityError) as error:
         found["report"], found["closes"], found["why"] = None, False, error.message
     if arguments.json:
-        print(json.dumps(found, indent=2))
+        print_json(found)
     else:
         if mechanism.reading is not None:
             print(mechanism.reading)

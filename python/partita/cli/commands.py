@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import json
 import warnings
 from pathlib import Path
 
 from ..errors import ArgumentError, LossyFileWarning
 from .models import open_model
+from .printing import print_json
 
 
 def report(arguments: argparse.Namespace) -> int:
     """Print what the core finds about a mechanism."""
     opened = open_model(arguments.model)
-    print(opened.mechanism.report(opened.initial()), end="")
+    found = opened.mechanism.report(opened.initial())
+    if arguments.json:
+        print_json(found.to_dict())
+    else:
+        print(found.markdown if arguments.markdown else found, end="")
     return 0
 
 
@@ -23,6 +27,10 @@ def list_names(arguments: argparse.Namespace) -> int:
     from .. import catalogue
 
     names = catalogue.names()
+    if arguments.json:
+        entries = [catalogue.entry(name) for name in names]
+        print_json([{"name": e.name, "duration": e.duration, "title": e.title} for e in entries])
+        return 0
     width = max(map(len, names), default=0)
     for name in names:
         entry = catalogue.entry(name)
@@ -57,7 +65,7 @@ def convert(arguments: argparse.Namespace) -> int:
         warnings.simplefilter("ignore", LossyFileWarning)  # printed below
         written = opened.mechanism.save(arguments.target, strict=arguments.strict)
     if arguments.json:
-        print(json.dumps(written.to_dict(), indent=2))
+        print_json(written.to_dict())
     else:
         print(f"wrote {written}")
     return 0

@@ -6,10 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..errors import ArgumentError, MissingFileError
+from ..errors import MissingFileError
 from ..progress import has_bars
 from .interruption import so_far
-from .models import open_model
+from .models import length_of, open_model
+from .printing import print_json
 
 INTERRUPTED = 130
 
@@ -18,12 +19,11 @@ def compare(arguments: argparse.Namespace) -> int:
     """Run all formulations, print the table, write what was asked for. Runs that fail are told in the table."""
     _check_outputs(arguments)
     opened = open_model(arguments.model)
-    if arguments.time is None and opened.entry is None:
-        raise ArgumentError(f"{arguments.model}: a model file has no length of its own; add --time 10", argument="time")
+    duration = length_of(opened, arguments.model, arguments.time)
     watched = has_bars() and sys.stderr.isatty()
     found = so_far(
         lambda: opened.mechanism.compare(
-            arguments.time or (opened.entry.duration if opened.entry else None),
+            duration,
             initial=opened.initial(arguments.coordinates),
             formulations=arguments.formulations,
             selections=arguments.rules,
@@ -37,21 +37,31 @@ def compare(arguments: argparse.Namespace) -> int:
             progress=watched,
         )
     )
-    print(found)
+    told: dict[str, object] = {"model": arguments.model, "duration": duration, "rows": found.rows}
+    written = []
+    if not arguments.json:
+        print(found)
     if arguments.csv:
-        print(f"wrote {found.to_csv(arguments.csv)}")
+        written.append(str(found.to_csv(arguments.csv)))
     if arguments.plot:
         found.plot(arguments.plot)
-        print(f"wrote {arguments.plot}")
-    if (arguments.work_precision or arguments.tolerances) and not found.interrupted:
+        written.append(arguments.plot)
+    interrupted = found.interrupted
+    if (arguments.work_precision or arguments.tolerances) and not interrupted:
         given = {} if arguments.tolerances is None else {"tolerances": arguments.tolerances}
         ladder = so_far(lambda: found.work_precision(progress=watched, **given))
-        print(f"\n{ladder}")
+        told["work_precision"], interrupted = ladder.points, ladder.interrupted
+        if not arguments.json:
+            print(f"\n{ladder}")
         if arguments.work_precision:
             ladder.plot(arguments.work_precision)
-            print(f"wrote {arguments.work_precision}")
-        return INTERRUPTED if ladder.interrupted else 0
-    return INTERRUPTED if found.interrupted else 0
+            written.append(arguments.work_precision)
+    if arguments.json:
+        print_json(told | {"interrupted": interrupted, "written": written})
+    else:
+        for path in written:
+            print(f"wrote {path}")
+    return INTERRUPTED if interrupted else 0
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:

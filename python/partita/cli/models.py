@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from ..errors import ArgumentError
 
 if TYPE_CHECKING:
     from ..catalogue import Entry
@@ -42,3 +44,36 @@ def open_model(word: str, base: str = "fixed") -> Opened:
 
     entry = catalogue.entry(word)
     return Opened(entry.mechanism(), entry)
+
+
+def settings(pairs: list[tuple[str, list[float | str]]]) -> dict[str, Any]:
+    """JOINT=VALUE as `assemble` takes them."""
+    found: dict[str, Any] = {}
+    for name, values in pairs:
+        if name in found:
+            raise ArgumentError(f"{name!r} is set twice; give it once", argument="target")
+        found[name] = values if len(values) > 1 else values[0]
+    return found
+
+
+def start_of(
+    opened: Opened,
+    target: list[tuple[str, list[float | str]]],
+    rate: list[tuple[str, list[float | str]]],
+    coordinates: str = "relative",
+) -> State | None:
+    """The state to start from: that of the catalogue, with the targets and rates asked for; None: as drawn, at rest."""
+    targets, rates = settings(target), settings(rate)
+    near = opened.initial(coordinates)
+    if not targets and not rates:
+        return near
+    return opened.mechanism.assemble(targets, rates, near, coordinates=coordinates)
+
+
+def length_of(opened: Opened, word: str, asked: float | None) -> float:
+    """How long a run is: as asked, else as the catalogue has it."""
+    if asked is not None:
+        return asked
+    if opened.entry is None:
+        raise ArgumentError(f"{word}: a model file has no length of its own; add --time 10", argument="time")
+    return opened.entry.duration

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError, DoubtfulResultWarning, MissingFileError
+from ..errors import DoubtfulResultWarning, MissingFileError
 from ..progress import has_bars
 from ..results.save import checked_path
 from .account import account
 from .interruption import so_far
-from .models import Opened, open_model
+from .models import Opened, length_of, open_model, start_of
+from .printing import print_json
 
 if TYPE_CHECKING:
     from ..results import Result
@@ -42,12 +43,13 @@ def simulate(arguments: argparse.Namespace) -> int:
     """Run, write what was asked for, print what was found; the exit code tells how the run ended."""
     _check_outputs(arguments)
     opened = open_model(arguments.model)
-    if arguments.time is None and opened.entry is None:
-        raise ArgumentError(f"{arguments.model}: a model file has no length of its own; add --time 10", argument="time")
-    start = _start(opened, arguments)
-    result = _run(opened, start, arguments)
+    duration = length_of(opened, arguments.model, arguments.time)
+    start = start_of(opened, arguments.target, arguments.rate, arguments.coordinates)
+    result = _run(opened, start, duration, arguments)
     written = _write(result, arguments)
-    if not arguments.quiet:
+    if arguments.json:
+        print_json(_found(opened, result, arguments) | {"written": [str(path) for path in written]})
+    elif not arguments.quiet:
         print(account(result, _measured(opened, result, arguments)))
         for path in written:
             print(f"wrote {path}")
@@ -79,30 +81,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         )
 
 
-def _start(opened: Opened, arguments: argparse.Namespace) -> State | None:
-    """The state to start from: that of the catalogue, with the targets and rates asked for."""
-    targets, rates = _settings(arguments.target), _settings(arguments.rate)
-    near = opened.initial(arguments.coordinates)
-    if not targets and not rates:
-        return near
-    return opened.mechanism.assemble(targets, rates, near, coordinates=arguments.coordinates)
-
-
-def _settings(pairs: list[tuple[str, list[float]]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, values in pairs:
-        if name in found:
-            raise ArgumentError(f"{name!r} is set twice; give it once", argument="target")
-        found[name] = values if len(values) > 1 else values[0]
-    return found
-
-
-def _run(opened: Opened, start: State | None, arguments: argparse.Namespace) -> Result:
+def _run(opened: Opened, start: State | None, duration: float, arguments: argparse.Namespace) -> Result:
     options: dict[str, Any] = dict(opened.entry.options) if opened.entry else {}
     for name in _OPTIONS:
         if getattr(arguments, name) is not None:
             options[name] = getattr(arguments, name)
-    duration = arguments.time or (opened.entry.duration if opened.entry else 0.0)
     progress = not arguments.quiet and has_bars() and sys.stderr.isatty()
     warnings.simplefilter("ignore", DoubtfulResultWarning)  # told in a line of its own
     times = _outputs(opened, start, duration, arguments)
@@ -119,6 +102,24 @@ def _outputs(
         return opened.entry.t_eval(arguments.outputs)
     t0 = start.t if start is not None else 0.0
     return np.linspace(t0, t0 + duration, arguments.outputs)
+
+
+def _found(opened: Opened, result: Result, arguments: argparse.Namespace) -> dict[str, Any]:
+    """The account as data."""
+    return {
+        "title": result.title,
+        "status": result.status,
+        "success": result.success,
+        "message": result.message,
+        "t": [result.t[0], result.t[-1]] if len(result.t) else [],
+        "outputs": len(result.t),
+        "options": dict(result.options),
+        "partitions": result.partitions,
+        "certificate": result.certificate,
+        "verdict": result.certificate.verdict,
+        "work": result.counters,
+        "measured": _measured(opened, result, arguments),
+    }
 
 
 def _measured(opened: Opened, result: Result, arguments: argparse.Namespace) -> list[str]:

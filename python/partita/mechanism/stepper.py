@@ -74,7 +74,7 @@ class Stepper:
         self._model, self._layout, self._options = model, layout, options
         self._dt, self._record = dt, record
         self._inputs = tuple(places)
-        self._core = model.stepping(
+        self._core = model._stepping(
             json.dumps(options), dt, substeps, list(places.values()), start.t, start.q, start.v, record
         )
         self._held = np.zeros(len(places))

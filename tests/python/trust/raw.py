@@ -74,7 +74,7 @@ CASES = [
         "events",
         lambda: pendulum().simulate(1.0, events=[lambda t, s: 1.0]),
     ),
-    asked("text_time", '`t="x"`', ArgumentError, "t must be a number", lambda: pendulum().assemble(t="x")),  # type: ignore[arg-type]
+    asked("text_time", '`t="x"`', ArgumentError, "t must be", lambda: pendulum().assemble(t="x")),  # type: ignore[arg-type]
     asked("backwards", "a run of -1 s", ArgumentError, "duration", lambda: pendulum().simulate(-1.0)),
     asked("no_time", "a run of NaN seconds", ArgumentError, "duration", lambda: pendulum().simulate(math.nan)),
     asked("no_tolerance", "rtol 0", ArgumentError, "rtol", lambda: pendulum().simulate(1.0, rtol=0.0)),

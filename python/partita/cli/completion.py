@@ -1,0 +1,16 @@
+"""`partita completion`: what a shell reads to complete the words of the command line."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..extras import extra
+
+
+def completion(arguments: argparse.Namespace) -> int:
+    """Print the script for a shell."""
+    from .arguments import parser
+
+    shtab = extra("shtab", "completion", "the completion of command lines")
+    print(shtab.complete(parser(), shell=arguments.shell))
+    return 0
