@@ -90,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
 
     shell = _command(words, "completion", completion, "print what a shell reads to complete these words")
     shell.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="for which shell")
+    shell.set_defaults(words=top)
     return top
 
 

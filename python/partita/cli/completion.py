@@ -9,8 +9,6 @@ from ..extras import extra
 
 def completion(arguments: argparse.Namespace) -> int:
     """Print the script for a shell."""
-    from .arguments import parser
-
     shtab = extra("shtab", "completion", "the completion of command lines")
-    print(shtab.complete(parser(), shell=arguments.shell))
+    print(shtab.complete(arguments.words, shell=arguments.shell))
     return 0
