@@ -141,6 +141,24 @@ pub fn fit<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) 
     }
 }
 
+/// Freedoms of a mechanism some of whose closings are redundant, drives released; `None` where none are.
+///
+/// # Errors
+/// Where nothing can be evaluated at (t, q).
+pub fn redundant<S: ConstrainedSystem>(
+    system: &S,
+    t: f64,
+    q: &[f64],
+    tolerance: f64,
+) -> Result<Option<usize>, SystemError> {
+    let size = system.size();
+    if tolerance <= 0.0 || size.rows == 0 || size.rows != size.holonomic {
+        return Ok(None);
+    }
+    let found = candidates(system, t, q, bridged_row(tolerance))?;
+    Ok(found.filter(|found| found.weak == 0).map(|found| size.nv.saturating_sub(found.closings)))
+}
+
 /// What may be weak (squared, in natural sizes), in the order in which it is tried; the last is the largest.
 fn limits(tolerance: f64) -> Vec<f64> {
     let largest = bridged_row(LARGEST_TOLERANCE);

@@ -10,6 +10,8 @@
 //! and the shortest p that satisfies all of them is the least change of the drawing. What opens by rounding then, opens by
 //! rounding elsewhere. No joint is changed by more than the tolerance: what it takes more to mend is another mechanism.
 
+mod lengths;
+
 use super::Model;
 use crate::place::{alignment, Coordinates};
 use crate::spec::{Joint, Spec};
@@ -17,7 +19,7 @@ use crate::tree::TreeScratch;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
-use partita_system::drawing::{fit, openings, Place, Said};
+use partita_system::drawing::{fit, openings, redundant, Place, Said};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Products of a decomposition beyond which nothing is sought: it would take longer than the run.
@@ -35,6 +37,16 @@ const PARALLEL: f64 = 3.0;
 const NOTHING: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 /// Where the drawing fits, those that say something are so many times those that do not.
 const CLEAR: f64 = 1e3;
+/// ... which are less than this.
+const WEAK: f64 = 1e-6;
+/// Where it fits by a double root, some are this part of the change that is left, or more (a tenth to a thousand times)...
+const DOUBLE: f64 = 1e-2;
+/// ... which is less than this, or what opens would show it.
+const LEFT: f64 = 1e-5;
+/// What is off by less was rounded.
+const ROUNDED: f64 = 1e-14;
+/// Times that lengths are made equal and the rest is fitted: each is quadratically better than the one before.
+const TIMES: usize = 3;
 /// Numbers of a joint: displacement and turn on either side.
 const OWN: usize = 12;
 /// Each joint may be changed by so many tolerances, on both sides together: one in its point and one in its axis on either side,
@@ -53,11 +65,27 @@ pub struct Meant {
     pub turn: f64,
 }
 
+/// A change of the drawing by which it fits.
+struct Change {
+    numbers: Vec<f64>,
+    /// Singular values that say nothing, in parts of the largest.
+    weak: Vec<f64>,
+}
+
+impl Change {
+    /// Is what opens a double root in lengths that are `off` by so much? They say something then where they are off.
+    fn is_double(&self, off: f64) -> bool {
+        off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
+    }
+}
+
 /// A step towards the drawing that fits.
 struct Nearer {
     change: Vec<f64>,
     /// The smallest singular value that says something, and the largest that does not, in parts of the largest.
     gap: (f64, f64),
+    /// Those that certainly say nothing.
+    weak: Vec<f64>,
 }
 
 impl Nearer {
@@ -80,17 +108,31 @@ impl Model {
         {
             return Ok(None);
         }
-        let Some(found) = fit(self, t, q, tolerance)?.filter(|fit| fit.within && fit.freedoms > 0) else {
-            return Ok(None);
+        let (freedoms, seen) = match fit(self, t, q, tolerance)? {
+            Some(fit) if !fit.within => return Ok(None),
+            Some(fit) => (fit.freedoms, true),
+            // what opens by the square of a length that is off stays unseen where that is small
+            None if self.is_unlike() => (redundant(self, t, q, tolerance)?.unwrap_or(0), false),
+            None => (0, false),
         };
+        if freedoms == 0 {
+            return Ok(None);
+        }
         let Some((twin, there)) = self.by_bodies(q) else { return Ok(None) };
-        let mut change = None;
-        for nothing in NOTHING {
-            change = self.change(&twin, (t, &there), found.freedoms, nothing)?;
-            if change.is_some() {
+        let at = (t, there.as_slice());
+        let mut change = self.fitting(&twin, at, freedoms, &twin.parallel(&there))?;
+        let mut doubled = false;
+        for _ in 0..TIMES {
+            let begun = change.as_ref().map_or_else(|| twin.parallel(&there), |x| x.numbers.clone());
+            let Some((alike, off)) = self.alike_too(&begun) else { break };
+            if change.as_ref().is_some_and(|x| !x.is_double(off)) {
                 break;
             }
+            let Some(next) = self.fitting(&twin, at, freedoms, &alike)? else { break };
+            change = Some(next);
+            doubled = true;
         }
+        let change = change.filter(|_| seen || doubled).map(|x| x.numbers);
         let of_joint = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
         let Some(change) = change.filter(|x| x.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)) else {
             return Ok(None);
@@ -112,6 +154,22 @@ impl Model {
         }))
     }
 
+    /// The change of the drawing by which `twin` fits, next to the one that is `begun`.
+    fn fitting(
+        &self,
+        twin: &Self,
+        at: (f64, &[f64]),
+        freedoms: usize,
+        begun: &[f64],
+    ) -> Result<Option<Change>, SystemError> {
+        for nothing in NOTHING {
+            if let Some(change) = self.change(twin, at, freedoms, (begun, nothing))? {
+                return Ok(Some(change));
+            }
+        }
+        Ok(None)
+    }
+
     /// The change of the drawing by which `twin` fits, if singular values below this part of the largest say nothing; None
     /// where what was meant is not clear then.
     fn change(
@@ -119,9 +177,9 @@ impl Model {
         twin: &Self,
         at: (f64, &[f64]),
         freedoms: usize,
-        nothing: f64,
-    ) -> Result<Option<Vec<f64>>, SystemError> {
-        let mut change = twin.parallel(at.1);
+        (begun, nothing): (&[f64], f64),
+    ) -> Result<Option<Change>, SystemError> {
+        let mut change = begun.to_vec();
         let mut open = f64::INFINITY;
         let mut now = self.changed_by(&change, Coordinates::Absolute, false);
         for round in 0..ROUNDS {
@@ -134,7 +192,8 @@ impl Model {
             open = places.iter().flat_map(|x| &x.said).fold(0.0, |m: f64, x| m.max(x.open.abs()));
             let Some(found) = drawing.nearer(&places, nothing) else { return Ok(None) };
             if open < ROUNDING || open > 0.7 * before {
-                return Ok((open < FITS && (round == 0 || found.is_clear())).then_some(change));
+                let fits = open < FITS && (round == 0 || found.is_clear());
+                return Ok(fits.then_some(Change { numbers: change, weak: found.weak }));
             }
             if open.is_nan() {
                 return Ok(None);
@@ -146,6 +205,13 @@ impl Model {
             }
         }
         Ok(None)
+    }
+
+    /// This change, and lengths made equal that nearly are so; and by how much they were not.
+    fn alike_too(&self, change: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let more = self.changed_by(change, Coordinates::Absolute, false)?.alike()?;
+        let off = more.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        (off > ROUNDED).then(|| (change.iter().zip(&more).map(|(x, more)| x + more).collect(), off))
     }
 
     /// The change of this drawing between free bodies by which axes that are nearly parallel where they stand are so exactly:
@@ -211,7 +277,8 @@ impl Model {
         }
         let f = svd(&rows).ok()?;
         let largest = f.s.first().copied()?;
-        let mut found = Nearer { change: vec![0.0; rows.cols()], gap: (1.0, 0.0) };
+        let weak = f.s.iter().map(|s| s / largest).filter(|s| *s < WEAK).collect();
+        let mut found = Nearer { change: vec![0.0; rows.cols()], gap: (1.0, 0.0), weak };
         for (i, s) in f.s.iter().enumerate() {
             if *s <= nothing * largest {
                 found.gap.1 = s / largest;

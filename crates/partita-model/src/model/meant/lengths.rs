@@ -1,0 +1,189 @@
+//! Lengths that were meant to be equal: of a parallelogram they say more than all its motion does.
+//!
+//! Where pins lie in a line and cranks were parallel, a crank that is off turns the coupler by p and opens the loop by p²: what
+//! opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not there. Equal lengths
+//! between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
+
+use super::{LARGEST, OWN, PARALLEL, ROUNDED};
+use crate::model::Model;
+use crate::place::alignment;
+use crate::spec::JointKind;
+use partita_math::dense::Matrix;
+use partita_math::factor::svd;
+use partita_math::spatial::Vec3;
+
+/// Axes this nearly parallel were made so.
+const SAME: f64 = 1e-9;
+/// Changes of lengths: each is quadratically better than the one before.
+const ROUNDS: usize = 8;
+/// Lengths that differ by less, in parts of the size, are equal to rounding.
+const EQUAL: f64 = 1e-15;
+/// Equations that add less than this part to the others say the same.
+const NOTHING: f64 = 1e-6;
+
+/// An axis where it sits on a body, as drawn.
+struct Pin {
+    node: usize,
+    /// Where its displacement stands in a change of the drawing.
+    place: usize,
+    at: Vec3<f64>,
+    axis: Vec3<f64>,
+}
+
+/// What is nearly so, and was meant to be.
+enum Alike {
+    /// Two axes of one body are one.
+    Coaxial(usize, usize),
+    /// The third axis lies in the plane of the first two, between them.
+    InLine([usize; 3]),
+    /// Two pairs of axes are equally far apart.
+    Equal([usize; 2], [usize; 2]),
+}
+
+/// A condition on displacements: its parts, each a pin and a direction, and what it is off by.
+type Condition = (Vec<(usize, Vec3<f64>)>, f64);
+
+impl Model {
+    /// The shortest change of the drawing by which axes of one body, parallel to each other, are as far apart as others that
+    /// are so within a few tolerances, and lie in one plane where they nearly do; None where nothing is alike.
+    pub(super) fn alike(&self) -> Option<Vec<f64>> {
+        let size = self.placed.size;
+        let mut pins = self.pins();
+        let alike = alike(&pins, PARALLEL * self.spec.drawing_tolerance * size);
+        if alike.is_empty() || 2 * alike.len() * (3 * pins.len()).pow(2) > LARGEST {
+            return None;
+        }
+        let mut change = vec![0.0; OWN * self.spec.joints.len()];
+        for _ in 0..ROUNDS {
+            let conditions: Vec<Condition> = alike.iter().flat_map(|x| x.conditions(&pins)).collect();
+            if conditions.iter().all(|x| x.1.abs() <= EQUAL * size) {
+                break;
+            }
+            let by = shortest(&conditions, pins.len())?;
+            for (pin, by) in pins.iter_mut().zip(&by) {
+                pin.at = pin.at + *by;
+                by.0.iter().zip(&mut change[pin.place..]).for_each(|(x, out)| *out += x / size);
+            }
+        }
+        Some(change)
+    }
+
+    /// Are lengths off that are nearly alike, by more than rounding?
+    pub(super) fn is_unlike(&self) -> bool {
+        self.alike().is_some_and(|x| x.iter().any(|x| x.abs() > ROUNDED))
+    }
+
+    /// The axes about which bodies turn, on either side of their joints.
+    fn pins(&self) -> Vec<Pin> {
+        let mut pins = Vec::new();
+        for (j, (joint, placed)) in self.spec.joints.iter().zip(&self.placed.joints).enumerate() {
+            let turns = matches!(joint.kind, JointKind::Revolute | JointKind::Cylindrical);
+            let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint)) else {
+                continue;
+            };
+            let there = joint.child_point.unwrap_or(joint.point);
+            pins.push(Pin { node: placed.parent, place: j * OWN, at: Vec3(joint.point), axis });
+            let axis = align.apply_transposed(axis);
+            pins.push(Pin { node: placed.child, place: j * OWN + OWN / 2, at: Vec3(there), axis });
+        }
+        pins
+    }
+}
+
+/// What is alike within `near` (m).
+fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
+    let mut found = Vec::new();
+    let mut lengths: Vec<(f64, [usize; 2])> = Vec::new();
+    let one_body = |i: usize, j: usize| {
+        let (a, b) = (&pins[i], &pins[j]);
+        a.node == b.node && a.axis.cross(b.axis).norm() <= SAME
+    };
+    for i in 0..pins.len() {
+        for j in (i + 1..pins.len()).filter(|&j| one_body(i, j)) {
+            let length = between(pins, i, j).norm();
+            if length <= near {
+                found.push(Alike::Coaxial(i, j));
+                continue;
+            }
+            lengths.push((length, [i, j]));
+            for k in (0..pins.len()).filter(|&k| k != i && k != j && one_body(i, k)) {
+                let (first, second) = (between(pins, i, k), between(pins, k, j));
+                let is_between = first.norm().max(second.norm()) < length && first.norm().min(second.norm()) > near;
+                if is_between && across(pins, [i, j, k]).is_some_and(|x| x.1.abs() <= near) {
+                    found.push(Alike::InLine([i, j, k]));
+                }
+            }
+        }
+    }
+    lengths.sort_by(|x, y| x.0.total_cmp(&y.0));
+    let mut first: Option<(f64, [usize; 2])> = None;
+    for (length, pair) in lengths {
+        match first {
+            Some((least, other)) if length - least <= near => found.push(Alike::Equal(other, pair)),
+            _ => first = Some((length, pair)),
+        }
+    }
+    found
+}
+
+/// From one axis to another, square to the first.
+fn between(pins: &[Pin], i: usize, j: usize) -> Vec3<f64> {
+    let (axis, to) = (pins[i].axis, pins[j].at - pins[i].at);
+    to - axis.times(axis.dot(to))
+}
+
+/// Direction across the plane of two axes, how far a third stands out of it, and where it stands between them.
+fn across(pins: &[Pin], [i, j, k]: [usize; 3]) -> Option<(Vec3<f64>, f64, f64)> {
+    let (along, to) = (between(pins, i, j), between(pins, i, k));
+    let (unit, length) = (along.unit()?, along.norm());
+    let across = pins[i].axis.cross(unit);
+    Some((across, across.dot(to), unit.dot(to) / length))
+}
+
+impl Alike {
+    fn conditions(&self, pins: &[Pin]) -> Vec<Condition> {
+        match *self {
+            Self::Coaxial(i, j) => {
+                let (axis, to) = (pins[i].axis, between(pins, i, j));
+                let sides = (0..3).map(|k| {
+                    let mut side = Vec3([0.0; 3]);
+                    side.0[k] = 1.0;
+                    side - axis.times(axis.dot(side))
+                });
+                sides.map(|side| (vec![(j, side), (i, side.times(-1.0))], side.dot(to))).collect()
+            }
+            Self::InLine([i, j, k]) => match across(pins, [i, j, k]) {
+                Some((side, off, part)) => {
+                    vec![(vec![(k, side), (i, side.times(part - 1.0)), (j, side.times(-part))], off)]
+                }
+                None => Vec::new(),
+            },
+            Self::Equal([i, j], [k, l]) => {
+                let (one, two) = (between(pins, i, j), between(pins, k, l));
+                let (Some(u), Some(v)) = (one.unit(), two.unit()) else { return Vec::new() };
+                let parts = vec![(j, u), (i, u.times(-1.0)), (l, v.times(-1.0)), (k, v)];
+                vec![(parts, one.norm() - two.norm())]
+            }
+        }
+    }
+}
+
+/// The shortest displacements of the pins by which all conditions hold to first order.
+fn shortest(conditions: &[Condition], pins: usize) -> Option<Vec<Vec3<f64>>> {
+    let mut rows = Matrix::new(conditions.len(), 3 * pins);
+    for (r, (parts, _)) in conditions.iter().enumerate() {
+        for (pin, side) in parts {
+            side.0.iter().enumerate().for_each(|(k, x)| rows[(r, 3 * pin + k)] += x);
+        }
+    }
+    let f = svd(&rows).ok()?;
+    let least = NOTHING * f.s.first().copied()?;
+    let mut by = vec![Vec3([0.0; 3]); pins];
+    for (i, s) in f.s.iter().enumerate().filter(|x| *x.1 > least) {
+        let part = -conditions.iter().enumerate().map(|(r, x)| f.u[(r, i)] * x.1).sum::<f64>() / s;
+        for (pin, by) in by.iter_mut().enumerate() {
+            *by = *by + Vec3([0, 1, 2].map(|k| part * f.v[(3 * pin + k, i)]));
+        }
+    }
+    Some(by)
+}
