@@ -12,6 +12,7 @@
 
 mod lengths;
 
+use lengths::{Alike, Condition};
 use super::Model;
 use crate::place::{alignment, Coordinates};
 use crate::spec::{Joint, Spec};
@@ -45,8 +46,6 @@ const DOUBLE: f64 = 1e-2;
 const LEFT: f64 = 1e-5;
 /// What is off by less was rounded.
 const ROUNDED: f64 = 1e-14;
-/// Times that lengths are made equal and the rest is fitted: each is quadratically better than the one before.
-const TIMES: usize = 3;
 /// Numbers of a joint: displacement and turn on either side.
 const OWN: usize = 12;
 /// Each joint may be changed by so many tolerances, on both sides together: one in its point and one in its axis on either side,
@@ -120,19 +119,18 @@ impl Model {
         }
         let Some((twin, there)) = self.by_bodies(q) else { return Ok(None) };
         let at = (t, there.as_slice());
-        let mut change = self.fitting(&twin, at, freedoms, &twin.parallel(&there))?;
-        let mut doubled = false;
-        for _ in 0..TIMES {
-            let begun = change.as_ref().map_or_else(|| twin.parallel(&there), |x| x.numbers.clone());
-            let Some((alike, off)) = self.alike_too(&begun) else { break };
-            if change.as_ref().is_some_and(|x| !x.is_double(off)) {
-                break;
+        let parallel = twin.parallel(&there);
+        let plain = self.fitting(&twin, at, freedoms, (&parallel, &[]))?;
+        let begun = plain.as_ref().map_or(parallel.as_slice(), |x| &x.numbers);
+        let change = match self.alike_too(begun, &there) {
+            // what opens had a double root, or none was found
+            Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(off)) => {
+                let alike = self.fitting(&twin, at, freedoms, (&numbers, &kept))?;
+                alike.or(plain.filter(|_| seen))
             }
-            let Some(next) = self.fitting(&twin, at, freedoms, &alike)? else { break };
-            change = Some(next);
-            doubled = true;
-        }
-        let change = change.filter(|_| seen || doubled).map(|x| x.numbers);
+            _ => plain.filter(|_| seen),
+        };
+        let change = change.map(|x| x.numbers);
         let of_joint = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
         let Some(change) = change.filter(|x| x.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)) else {
             return Ok(None);
@@ -154,16 +152,16 @@ impl Model {
         }))
     }
 
-    /// The change of the drawing by which `twin` fits, next to the one that is `begun`.
+    /// The change of the drawing by which `twin` fits, next to the one that is `begun`, with what is `kept` of it.
     fn fitting(
         &self,
         twin: &Self,
         at: (f64, &[f64]),
         freedoms: usize,
-        begun: &[f64],
+        (begun, kept): (&[f64], &[Alike]),
     ) -> Result<Option<Change>, SystemError> {
         for nothing in NOTHING {
-            if let Some(change) = self.change(twin, at, freedoms, (begun, nothing))? {
+            if let Some(change) = self.change(twin, at, freedoms, (begun, kept, nothing))? {
                 return Ok(Some(change));
             }
         }
@@ -177,7 +175,7 @@ impl Model {
         twin: &Self,
         at: (f64, &[f64]),
         freedoms: usize,
-        (begun, nothing): (&[f64], f64),
+        (begun, kept, nothing): (&[f64], &[Alike], f64),
     ) -> Result<Option<Change>, SystemError> {
         let mut change = begun.to_vec();
         let mut open = f64::INFINITY;
@@ -190,7 +188,7 @@ impl Model {
             }
             let before = open;
             open = places.iter().flat_map(|x| &x.said).fold(0.0, |m: f64, x| m.max(x.open.abs()));
-            let Some(found) = drawing.nearer(&places, nothing) else { return Ok(None) };
+            let Some(found) = drawing.nearer(&places, &drawing.conditions(kept), nothing) else { return Ok(None) };
             if open < ROUNDING || open > 0.7 * before {
                 let fits = open < FITS && (round == 0 || found.is_clear());
                 return Ok(fits.then_some(Change { numbers: change, weak: found.weak }));
@@ -207,11 +205,21 @@ impl Model {
         Ok(None)
     }
 
-    /// This change, and lengths made equal that nearly are so; and by how much they were not.
-    fn alike_too(&self, change: &[f64]) -> Option<(Vec<f64>, f64)> {
-        let more = self.changed_by(change, Coordinates::Absolute, false)?.alike()?;
-        let off = more.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        (off > ROUNDED).then(|| (change.iter().zip(&more).map(|(x, more)| x + more).collect(), off))
+    /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how much it
+    /// was off.
+    fn alike_too(&self, change: &[f64], q: &[f64]) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
+        let mut numbers = change.to_vec();
+        let mut off = 0.0f64;
+        let mut add = |more: &[f64]| {
+            numbers.iter_mut().zip(more).for_each(|(x, more)| *x += more);
+            off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
+            self.changed_by(&numbers, Coordinates::Absolute, false)
+        };
+        let drawing = self.changed_by(change, Coordinates::Absolute, false)?;
+        let parallel = add(&drawing.parallel(q))?;
+        let alike = parallel.alike();
+        add(&parallel.made_alike(&alike)?)?;
+        (off > ROUNDED).then_some((numbers, alike, off))
     }
 
     /// The change of this drawing between free bodies by which axes that are nearly parallel where they stand are so exactly:
@@ -259,14 +267,15 @@ impl Model {
         Self::build(spec, self.callers.functions.clone(), coordinates, allow_plane).ok()
     }
 
-    /// The shortest change of this drawing between free bodies by which all that is said would be nothing.
-    fn nearer(&self, places: &[Place], nothing: f64) -> Option<Nearer> {
+    /// The shortest change of this drawing between free bodies by which all that is said would be nothing, and what is kept
+    /// would hold.
+    fn nearer(&self, places: &[Place], kept: &[Condition], nothing: f64) -> Option<Nearer> {
         let said: usize = places.iter().map(|x| x.said.len()).sum();
-        if said * (OWN * self.spec.joints.len()).pow(2) > LARGEST {
+        if (said + kept.len()) * (OWN * self.spec.joints.len()).pow(2) > LARGEST {
             return None;
         }
-        let mut rows = Matrix::new(said, OWN * self.spec.joints.len());
-        let mut open = Vec::with_capacity(said);
+        let mut rows = Matrix::new(said + kept.len(), OWN * self.spec.joints.len());
+        let mut open = Vec::with_capacity(said + kept.len());
         let mut s = self.full.scratch();
         for place in places {
             self.full.poses(&place.q, &mut s);
@@ -274,6 +283,10 @@ impl Model {
                 self.slope(place, said, &s, rows.row_mut(open.len()));
                 open.push(-said.open);
             }
+        }
+        for condition in kept {
+            condition.set(rows.row_mut(open.len()));
+            open.push(-condition.off);
         }
         let f = svd(&rows).ok()?;
         let largest = f.s.first().copied()?;

@@ -31,7 +31,9 @@ struct Pin {
 }
 
 /// What is nearly so, and was meant to be.
-enum Alike {
+pub(super) enum Alike {
+    /// Two axes of one body are parallel.
+    Parallel(usize, usize),
     /// Two axes of one body are one.
     Coaxial(usize, usize),
     /// The third axis lies in the plane of the first two, between them.
@@ -40,37 +42,58 @@ enum Alike {
     Equal([usize; 2], [usize; 2]),
 }
 
-/// A condition on displacements: its parts, each a pin and a direction, and what it is off by.
-type Condition = (Vec<(usize, Vec3<f64>)>, f64);
+/// A condition on a change of the drawing: its parts, each a place in the change and a direction, and what it is off by.
+pub(super) struct Condition {
+    parts: Vec<(usize, Vec3<f64>)>,
+    pub(super) off: f64,
+}
+
+impl Condition {
+    /// As a row over the numbers of a change.
+    pub(super) fn set(&self, row: &mut [f64]) {
+        for (place, side) in &self.parts {
+            side.0.iter().zip(&mut row[*place..]).for_each(|(x, out)| *out += x);
+        }
+    }
+}
 
 impl Model {
-    /// The shortest change of the drawing by which axes of one body, parallel to each other, are as far apart as others that
-    /// are so within a few tolerances, and lie in one plane where they nearly do; None where nothing is alike.
-    pub(super) fn alike(&self) -> Option<Vec<f64>> {
-        let size = self.placed.size;
-        let mut pins = self.pins();
-        let alike = alike(&pins, PARALLEL * self.spec.drawing_tolerance * size);
-        if alike.is_empty() || 2 * alike.len() * (3 * pins.len()).pow(2) > LARGEST {
+    /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one plane.
+    pub(super) fn alike(&self) -> Vec<Alike> {
+        alike(&self.pins(), PARALLEL * self.spec.drawing_tolerance * self.placed.size)
+    }
+
+    /// What is alike as conditions on a change of this drawing.
+    pub(super) fn conditions(&self, alike: &[Alike]) -> Vec<Condition> {
+        let pins = if alike.is_empty() { Vec::new() } else { self.pins() };
+        alike.iter().flat_map(|x| x.conditions(&pins, self.placed.size)).collect()
+    }
+
+    /// The shortest change of the drawing by which all of it is alike.
+    pub(super) fn made_alike(&self, alike: &[Alike]) -> Option<Vec<f64>> {
+        let (size, mut pins) = (self.placed.size, self.pins());
+        let mut change = vec![0.0; OWN * self.spec.joints.len()];
+        if 2 * alike.len() * change.len().pow(2) > LARGEST {
             return None;
         }
-        let mut change = vec![0.0; OWN * self.spec.joints.len()];
         for _ in 0..ROUNDS {
-            let conditions: Vec<Condition> = alike.iter().flat_map(|x| x.conditions(&pins)).collect();
-            if conditions.iter().all(|x| x.1.abs() <= EQUAL * size) {
+            let lengths = alike.iter().filter(|x| !matches!(x, Alike::Parallel(..)));
+            let conditions: Vec<Condition> = lengths.flat_map(|x| x.conditions(&pins, size)).collect();
+            if conditions.iter().all(|x| x.off.abs() <= EQUAL) {
                 break;
             }
-            let by = shortest(&conditions, pins.len())?;
-            for (pin, by) in pins.iter_mut().zip(&by) {
-                pin.at = pin.at + *by;
-                by.0.iter().zip(&mut change[pin.place..]).for_each(|(x, out)| *out += x / size);
+            let by = shortest(&conditions, change.len())?;
+            for pin in &mut pins {
+                pin.at = pin.at + Vec3([0, 1, 2].map(|k| by[pin.place + k] * size));
             }
+            change.iter_mut().zip(&by).for_each(|(x, by)| *x += by);
         }
         Some(change)
     }
 
     /// Are lengths off that are nearly alike, by more than rounding?
     pub(super) fn is_unlike(&self) -> bool {
-        self.alike().is_some_and(|x| x.iter().any(|x| x.abs() > ROUNDED))
+        self.conditions(&self.alike()).iter().any(|x| x.off.abs() > ROUNDED)
     }
 
     /// The axes about which bodies turn, on either side of their joints.
@@ -100,6 +123,7 @@ fn alike(pins: &[Pin], near: f64) -> Vec<Alike> {
     };
     for i in 0..pins.len() {
         for j in (i + 1..pins.len()).filter(|&j| one_body(i, j)) {
+            found.push(Alike::Parallel(i, j));
             let length = between(pins, i, j).norm();
             if length <= near {
                 found.push(Alike::Coaxial(i, j));
@@ -141,49 +165,57 @@ fn across(pins: &[Pin], [i, j, k]: [usize; 3]) -> Option<(Vec3<f64>, f64, f64)> 
 }
 
 impl Alike {
-    fn conditions(&self, pins: &[Pin]) -> Vec<Condition> {
+    fn conditions(&self, pins: &[Pin], size: f64) -> Vec<Condition> {
+        let at = |i: usize| pins[i].place;
         match *self {
+            Self::Parallel(i, j) => {
+                let (axis, other) = (pins[i].axis, pins[j].axis);
+                let by = axis.times(axis.dot(other).signum()).cross(other);
+                let turned = |i: usize, side| (at(i) + 3, side);
+                let parts = |side: Vec3<f64>| vec![turned(j, side), turned(i, side.times(-1.0))];
+                sides(axis).map(|side| Condition { parts: parts(side), off: side.dot(by) }).into()
+            }
             Self::Coaxial(i, j) => {
-                let (axis, to) = (pins[i].axis, between(pins, i, j));
-                let sides = (0..3).map(|k| {
-                    let mut side = Vec3([0.0; 3]);
-                    side.0[k] = 1.0;
-                    side - axis.times(axis.dot(side))
-                });
-                sides.map(|side| (vec![(j, side), (i, side.times(-1.0))], side.dot(to))).collect()
+                let to = between(pins, i, j);
+                let parts = |side: Vec3<f64>| vec![(at(j), side), (at(i), side.times(-1.0))];
+                sides(pins[i].axis).map(|side| Condition { parts: parts(side), off: side.dot(to) / size }).into()
             }
             Self::InLine([i, j, k]) => match across(pins, [i, j, k]) {
                 Some((side, off, part)) => {
-                    vec![(vec![(k, side), (i, side.times(part - 1.0)), (j, side.times(-part))], off)]
+                    let parts = vec![(at(k), side), (at(i), side.times(part - 1.0)), (at(j), side.times(-part))];
+                    vec![Condition { parts, off: off / size }]
                 }
                 None => Vec::new(),
             },
             Self::Equal([i, j], [k, l]) => {
                 let (one, two) = (between(pins, i, j), between(pins, k, l));
                 let (Some(u), Some(v)) = (one.unit(), two.unit()) else { return Vec::new() };
-                let parts = vec![(j, u), (i, u.times(-1.0)), (l, v.times(-1.0)), (k, v)];
-                vec![(parts, one.norm() - two.norm())]
+                let parts = vec![(at(j), u), (at(i), u.times(-1.0)), (at(l), v.times(-1.0)), (at(k), v)];
+                vec![Condition { parts, off: (one.norm() - two.norm()) / size }]
             }
         }
     }
 }
 
-/// The shortest displacements of the pins by which all conditions hold to first order.
-fn shortest(conditions: &[Condition], pins: usize) -> Option<Vec<Vec3<f64>>> {
-    let mut rows = Matrix::new(conditions.len(), 3 * pins);
-    for (r, (parts, _)) in conditions.iter().enumerate() {
-        for (pin, side) in parts {
-            side.0.iter().enumerate().for_each(|(k, x)| rows[(r, 3 * pin + k)] += x);
-        }
-    }
+/// Directions square to an axis that span all of them.
+fn sides(axis: Vec3<f64>) -> [Vec3<f64>; 3] {
+    [0, 1, 2].map(|k| {
+        let mut side = Vec3([0.0; 3]);
+        side.0[k] = 1.0;
+        side - axis.times(axis.dot(side))
+    })
+}
+
+/// The shortest change by which all conditions hold to first order.
+fn shortest(conditions: &[Condition], numbers: usize) -> Option<Vec<f64>> {
+    let mut rows = Matrix::new(conditions.len(), numbers);
+    conditions.iter().enumerate().for_each(|(r, x)| x.set(rows.row_mut(r)));
     let f = svd(&rows).ok()?;
     let least = NOTHING * f.s.first().copied()?;
-    let mut by = vec![Vec3([0.0; 3]); pins];
+    let mut by = vec![0.0; numbers];
     for (i, s) in f.s.iter().enumerate().filter(|x| *x.1 > least) {
-        let part = -conditions.iter().enumerate().map(|(r, x)| f.u[(r, i)] * x.1).sum::<f64>() / s;
-        for (pin, by) in by.iter_mut().enumerate() {
-            *by = *by + Vec3([0, 1, 2].map(|k| part * f.v[(3 * pin + k, i)]));
-        }
+        let part = -conditions.iter().enumerate().map(|(r, x)| f.u[(r, i)] * x.off).sum::<f64>() / s;
+        by.iter_mut().enumerate().for_each(|(j, x)| *x += part * f.v[(j, i)]);
     }
     Some(by)
 }
