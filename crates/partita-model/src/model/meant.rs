@@ -40,7 +40,9 @@ const NOTHING: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 const CLEAR: f64 = 1e3;
 /// ... which are less than this.
 const WEAK: f64 = 1e-6;
-/// Where it fits by a double root, some are this part of the change that is left, or more (a tenth to a thousand times)...
+/// A fit that rests on singular values of less than this may be near a double root...
+const SURE: f64 = 1e-4;
+/// ... where some of those that say nothing are this part of the change that is left, or more (a tenth to a thousand times)...
 const DOUBLE: f64 = 1e-2;
 /// ... which is less than this, or what opens would show it.
 const LEFT: f64 = 1e-5;
@@ -67,14 +69,21 @@ pub struct Meant {
 /// A change of the drawing by which it fits.
 struct Change {
     numbers: Vec<f64>,
-    /// Singular values that say nothing, in parts of the largest.
+    /// The smallest singular value that was taken to say something, in parts of the largest.
+    least: f64,
+    /// Those that say nothing.
     weak: Vec<f64>,
 }
 
 impl Change {
+    /// Is no joint changed by more than a few tolerances?
+    fn is_small(&self, tolerance: f64) -> bool {
+        self.numbers.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)
+    }
+
     /// Is what opens a double root in lengths that are `off` by so much? They say something then where they are off.
     fn is_double(&self, off: f64) -> bool {
-        off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
+        self.least < SURE || off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
     }
 }
 
@@ -126,15 +135,11 @@ impl Model {
             // what opens had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(off)) => {
                 let alike = self.fitting(&twin, at, freedoms, (&numbers, &kept))?;
-                alike.or(plain.filter(|_| seen))
+                alike.filter(|x| x.is_small(tolerance)).or(plain.filter(|_| seen))
             }
             _ => plain.filter(|_| seen),
         };
-        let change = change.map(|x| x.numbers);
-        let of_joint = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let Some(change) = change.filter(|x| x.chunks(OWN).all(|x| of_joint(x) <= EACH * tolerance)) else {
-            return Ok(None);
-        };
+        let Some(change) = change.filter(|x| x.is_small(tolerance)).map(|x| x.numbers) else { return Ok(None) };
         let Some(model) = self.changed_by(&change, self.coordinates, self.is_planar()) else { return Ok(None) };
         if model.size() != self.size() || model.is_planar() != self.is_planar() {
             return Ok(None);
@@ -191,7 +196,7 @@ impl Model {
             let Some(found) = drawing.nearer(&places, &drawing.conditions(kept), nothing) else { return Ok(None) };
             if open < ROUNDING || open > 0.7 * before {
                 let fits = open < FITS && (round == 0 || found.is_clear());
-                return Ok(fits.then_some(Change { numbers: change, weak: found.weak }));
+                return Ok(fits.then_some(Change { numbers: change, least: found.gap.0, weak: found.weak }));
             }
             if open.is_nan() {
                 return Ok(None);
@@ -336,6 +341,11 @@ impl Model {
             }
         }
     }
+}
+
+/// How much a joint is changed.
+fn of_joint(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane it stays the
