@@ -254,7 +254,7 @@ def test_a_rocker_of_slightly_wrong_length(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_what_misfits_more_than_it_may_ends_the_run(coordinates: str) -> None:
     """Bridged as drawn, where it hardly shows; farther on the third rocker is off by more than the tolerance."""
-    run = rockers(1e-3, 1e-4).simulate(2.0, coordinates=coordinates)
+    run = rockers(5e-3, 1e-4).simulate(2.0, coordinates=coordinates)
     assert run.status == "contradiction" and not run.success and "the drawing misfits at t =" in run.message
 
 

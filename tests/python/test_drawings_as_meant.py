@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from drawings import EVERY
 from numpy.typing import NDArray
+from test_contradictions import rockers
 from test_drawing_tolerance import BOTH, Z, bar, bennett
 
 import partita as pt
@@ -104,6 +105,79 @@ def test_lengths_and_axes_off_together(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
+@pytest.mark.parametrize("pins", ["in line", "in line, in three planes"])
+def test_cranks_in_line_of_unequal_length_fall_as_equal_ones(pins: str, coordinates: str) -> None:
+    """A crank off by x turns the coupler by x and opens the loop by its square: a double root, found by no slope."""
+    options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
+    meant = path(cranks(pins, {}).simulate(2.0, **options))
+    for off in (1e-14, 1e-12, 1e-9, 1e-7, 1e-5, 1e-4, 2e-4):
+        run = cranks(pins, {}, off).simulate(2.0, **options)
+        assert holds(run), (off, run.message, run.certificate.findings)
+        # rounding alone moves what falls through a flat position by 1e-7
+        assert np.abs(path(run) - meant).max() < 3.0 * off + 2e-6, off
+        assert run.certificate.misfit <= 1.1 * off
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_a_rocker_that_is_off_falls_as_the_mean_of_all(coordinates: str) -> None:
+    """To first order it is closed as drawn, so it does not show for small changes, and turns the platform all the same."""
+    options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
+    meant = rockers(0.0, 1e-4).simulate(2.0, **options).body("platform").position
+    for off in (1e-12, 1e-9, 1e-6, 1e-4, 1e-3):
+        run = rockers(off, 1e-4).simulate(2.0, **options)
+        assert holds(run), (off, run.message, run.certificate.findings)
+        assert np.abs(run.body("platform").position - meant).max() < 2.0 * off + 2e-6, off
+    assert not rockers(5e-3, 1e-4).simulate(2.0, **options).success
+
+
+@pytest.mark.parametrize(("number", "tilt"), [(4, 1e-5), (5, 0.0)])
+def test_more_cranks_than_three(number: int, tilt: float) -> None:
+    def row(off: float) -> pt.Mechanism:
+        rng = np.random.default_rng(1)
+        m = pt.Mechanism("row", gravity=(0, -9.81, 0))
+        along = np.array([np.cos(0.5), np.sin(0.5), 0.0])
+        feet = [np.array([x, 0.1 * x, 0.0]) for x in (0.0, 1.0, 2.5, 3.3, 4.9)[:number]]
+        bar(m, "coupler", feet[0] + along, feet[-1] + along, 1.0)
+        for i, foot in enumerate(feet):
+            bar(m, f"crank{i}", foot, foot + along, 1.0)
+            for name, parent, child, point in (
+                (f"A{i}", m.ground, f"crank{i}", foot),
+                (f"B{i}", f"crank{i}", "coupler", foot + along),
+            ):
+                there, axis = point + off * rng.uniform(-1.0, 1.0, 3), Z + tilt * off * 1e5 * rng.uniform(-1.0, 1.0, 3)
+                m.add_revolute(name, parent, child, point=point, axis=axis, child_point=there)
+        return m
+
+    for coordinates in BOTH:
+        options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
+        meant = path(row(0.0).simulate(2.0, **options))
+        run = row(1e-5).simulate(2.0, **options)
+        assert holds(run), (run.message, run.certificate.findings)
+        assert np.abs(path(run) - meant).max() < 1e-4
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
+    """A length that is off by little is meant to be so where the drawing says no more of it: two cranks and a tilted hinge."""
+    ends = {}
+    for length in (1.0, 1.0002):
+        m = pt.Mechanism("nearly a parallelogram", gravity=(0, -9.81, 0))
+        top = [np.array([0.4, 0.9, 0.0]), np.array([2.0, 0.0, 0.0]) + length * np.array([0.4, 0.9, 0.0])]
+        bar(m, "a", np.zeros(3), top[0], 1.0)
+        bar(m, "b", top[0], top[1], 1.0)
+        bar(m, "c", top[1], np.array([2.0, 0.0, 0.0]), 1.0)
+        m.add_revolute("A", m.ground, "a", point=(0, 0, 0), axis=Z)
+        m.add_revolute("B", "a", "b", point=top[0], axis=Z + [1e-6, 0.0, 0.0])
+        m.add_revolute("C", "b", "c", point=top[1], axis=Z)
+        m.add_revolute("D", m.ground, "c", point=(2, 0, 0), axis=Z)
+        run = m.simulate(0.4, coordinates=coordinates)
+        assert holds(run) and any("nearest drawing" in note for note in run.notes)
+        assert run.certificate.misfit < 5e-6
+        ends[length] = run.body("c").position[-1]
+    assert np.abs(ends[1.0002] - ends[1.0]).max() > 5e-5
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
 def test_what_was_changed_is_said(coordinates: str) -> None:
     said = [note for note in bennett(1e-5).simulate(0.1, coordinates=coordinates).notes if "nearest drawing" in note]
     assert len(said) == 1 and "turned by up to" in said[0]
@@ -117,6 +191,19 @@ def test_what_was_changed_is_said(coordinates: str) -> None:
     whole = m.simulate(0.4, coordinates=coordinates)
     assert holds(again) and not any("does not satisfy" in note for note in again.notes)
     assert np.abs(again.body("link1").position[-1] - whole.body("link1").position[-1]).max() < 1e-4
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+@pytest.mark.parametrize("begun", [0.2, 0.303, 0.6])
+def test_a_run_that_goes_on_is_of_the_same_drawing(begun: float, coordinates: str) -> None:
+    """Far from the drawn position, and where the flat one is too near to tell what was meant, what fits is found as drawn."""
+    m, off = cranks("in line", {}, 1e-5), 1e-5
+    whole = path(m.simulate(1.0, coordinates=coordinates, t_eval=[0.0, 1.0]))[:, -1]
+    model, first = m.compile(coordinates=coordinates), m.simulate(begun, coordinates=coordinates)
+    here = pt.State(begun, first.q[-1], first.v[-1], names=model.names, velocity_names=model.velocity_names)
+    again = m.simulate(1.0 - begun, coordinates=coordinates, initial=here)
+    assert holds(again), (again.message, again.certificate.findings)
+    assert np.abs(path(again)[:, -1] - whole).max() < 0.1 * off
 
 
 @pytest.mark.parametrize("coordinates", BOTH)

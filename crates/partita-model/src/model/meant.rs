@@ -12,11 +12,11 @@
 
 mod lengths;
 
-use lengths::{Alike, Condition};
 use super::Model;
 use crate::place::{alignment, Coordinates};
 use crate::spec::{Joint, Spec};
 use crate::tree::TreeScratch;
+use lengths::{Alike, Condition};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
@@ -103,19 +103,31 @@ impl Nearer {
 }
 
 impl Model {
-    /// The same mechanism, its joints moved by no more than the drawing tolerance so that it fits; None where it fits as it is
-    /// drawn, where the drawing does not say what was meant, or misfits by more.
+    /// The same mechanism, its joints moved by no more than the drawing tolerance so that it fits: found where it was drawn, or
+    /// else at q. None where it fits as it is drawn, where the drawing does not say what was meant, or misfits by more.
     ///
     /// Cost: some hundred evaluations, and dense decompositions, where the drawing misfits.
     ///
     /// # Errors
     /// Where nothing can be evaluated at (t, q).
     pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
-        let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
+        let spec = &self.spec;
         if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some()
         {
             return Ok(None);
         }
+        // the position that was drawn is the same for all runs: one that goes on where another ended is of the same drawing
+        let drawn = self.initial();
+        if drawn != q {
+            if let Ok(Some(meant)) = self.as_meant_at(t, &drawn) {
+                return Ok(Some(meant));
+            }
+        }
+        self.as_meant_at(t, q)
+    }
+
+    fn as_meant_at(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
+        let tolerance = self.spec.drawing_tolerance;
         let (freedoms, seen) = match fit(self, t, q, tolerance)? {
             Some(fit) if !fit.within => return Ok(None),
             Some(fit) => (fit.freedoms, true),

@@ -84,7 +84,7 @@ impl Model {
             }
             let by = shortest(&conditions, change.len())?;
             for pin in &mut pins {
-                pin.at = pin.at + Vec3([0, 1, 2].map(|k| by[pin.place + k] * size));
+                pin.at += Vec3([0, 1, 2].map(|k| by[pin.place + k] * size));
             }
             change.iter_mut().zip(&by).for_each(|(x, by)| *x += by);
         }
@@ -101,7 +101,8 @@ impl Model {
         let mut pins = Vec::new();
         for (j, (joint, placed)) in self.spec.joints.iter().zip(&self.placed.joints).enumerate() {
             let turns = matches!(joint.kind, JointKind::Revolute | JointKind::Cylindrical);
-            let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint)) else {
+            let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint))
+            else {
                 continue;
             };
             let there = joint.child_point.unwrap_or(joint.point);
