@@ -120,7 +120,7 @@ def test_cranks_in_line_of_unequal_length_fall_as_equal_ones(pins: str, coordina
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_a_rocker_that_is_off_falls_as_the_mean_of_all(coordinates: str) -> None:
-    """To first order it is closed as drawn, so it does not show for small changes, and turns the platform all the same."""
+    """To first order it is closed as drawn: a small one does not show, and turns the platform all the same."""
     options: dict[str, Any] = {"coordinates": coordinates, "t_eval": np.linspace(0.0, 2.0, 9)}
     meant = rockers(0.0, 1e-4).simulate(2.0, **options).body("platform").position
     for off in (1e-12, 1e-9, 1e-6, 1e-4, 1e-3):
@@ -158,7 +158,7 @@ def test_more_cranks_than_three(number: int, tilt: float) -> None:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
-    """A length that is off by little is meant to be so where the drawing says no more of it: two cranks and a tilted hinge."""
+    """Two cranks and a tilted hinge: what cures the hinge says nothing of the lengths."""
     ends = {}
     for length in (1.0, 1.0002):
         m = pt.Mechanism("nearly a parallelogram", gravity=(0, -9.81, 0))
@@ -167,7 +167,7 @@ def test_lengths_that_nearly_agree_stay_what_they_are(coordinates: str) -> None:
         bar(m, "b", top[0], top[1], 1.0)
         bar(m, "c", top[1], np.array([2.0, 0.0, 0.0]), 1.0)
         m.add_revolute("A", m.ground, "a", point=(0, 0, 0), axis=Z)
-        m.add_revolute("B", "a", "b", point=top[0], axis=Z + [1e-6, 0.0, 0.0])
+        m.add_revolute("B", "a", "b", point=top[0], axis=Z + np.array([1e-6, 0.0, 0.0]))
         m.add_revolute("C", "b", "c", point=top[1], axis=Z)
         m.add_revolute("D", m.ground, "c", point=(2, 0, 0), axis=Z)
         run = m.simulate(0.4, coordinates=coordinates)
@@ -196,7 +196,7 @@ def test_what_was_changed_is_said(coordinates: str) -> None:
 @pytest.mark.parametrize("coordinates", BOTH)
 @pytest.mark.parametrize("begun", [0.2, 0.303, 0.6])
 def test_a_run_that_goes_on_is_of_the_same_drawing(begun: float, coordinates: str) -> None:
-    """Far from the drawn position, and where the flat one is too near to tell what was meant, what fits is found as drawn."""
+    """Also where the flat position is too near to tell what was meant: what fits is found as drawn."""
     m, off = cranks("in line", {}, 1e-5), 1e-5
     whole = path(m.simulate(1.0, coordinates=coordinates, t_eval=[0.0, 1.0]))[:, -1]
     model, first = m.compile(coordinates=coordinates), m.simulate(begun, coordinates=coordinates)
