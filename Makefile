@@ -5,6 +5,7 @@ BIN := .venv/bin
 TOOLS := .venv/.tools
 BUILT := .venv/.built
 FMU := .venv/.fmu
+SITE := .venv/.site
 
 # Everything that the native module is made of.
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml')
@@ -100,14 +101,19 @@ install-check: $(BUILT)
 bench: $(BUILT)
 	$(BIN)/python benches/run.py
 
-## docs: pages and the reference of both languages, in out/docs
-docs: $(BUILT)
+# The generator of the site, beside what is there already.
+$(SITE): $(TOOLS) constraints-docs.txt
+	$(BIN)/python -m pip install --quiet --no-compile --only-binary=:all: --requirement constraints-docs.txt
+	@touch $@
+
+## docs: the site, with the reference of both languages, in out/docs
+docs: $(BUILT) $(SITE)
 	RUSTDOCFLAGS="-D warnings -A rustdoc::private-intra-doc-links" cargo doc --workspace --no-deps --locked --document-private-items
 	rm -rf out/docs
 	mkdir -p out/docs
-	cp -r target/doc out/docs/rust
-	$(BIN)/pdoc --output-directory out/docs/python partita '!partita._core'
 	$(BIN)/python tools/docs.py --render out/docs
+	cp -r $(or $(CARGO_TARGET_DIR),target)/doc out/docs/rust
+	$(BIN)/python tools/docs.py --links out/docs
 
 ## compare-docs: run the comparisons on docs/compare.md anew and put their tables there
 compare-docs: $(BUILT)

@@ -1,7 +1,8 @@
-"""The pages of docs/: what is generated in them, and how they are rendered.
+"""The pages of docs/: what is generated in them, and the site that is made of them.
 
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
-python tools/docs.py --render FOLDER  pages as HTML, with the figures that examples/paper and tools/compare_page.py draw
+python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/compare_page.py draw
+python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ import sys
 from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
-
-import markdown2
 
 from partita import catalogue
 from partita.io import schema
@@ -26,51 +26,23 @@ DOCS = TOOLS.parent / "docs"
 PAPER = TOOLS.parent / "examples" / "paper"
 TESTS = TOOLS.parent / "tests" / "python"
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
-# "code-friendly": q_I and v_I are names, not the ends of something in italics
-EXTRAS = ["fenced-code-blocks", "tables", "header-ids", "cuddled-lists", "code-friendly"]
-
-PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-body {{ max-width: 52rem; margin: 0 auto; padding: 1rem; color: #1d2730;
-  font: 16px/1.5 system-ui, "Segoe UI", Roboto, Arial, sans-serif; }}
-nav {{ border-bottom: 1px solid #d3dae0; padding-bottom: .5rem; }}
-nav a {{ margin-right: 1rem; }}
-pre, code {{ font: 13.5px/1.45 ui-monospace, Consolas, monospace; background: #f5f7f9; }}
-pre {{ padding: .6rem .8rem; overflow-x: auto; border-radius: 5px; }}
-img {{ max-width: 100%; }}
-table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
-th, td {{ border: 1px solid #d3dae0; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
-h2, h3 {{ margin-top: 2rem; }}
-h1 code, h2 code, h3 code {{ font-size: inherit; background: none; }}
-td:first-child, td:nth-child(2) {{ min-width: 4.5rem; }}
-{code_style}
-</style>
-</head>
-<body>
-<nav><a href="{up}index.html">Partita</a><a href="{up}python/partita.html">Python reference</a>
-<a href="{up}rust/partita_system/index.html">Rust reference</a></nav>
-{body}
-</body>
-</html>
-"""
 
 
 def main() -> None:
     """Do what the arguments say."""
-    parser = argparse.ArgumentParser(description="Pages of docs/: generated parts, HTML.")
+    parser = argparse.ArgumentParser(description="Pages of docs/: generated parts, the site.")
     parser.add_argument("--write", action="store_true", help="rewrite the generated parts")
-    parser.add_argument("--render", metavar="FOLDER", type=Path, help="write the pages as HTML")
+    parser.add_argument("--render", metavar="FOLDER", type=Path, help="write the site")
+    parser.add_argument("--links", metavar="FOLDER", type=Path, help="check the links of a site")
     arguments = parser.parse_args()
     if arguments.write:
         for page in pages():
             page.write_text(current(page), encoding="utf-8")
     if arguments.render:
         render(arguments.render)
+    if arguments.links:
+        broken = scripts(TOOLS, "website.links").broken(arguments.links)
+        sys.exit("\n".join(broken) if broken else None)
 
 
 def pages() -> list[Path]:
@@ -194,16 +166,29 @@ GENERATED: dict[str, Callable[[], str]] = {
 }
 
 
-def render(folder: Path, short: bool = False) -> None:
-    """Every page as HTML under `folder`, with its figures; `short` draws them from coarser runs."""
-    for page in pages():
-        target = folder / page.relative_to(DOCS).with_suffix(".html")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(as_html(page), encoding="utf-8")
-    for figure in figures("paper"):
-        scripts(PAPER, figure).main(short, folder / "paper")
-    for figure in figures("compare"):
-        scripts(TOOLS, "compare_page").draw(figure, folder / "compare", short)
+def render(folder: Path) -> None:
+    """The site, by Sphinx; a warning is an error."""
+    from sphinx.cmd.build import build_main
+
+    with TemporaryDirectory() as work:
+        sources = Path(work) / "sources"
+        sources.mkdir()
+        stage(sources)
+        options = ["-q", "-W", "--keep-going", "-j", "auto", "-d", f"{work}/read"]
+        if status := build_main([*options, "-b", "html", str(sources), str(folder)]):
+            sys.exit(status)
+
+
+def stage(folder: Path, short: bool = False, only: tuple[str, ...] | None = None) -> None:
+    """What Sphinx renders, put into `folder`; `short` draws figures from coarser runs, `only` some of the gallery."""
+
+    def draw(into: Path) -> None:
+        for figure in figures("paper"):
+            scripts(PAPER, figure).main(short, into / "paper")
+        for figure in figures("compare"):
+            scripts(TOOLS, "compare_page").draw(figure, into / "compare", short)
+
+    scripts(TOOLS, "website.stage").stage(folder, draw, only)
 
 
 def figures(kind: str) -> list[str]:
@@ -221,18 +206,6 @@ def scripts(folder: Path, name: str) -> Any:
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     return importlib.import_module(name)
-
-
-def as_html(page: Path) -> str:
-    """One page; links to other pages lead to their HTML."""
-    from pygments.formatters import HtmlFormatter
-
-    text = page.read_text(encoding="utf-8").replace("```output", "```text")
-    body = re.sub(r'href="([^":#]+)\.md(#[^"]*)?"', r'href="\1.html\2"', str(markdown2.markdown(text, extras=EXTRAS)))
-    title = next((line.removeprefix("# ") for line in text.splitlines() if line.startswith("# ")), page.stem)
-    up = "../" * (len(page.relative_to(DOCS).parts) - 1)
-    style = HtmlFormatter(style="default").get_style_defs(".codehilite")
-    return PAGE.format(title=escape(title), up=up, body=body, code_style=style)
 
 
 if __name__ == "__main__":

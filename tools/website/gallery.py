@@ -1,0 +1,130 @@
+"""The gallery: every mechanism of the catalogue with its picture, its facts and its animated page."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from partita import catalogue
+from partita.viewer import scene
+
+Points = NDArray[np.float64]
+ANSWERED = "With published or closed-form answers"
+WIDTH, HEIGHT, MARGIN = 220.0, 150.0, 16.0
+GROUND = -1
+
+
+def build(folder: Path, live: Path, only: tuple[str, ...] | None = None) -> None:
+    """Pages into `folder`, animated pages into `live`; `only` some of the mechanisms."""
+    folder.mkdir(parents=True, exist_ok=True)
+    live.mkdir(parents=True, exist_ok=True)
+    cards: dict[str, list[str]] = {}
+    names: list[str] = []
+    for theme, members in themes().items():
+        for name in members:
+            if only is None or name in only:
+                cards.setdefault(theme, []).append(_mechanism(name, folder, live))
+                names.append(name)
+    parts = ["# Gallery", INTRODUCTION]
+    parts += [f'## {theme}\n\n<div class="gallery">\n{"".join(shown)}</div>' for theme, shown in cards.items()]
+    listed = "\n".join(names)
+    parts.append(f"```{{toctree}}\n:hidden:\n\n{listed}\n```")
+    (folder / "index.md").write_text("\n\n".join([*parts, ""]), encoding="utf-8")
+
+
+INTRODUCTION = (
+    "Every mechanism of the [catalogue](../catalogue.md), drawn and run when these pages were made. Open one to play "
+    "its motion: drag to turn, wheel to zoom, slide through time. The pages ask for no network."
+)
+
+
+def themes() -> dict[str, list[str]]:
+    """Theme -> names; all entries of the catalogue, each once."""
+    found = {theme: list(members) for theme, members in catalogue.zoo.THEMES.items()}
+    return {ANSWERED: [name for name in catalogue.names() if name not in catalogue.zoo.ENTRIES], **found}
+
+
+def _mechanism(name: str, folder: Path, live: Path) -> str:
+    """Write the pages of one mechanism; its card."""
+    entry = catalogue.entry(name)
+    run = entry.simulate()
+    run.to_html(live / f"{name}.html")
+    title = entry.title[0].upper() + entry.title[1:]
+    summary = run.summary
+    facts = [
+        ("bodies, joints", f"{len(summary['bodies'])}, {len(summary['joints'])}"),
+        ("degrees of freedom", str(summary["mobility"])),
+        ("redundant conditions", str(len(summary["removed"]))),
+        ("run", f"{entry.duration:g} s, {run.certificate.verdict}"),
+        ("largest opening of a loop", f"{run.certificate.closure:.1e}"),
+    ]
+    if run.certificate.energy_balance is not None:
+        facts.append(("energy balance", f"{run.certificate.energy_balance:.1e}"))
+    why = [f"{entry.truth.why[0].upper()}{entry.truth.why[1:]}."] if entry.truth else []
+    text = [
+        f"# {name}",
+        f"{title}.",
+        f'<iframe class="live" src="../live/{name}.html" title="{escape(name)} in motion" loading="lazy"></iframe>',
+        f'<p><a href="../live/{name}.html">The animated page alone</a></p>',
+        "| | |\n|---|---|\n" + "\n".join(f"| {what} | {value} |" for what, value in facts),
+        *why,
+        *([entry.notes] if entry.notes else []),
+        f"Source: {entry.source}.",
+        f'```python\nimport partita as pt\n\nentry = pt.catalogue.entry("{name}")\nrun = entry.simulate()\n'
+        f'run.to_html("{name}.html")\n```',
+    ]
+    (folder / f"{name}.md").write_text("\n\n".join([*text, ""]), encoding="utf-8")
+    return (
+        f'<a class="card" href="{name}.html">{picture(scene.describe(run, None), run)}'
+        f"<b>{escape(name)}</b><span>{escape(entry.title)}</span></a>\n"
+    )
+
+
+def picture(drawn: dict[str, Any], run: Any) -> str:
+    """The mechanism at its start as a small drawing in the colours of the page, seen from where its page shows it."""
+    view = drawn["view"]
+    sight = np.array([view["right"], view["up"]], dtype=float)
+    pieces: list[tuple[str, Points]] = []
+    for body in drawn["bodies"]:
+        at = run.body(body["name"])
+        world = np.array(body["points"], dtype=float) @ at.rotation[0].T + at.position[0]
+        pieces.append((body["kind"], world @ sight.T))
+    pins = {joint["name"]: run.joint(joint["name"]).point[0] @ sight.T for joint in drawn["joints"]}
+    fit = _fit(np.concatenate([*(points for _, points in pieces), *(p.reshape(1, 2) for p in pins.values())]))
+    lines = [f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{escape(drawn["title"])}">']
+    for number, (kind, points) in enumerate(pieces):
+        lines.append(_shape(kind, fit(points), f"hue{number % 6}"))
+    for joint in drawn["joints"]:
+        place = fit(pins[joint["name"]].reshape(1, 2))[0]
+        held = " ground" if joint["parent"] == GROUND else ""
+        lines.append(f'<circle class="pin{held}" cx="{place[0]:.1f}" cy="{place[1]:.1f}" r="3.2"/>')
+    return "".join([*lines, "</svg>"])
+
+
+def _shape(kind: str, points: Points, hue: str) -> str:
+    """One body."""
+    if kind == "plate":
+        corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        return f'<polygon class="{hue}" points="{corners}"/>'
+    if len(points) == 1:
+        return f'<circle class="body {hue}" cx="{points[0, 0]:.1f}" cy="{points[0, 1]:.1f}" r="6"/>'
+    middle, ends = points[0], points[1:]
+    rays = "".join(f"M{middle[0]:.1f},{middle[1]:.1f}L{x:.1f},{y:.1f}" for x, y in ends)
+    return f'<path class="{hue}" d="{rays}"/>'
+
+
+def _fit(points: Points) -> Any:
+    """What moves points into the drawing."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    span = np.maximum(high - low, 1e-9 * max(float(np.abs(points).max()), 1e-9))
+    scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
+    middle = (low + high) / 2
+
+    def fit(found: Points) -> Points:
+        return (found - middle) * [scale, -scale] + [WIDTH / 2, HEIGHT / 2]
+
+    return fit
