@@ -46,9 +46,12 @@ class Fake:
     def __post_init__(self) -> None:
         nt, nj = len(self.t), len(self.joints)
         names = [j[0] for j in self.joints] or ["q0", "q1"]
-        self.names = SimpleNamespace(bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names)
+        self.names = SimpleNamespace(
+            bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names, coordinates=names
+        )
         wave = np.sin(3.0 * self.t[:, None] + np.arange(len(names)))
         self.measure = 0.55 + 0.45 * wave
+        self.q, self.v = -wave / 3.0, wave
         if self.independent is None:
             self.independent = np.zeros((nt, 1), dtype=int)
         self.closure = np.full(nt, 1e-15)

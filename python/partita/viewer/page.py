@@ -15,7 +15,10 @@ from ..numeric import shown
 from ..readable import Readable, checked_run
 from .scene import describe
 
-SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
+SCRIPTS = (
+    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "labels.js", "legends.js", "scene.js", "panel.js",
+    "plots.js", "player.js",
+)  # fmt: skip
 
 
 def html(result: Readable, title: str | None = None) -> str:
@@ -64,6 +67,11 @@ def write_html(result: Readable, path: str | PathLike[str], title: str | None = 
     """
     where = target(path, "a page ")
     return put(where, html(result, title).encode("utf-8"))
+
+
+def fixed_bytes() -> int:
+    """Size of what every page holds: template, style and scripts."""
+    return sum(len(_file(name).encode("utf-8")) for name in ("page.html", "style.css", *SCRIPTS))
 
 
 def _file(name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..readable import Readable
+from .curves import curves, loads_open
 from .geometry import outline, plane_normal, view
 from .packing import pack_tables
 
@@ -43,10 +44,12 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     bodies = _bodies(result, spec, motion, joints)
     for name, joint in zip(result.names.joints, joints, strict=True):
-        joint["open"] = _open(result, name)
-    tables, frames = pack_tables(_tables(result, motion))
+        joint["open"] = loads_open(result, name)
+    drawn, first, plotted = curves(result)
+    tables, frames = pack_tables(_tables(result, motion) | plotted)
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
+    seen = _view(spec, motion, joints, planar)
     return {
         "title": title or str(summary.get("name") or "") or "mechanism",
         "warning": "" if result.success else f"The run stopped early: {result.message}",
@@ -54,7 +57,8 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
         "frames": len(frames),
         "planar": planar,
         "size": motion.size,
-        "view": _view(spec, motion, joints, planar),
+        "flat": planar and not (seen["azimuth"] or seen["elevation"]),
+        "view": seen,
         "bodies": bodies,
         "joints": joints,
         "springs": _springs(spec, list(result.names.bodies)),
@@ -62,6 +66,8 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
         "independent": _choices(np.asarray(result.independent)[frames]),
         "switches": switches[:MOST_SWITCHES],
         "switchCount": len(switches),
+        "curves": drawn,
+        "firstCurves": first,
         "tables": tables,
     }
 
@@ -142,16 +148,6 @@ def _joints(
                 "rail": _rail(on_parent, axis, motion.size) if joint["kind"] in SLIDING else None,
             }
         )
-    return found
-
-
-def _open(result: Readable, name: str) -> list[bool]:
-    """Of a joint's force and moment: does any of what is drawn of it stand open (redundant constraints)?"""
-    joint = result.joint(name).in_frame("joint")
-    found = []
-    for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):
-        size = float(np.nanmax(np.abs(values), initial=0.0))
-        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > 1e-9 * size))
     return found
 
 
@@ -240,7 +236,8 @@ def _view(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]],
         normal = np.array(ground[0]["axis"]) if ground else plane_normal(points)
         if normal is None:
             normal = np.array([0.0, 0.0, 1.0])
-    return view(points, gravity, normal)
+    layers = motion.point[0] if motion.point.shape[1] else motion.position[0]
+    return view(points, gravity, normal, layers[np.isfinite(layers).all(axis=1)])
 
 
 def _choices(independent: NDArray[Any]) -> list[list[Any]]:
