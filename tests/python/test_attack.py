@@ -542,6 +542,10 @@ def asked() -> dict[str, Callable[[], Call]]:
         "plots.plot_joint": (plots.plot_joint, {"result": run, "name": "A", "axes": "world"}),
         "plots.plot": (lambda result: plots.plot(result, "energy"), {"result": run}),
         "viewer.html": (viewer.html, {"result": run, "title": "t"}),
+        "Result.to_html": (
+            lambda shapes, points: viewer.html(run, shapes=shapes, points=points),
+            {"shapes": {"ground": {"kind": "ball", "radius": 1.0}}, "points": {"P": ("ground", X)}},
+        ),
         "Mechanism.to_fmu": (
             loop().to_fmu,
             {

@@ -124,6 +124,29 @@ def test_cylinders_stand_beside_each_other(browser: Chromium, tmp_path: Path) ->
     assert min(b - a for a, b in pairwise(places)) > 0.04 * width
 
 
+def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
+    """Solids of every kind, points and loads: no error, and what is named can be told from joint to joint."""
+    m = pt.Mechanism("cart", gravity=(0, -9.81, 0))
+    cart = m.add_body("cart", mass=5.0, inertia=(1, 1, 1), position=(0, 0.3, 0))
+    wheel = m.add_body("wheel", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0.4, 0.2, 0))
+    m.add_prismatic("slide", m.ground, cart, point=(0, 0.3, 0), axis=(1, 0, 0))
+    m.add_revolute("hub", cart, wheel, point=(0.4, 0.2, 0), axis=(0, 0, 1))
+    m.add_force(cart, (30.0, 0.0, 0.0), point=(-0.5, 0.0, 0.0), name="push")
+    shapes = {
+        "cart": [{"kind": "box", "size": (1, 0.25, 0.5)}, {"kind": "ball", "radius": 0.05, "center": (0, 0.3, 0)}],
+        "wheel": [{"kind": "wheel", "radius": 0.2, "length": 0.1}, {"kind": "cylinder", "radius": 0.05, "length": 0.4}],
+        "ground": [
+            {"kind": "plate", "points": [(0, 0, -1), (2, 0, -1), (2, 0, 1), (0, 0, 1)]},
+            {"kind": "rod", "start": (0, 0, 0), "end": (0, 1, 0)},
+        ],
+    }
+    path = viewer.write_html(
+        m.simulate(1.0), tmp_path / "cart.html", shapes=shapes, points={"P": ("wheel", (0.2, 0, 0))}
+    )
+    assert faults(browser, path, fixed_bytes()) == []
+    assert {"slide", "hub", "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
+
+
 def main(arguments: list[str]) -> int:
     """Open pages of all of the catalogue, or of the names given; print what is wrong. Pictures go to `--pictures`."""
     said = argparse.ArgumentParser(prog="test_pages.py", description="animated pages of the catalogue in a browser")

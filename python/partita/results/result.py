@@ -550,11 +550,51 @@ class Result:
 
         return plot(self, *what, path=path)
 
-    def to_html(self, path: str | os.PathLike[str], title: str | None = None) -> Path:
-        """One self-contained page with the animated mechanism; opens from disk without a network."""
+    def applied_forces(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Where each load of `add_force` acts and its force, in the world: {name: (places (nt, 3) [m], (nt, 3) [N])}.
+
+        To see loads beside reactions; for one load that is to be stored too, prefer a sensor of it. Empty for a run
+        read from a file, which keeps what its sensors read. Costs an evaluation of each load at all outputs.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("pushed")
+        >>> arm = m.add_rod("arm", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        >>> A = m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
+        >>> push = m.add_force(arm, (0.0, 5.0, 0.0), point=(1, 0, 0), name="push")
+        >>> places, forces = m.simulate(0.1).applied_forces()["push"]
+        >>> forces[-1].tolist()
+        [0.0, 5.0, 0.0]
+        """
+        return self._sensors.applied() if self._sensors else {}
+
+    def to_html(
+        self,
+        path: str | os.PathLike[str],
+        title: str | None = None,
+        *,
+        shapes: Mapping[str, Any] | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """One self-contained page with the animated mechanism; opens from disk without a network.
+
+        `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; `points` marks points and traces their
+        paths. Both are told at `partita.viewer.html`. The page is on paper light or dark as its reader prefers.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     page = run.to_html(
+        ...         os.path.join(folder, "page.html"),
+        ...         shapes={"crank": {"kind": "wheel", "radius": 0.3, "length": 0.1}},
+        ...         points={"P": ("coupler", (0.5, 0.2, 0.0))},
+        ...     )
+        ...     page.name
+        'page.html'
+        """
         from ..viewer import write_html
 
-        write_html(self, path, title=title)
+        write_html(self, path, title=title, shapes=shapes, points=points)
         return Path(path)
 
     def __repr__(self) -> str:

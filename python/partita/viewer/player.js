@@ -119,10 +119,11 @@ const otherTheme = () => (document.documentElement.dataset.theme === "dark" ? "l
 function bindTools() {
   prefersDark.addEventListener("change", (e) => toTheme(e.matches ? "dark" : "light"));
   byId("theme").addEventListener("click", () => toTheme(otherTheme()));
-  for (const name of ["names", "traces", "forces", "moments"]) {
+  for (const name of ["names", "traces", "forces", "moments", "loads"]) {
     byId(name).checked = scene.options[name];
     byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; redraw(); });
   }
+  byId("loads").parentElement.hidden = !run.scene.loads.length;
   byId("arrows").addEventListener("input", (e) => {
     scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
     redraw();
@@ -205,6 +206,8 @@ function tell(hit, x, y) {
     lines.push(`force ${short(length(run.tables.force.vector(frame, hit.joint)))} N${open[0]}`);
     lines.push(`moment ${short(length(run.tables.moment.vector(frame, hit.joint)))} N m${open[1]}`);
   }
+  if (hit.load !== undefined) lines.push(`force ${short(length(run.tables[`load${hit.load}`].vector(frame, 1)))} N`);
+  if (hit.kind === "point") lines.push(`at ${hit.point.map((x) => short(x)).join(", ")} m`);
   tip.textContent = lines.join("\n");
   tip.style.left = tip.style.top = "0"; // at the border a box would be narrowed before it is measured
   tip.style.left = `${Math.max(4, Math.min(x + 14, scene.camera.width - tip.offsetWidth - 4))}px`;
@@ -215,7 +218,7 @@ let told = -1;
 
 /** From joint to joint by the keyboard, each told as under the pointer. */
 function nextJoint(step) {
-  const hits = scene.hits.filter((hit) => hit.joint !== undefined);
+  const hits = scene.hits.filter((hit) => hit.kind !== "spring");
   if (!hits.length) return;
   told = (told + step + hits.length) % hits.length;
   const p = scene.camera.project(hits[told].point);

@@ -2,6 +2,12 @@
 
 const MOST_ARROW = 1.5; // an arrow longer than this many times a large one is cut, and marked
 
+function largestForce(table, frames) {
+  let most = 0;
+  for (let f = 0; f < frames; f++) most = Math.max(most, length(table.vector(f, 1)) || 0);
+  return most;
+}
+
 class Scene {
   constructor(run, canvas) {
     this.run = run;
@@ -18,9 +24,12 @@ class Scene {
     this.arrowSpan = sizes.arrow;
     this.paths = findPaths(run);
     this.forceUnit = run.typicalLength("force", 0.95);
+    // One scale for all forces, where there are reactions to measure loads by.
+    const pushes = s.loads.map((_, n) => largestForce(run.tables[`load${n}`], run.frames));
+    this.loadUnit = this.forceUnit || Math.max(0, ...pushes);
     this.momentUnit = run.typicalLength("moment", 0.95);
     this.options = {
-      names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, arrows: 1,
+      names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
     };
     this.ratio = 1;
     this.hits = [];
@@ -78,10 +87,13 @@ class Scene {
     if (!this.run.scene.flat) this.floor(painter);
     if (this.options.traces) this.traces(painter);
     this.bodies(painter, frame);
+    for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     this.springs(painter, frame);
     this.joints(painter, frame);
     painter.paint();
     this.reactions(painter, frame);
+    this.loads(painter, frame);
+    this.points(painter, frame);
     painter.paint();
     const legends = new Legends(this, painter);
     if (!this.extent.length) {
@@ -135,7 +147,9 @@ class Scene {
     const flat = s.flat && dot(this.camera.back, this.camera.base.back) > 0.98; // seen face-on: no depth to sort
     const pieces = (a, b) => (flat ? 1 : Math.max(1, Math.min(10, Math.ceil(length(sub(a, b)) / (5 * radius)))));
     const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, pieces(a, b));
-    const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b]);
+    const given = new Set(s.solids.map(({ body }) => body));
+    const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b])
+      .filter(([, , , b]) => !given.has(b));
     // Plates first: in a flat mechanism they lie behind the rods.
     for (const [body, colour, points] of coloured) if (body.kind === "plate") painter.plate(points, radius, colour);
     for (const [body, colour, points, b] of coloured) {
@@ -262,6 +276,29 @@ class Scene {
         }
       }
     });
+  }
+
+  /** Applied forces: their arrows end where they act. */
+  loads(painter, frame) {
+    if (!this.options.loads) return;
+    const span = this.arrowSpan * this.options.arrows;
+    this.run.scene.loads.forEach((name, n) => {
+      const table = this.run.tables[`load${n}`], at = table.vector(frame, 0), force = table.vector(frame, 1);
+      if (!isFinite3(at) || !isFinite3(force) || !this.loadUnit) return;
+      this.arrowDrawn(painter.arrow(at, scaled(force, span / this.loadUnit), COLOURS.load, 1, false, MOST_ARROW * span));
+      this.hits.push({ point: at, label: name, kind: "load", load: n });
+    });
+  }
+
+  /** Points that are traced: small squares, named. */
+  points(painter, frame) {
+    for (const { name, body, at } of this.run.scene.points) {
+      const point = this.run.placed(frame, body, at), p = this.camera.project(point);
+      if (!p) continue;
+      const square = [[-4, 0], [0, -4], [4, 0], [0, 4]].map(([x, y]) => ({ x: p.x + x, y: p.y + y }));
+      painter.push(Infinity, () => painter.polygon(square, COLOURS.ink, COLOURS.paper, 1.2));
+      this.hits.push({ point, label: name, kind: "point" });
+    }
   }
 
   arrowDrawn(arrow) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,8 +36,13 @@ class Motion:
         return np.einsum("tji,tj->ti", self.rotation[:, body], points - self.position[:, body])
 
 
-def describe(result: Readable, title: str | None) -> dict[str, Any]:
-    """The scene of a run: names, shapes, joints, springs, first view, log of choices, packed arrays."""
+def describe(
+    result: Readable,
+    title: str | None,
+    solids: Mapping[int, list[dict[str, Any]]] | None = None,
+    traced: Sequence[dict[str, Any]] = (),
+) -> dict[str, Any]:
+    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, packed arrays."""
     summary = result.summary or {}
     spec = result.spec or {}
     motion = _motion(result)
@@ -46,7 +51,8 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
     for name, joint in zip(result.names.joints, joints, strict=True):
         joint["open"] = loads_open(result, name)
     drawn, first, plotted = curves(result)
-    tables, frames = pack_tables(_tables(result, motion) | plotted)
+    loads, pushed = _loads(result)
+    tables, frames = pack_tables(_tables(result, motion) | plotted | pushed)
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
     seen = _view(spec, motion, joints, planar)
@@ -61,6 +67,9 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
         "view": seen,
         "bodies": bodies,
         "joints": joints,
+        "solids": [{"body": body, "parts": parts} for body, parts in (solids or {}).items()],
+        "points": list(traced),
+        "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
         "independent": _choices(np.asarray(result.independent)[frames]),
@@ -219,6 +228,16 @@ def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
         for force in spec.get("forces", ())
         if force.get("kind") == "spring"
     ]
+
+
+def _loads(result: Readable) -> tuple[list[str], dict[str, FloatArray]]:
+    """Names of the loads that push at a point, and a table (nt, 6) of place and force for each, in the world."""
+    names: list[str] = []
+    tables: dict[str, FloatArray] = {}
+    for name, (place, force) in result.applied_forces().items():
+        tables[f"load{len(names)}"] = np.concatenate([place, force], axis=1)
+        names.append(name)
+    return names, tables
 
 
 def _view(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], planar: bool) -> dict[str, Any]:

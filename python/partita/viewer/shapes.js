@@ -144,6 +144,25 @@ class Painter {
     });
   }
 
+  /** Cylinder of any size about an axis. */
+  drum(centre, axis, radius, half, colour) {
+    const camera = this.camera, p = camera.project(centre);
+    if (!p) return;
+    const facing = dot(axis, camera.toEye(centre)) < 0 ? scaled(axis, -1) : axis;
+    const u = perpendicular(axis), v = cross(axis, u), near = [], far = [];
+    for (let i = 0; i < 48; i++) {
+      const angle = (i * Math.PI) / 24;
+      const rim = add(scaled(u, radius * Math.cos(angle)), scaled(v, radius * Math.sin(angle)));
+      near.push(camera.project(add(centre, add(rim, scaled(facing, half)))));
+      far.push(camera.project(add(centre, sub(rim, scaled(facing, half)))));
+    }
+    if (near.includes(null) || far.includes(null)) return;
+    this.push(p.z, () => {
+      this.polygon(hull(near.concat(far)), shade(colour, -0.2), COLOURS.edge, 1.2);
+      this.polygon(near, colour, COLOURS.edge, 1);
+    });
+  }
+
   /** Convex solid from its flat faces, each a list of points in order around an outward normal. */
   solid(centre, faces, colour, lift) {
     const p = this.camera.project(centre);
