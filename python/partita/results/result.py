@@ -36,6 +36,7 @@ from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoti
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
@@ -540,15 +541,34 @@ class Result:
 
         return save(self, path)
 
-    def plot(self, *what: str, path: str | os.PathLike[str] | None = None) -> Figure:
-        """A matplotlib figure of `what`: "overview" (the default), "coordinates", "closure", "energy", "measure",
-        "reactions", or the name of a joint or of a sensor; several stand below each other. `path` saves it too.
+    def plot(
+        self,
+        *what: str,
+        path: str | os.PathLike[str] | None = None,
+        x: str | None = None,
+        ax: Axes | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Figure:
+        """A matplotlib figure of `what`; several words stand below each other. `path` saves it too.
 
-        Nothing is shown on the screen; in a notebook the figure displays itself.
+        "overview" (the default), "coordinates", "velocities", "accelerations", "reactions", "bearings" (polar: how
+        much, in which direction), "paths" (of `points`, {name: (body, place in body axes)}, or of the joints),
+        "energy", "measure", "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor
+        to stand along the bottom in the place of time: over what angle is it loaded? Angles are in degrees, of one
+        turn where there are more. `ax` takes one word of one panel into axes of yours.
+
+        Nothing is shown on the screen; in a notebook the figure displays itself. Raises `UnknownNameError` with the
+        nearest names, `ArgumentError` where a word cannot stand over `x` or in `ax`.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> figure = run.plot("reactions", x="A")
+        >>> figure.axes[-1].get_xlabel()
+        'A [deg]'
         """
         from ..plots import plot
 
-        return plot(self, *what, path=path)
+        return plot(self, *what, path=path, x=x, ax=ax, points=points)
 
     def applied_forces(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Where each load of `add_force` acts and its force, in the world: {name: (places (nt, 3) [m], (nt, 3) [N])}.

@@ -42,7 +42,8 @@ def html(
     {"kind": "box", "size": (x, y, z)}, {"kind": "cylinder", "radius": r, "length": l}, "wheel" with the same words and
     spokes, {"kind": "ball", "radius": r}, {"kind": "plate", "points": [...]}, {"kind": "rod", "start": p, "end": p}.
     All but plates and rods take `center`, cylinders and wheels `axis` (z where it is not given). "ground" counts
-    as a body. `points` marks points and traces their paths: {name: (body, place in body axes)}. Both change the picture only.
+    as a body. `points` marks points and traces their paths: {name: (body, place in body axes)}. Both change the
+    picture only.
 
     A run of a hand-written `System` has no bodies: its page shows coordinates and read-outs only.
 
