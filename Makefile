@@ -88,6 +88,11 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m verdicts 1000
 	PYTHONPATH=tests/python $(BIN)/python -m zoo
 
+## pages: animated pages of the whole catalogue opened in Chromium, desktop and phone, light and dark; pictures in out/pages
+.PHONY: pages
+pages: $(BUILT)
+	$(BIN)/python tests/python/test_pages.py
+
 ## errors: deliberate errors, one at a time; each must be caught by the tests. ONLY="name name" makes some of them
 ONLY ?=
 errors: $(BUILT)

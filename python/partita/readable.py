@@ -102,3 +102,6 @@ class Readable(Protocol):
 
     def sensor(self, name: str) -> Any:
         """What a sensor read."""
+
+    def applied_forces(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
+        """Of loads that push at a point: where, and the force, in the world."""

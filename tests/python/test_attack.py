@@ -538,10 +538,17 @@ def asked() -> dict[str, Callable[[], Call]]:
         "JointResult.in_frame": (joint.in_frame, {"axes": np.eye(3)}),
         "BodyResult.point": (body.point, {"point": X}),
         "BodyResult.point_velocity": (body.point_velocity, {"point": X}),
-        "Result.plot": (lambda what: run.plot(what), {"what": "energy"}),
+        "Result.plot": (
+            lambda what, x, ax, points: run.plot(what, x=x, ax=ax, points=points),
+            {"what": "energy", "x": None, "ax": None, "points": None},
+        ),
         "plots.plot_joint": (plots.plot_joint, {"result": run, "name": "A", "axes": "world"}),
         "plots.plot": (lambda result: plots.plot(result, "energy"), {"result": run}),
         "viewer.html": (viewer.html, {"result": run, "title": "t"}),
+        "Result.to_html": (
+            lambda shapes, points: viewer.html(run, shapes=shapes, points=points),
+            {"shapes": {"ground": {"kind": "ball", "radius": 1.0}}, "points": {"P": ("ground", X)}},
+        ),
         "Mechanism.to_fmu": (
             loop().to_fmu,
             {

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import partita as pt
 from partita import viewer
-from partita.errors import ArgumentError, FileFormatError, MissingFileError
+from partita.errors import ArgumentError, FileFormatError, MissingFileError, UnknownNameError
 from partita.viewer.geometry import outline, view
 from partita.viewer.packing import FEWEST_FRAMES, MOST_FRAMES, pack_tables
 
@@ -46,9 +47,12 @@ class Fake:
     def __post_init__(self) -> None:
         nt, nj = len(self.t), len(self.joints)
         names = [j[0] for j in self.joints] or ["q0", "q1"]
-        self.names = SimpleNamespace(bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names)
+        self.names = SimpleNamespace(
+            bodies=list(self.poses), joints=[j[0] for j in self.joints], velocities=names, coordinates=names
+        )
         wave = np.sin(3.0 * self.t[:, None] + np.arange(len(names)))
         self.measure = 0.55 + 0.45 * wave
+        self.q, self.v = -wave / 3.0, wave
         if self.independent is None:
             self.independent = np.zeros((nt, 1), dtype=int)
         self.closure = np.full(nt, 1e-15)
@@ -87,6 +91,9 @@ class Fake:
     def body(self, name: str) -> Any:
         position, rotation = self.poses[name]
         return SimpleNamespace(position=position, rotation=rotation)
+
+    def applied_forces(self) -> dict[str, Any]:
+        return {}
 
     def joint(self, name: str) -> Any:
         i = self.names.joints.index(name)
@@ -357,3 +364,56 @@ def test_four_bar_of_the_catalogue(tmp_path: Path) -> None:
     assert scene["velocities"] == list(run.names.velocities)
     for j, name in enumerate(run.names.joints):
         assert np.allclose(placed(scene, j), run.joint(name).point, atol=2e-6)
+
+
+# ---- what a person adds to the picture
+
+
+@pytest.mark.parametrize(
+    ("shapes", "words"),
+    [
+        ([1], "mapping"),
+        ({"crank": []}, "empty"),
+        ({"crank": {"kind": "cube"}}, "box, cylinder"),
+        ({"crank": {"kind": "box"}}, "size is missing"),
+        ({"crank": {"kind": "box", "size": (1, 1, -1)}}, "positive"),
+        ({"crank": {"kind": "box", "size": (1, 1)}}, "three finite"),
+        ({"crank": {"kind": "ball", "radius": float("nan")}}, "positive length"),
+        ({"crank": {"kind": "ball", "radius": True}}, "positive length"),
+        ({"crank": {"kind": "ball", "radius": 1, "colour": "red"}}, "colour is no word"),
+        ({"crank": {"kind": "wheel", "radius": 1, "length": 1, "axis": (0, 0, 0)}}, "axis"),
+        ({"crank": {"kind": "plate", "points": [(0, 0, 0), (1, 0, 0)]}}, "three or more"),
+    ],
+)
+def test_bad_shapes_are_told(shapes: Any, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        viewer.html(four_bar(nt=3), shapes=shapes)
+
+
+@pytest.mark.parametrize("points", [3, {"P": "crank"}, {"P": ("crank", (0, 0))}, {"": ("crank", (0, 0, 0))}])
+def test_bad_points_are_told(points: Any) -> None:
+    with pytest.raises(ArgumentError, match="points"):
+        viewer.html(four_bar(nt=3), points=points)
+
+
+def test_unknown_bodies_are_told() -> None:
+    for given in ({"shapes": {"crnk": {"kind": "ball", "radius": 1}}}, {"points": {"P": ("crnk", (0, 0, 0))}}):
+        with pytest.raises(UnknownNameError, match="crank"):
+            viewer.html(four_bar(nt=3), **given)
+
+
+def test_applied_forces_follow_their_bodies(tmp_path: Path) -> None:
+    """A force in body axes turns with its body, and both ends of its arrow are those of the motion."""
+    m = pt.Mechanism("pushed", gravity=(0, 0, 0))
+    arm = m.add_rod("arm", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_force(arm, (0.0, 5.0, 0.0), point=(1, 0, 0), axes="body", name="push")
+    run = m.simulate(1.0)
+    places, forces = run.applied_forces()["push"]
+    angle = run.joint("A").position[:, 0]
+    assert np.ptp(angle) > 1.0
+    along, across = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)
+    assert np.allclose(places, along, atol=1e-12) and np.allclose(forces[:, :2], 5 * across, atol=1e-12)
+    scene = data(viewer.html(run))
+    stored = unpacked(scene["tables"]["load0"], scene["frames"])
+    assert scene["loads"] == ["push"] and np.allclose(stored, np.hstack([places, forces]), atol=1e-5)

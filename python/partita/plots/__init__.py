@@ -6,23 +6,37 @@ ending (.png, .pdf, .svg). Units stand on the axes; where not all lines fit, the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from ..extras import missing
 
 try:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 except ImportError as error:
     raise missing("matplotlib", "plots", "a figure") from error
 
+from ..errors import ArgumentError
 from ..naming import index_of
+from ..numeric import shown
 from ..readable import Readable, checked_run
+from .abscissa import Abscissa, abscissa
 from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
 from .measure import draw_measure
 from .overview import draw_overview
+from .paths import draw_bearings, draw_paths
 from .reactions import draw_reactions
-from .series import draw_closure, draw_coordinates, draw_energy, draw_sensor
+from .series import (
+    draw_accelerations,
+    draw_closure,
+    draw_coordinates,
+    draw_energy,
+    draw_sensor,
+    draw_velocities,
+)
 from .style import Canvas, headline, new_figure
 
 __all__ = [
@@ -36,50 +50,125 @@ __all__ = [
     "save_figure",
 ]
 
-WORDS: dict[str, tuple[Callable[[Readable, Canvas], object], float]] = {
-    # word: (how it is drawn, height in inches)
-    "overview": (draw_overview, 6.5),
-    "coordinates": (lambda result, canvas: draw_coordinates(result, canvas.subplots()), 3.5),
-    "closure": (lambda result, canvas: draw_closure(result, canvas.subplots()), 3.0),
-    "energy": (lambda result, canvas: draw_energy(result, canvas.subplots()), 3.5),
-    "measure": (lambda result, canvas: draw_measure(result, canvas, canvas.add_gridspec(1, 1)[0]), 3.8),
-    "reactions": (draw_reactions, 5.5),
+
+@dataclass(frozen=True)
+class Drawn:
+    """How a word is drawn, and what may be said of it."""
+
+    draw: Callable[[Readable, Canvas, Wanted], object]
+    height: float
+    """In inches."""
+    panel: Callable[[Readable, Axes, Wanted], object] | None = None
+    """How it is drawn into given axes; None for several panels."""
+    over: bool = False
+    """Can it stand over something else than time?"""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What was asked beside the words."""
+
+    x: Abscissa
+    points: Mapping[str, Any] | None = None
+
+
+def _one(draw: Callable[..., object], height: float, *, over: bool = True) -> Drawn:
+    """A word of one panel."""
+
+    def panel(result: Readable, ax: Axes, wanted: Wanted) -> object:
+        return draw(result, ax, wanted.x) if over else draw(result, ax)
+
+    return Drawn(lambda result, canvas, wanted: panel(result, canvas.subplots(), wanted), height, panel, over)
+
+
+WORDS: dict[str, Drawn] = {
+    "overview": Drawn(lambda result, canvas, wanted: draw_overview(result, canvas), 9.0),
+    "coordinates": _one(draw_coordinates, 3.5),
+    "velocities": _one(draw_velocities, 3.5),
+    "accelerations": _one(draw_accelerations, 3.5),
+    "reactions": Drawn(lambda result, canvas, wanted: draw_reactions(result, canvas, wanted.x), 5.5, over=True),
+    "bearings": Drawn(lambda result, canvas, wanted: draw_bearings(result, canvas), 6.5),
+    "paths": Drawn(lambda result, canvas, wanted: draw_paths(result, canvas, wanted.points), 6.0),
+    "energy": _one(draw_energy, 3.5),
+    "measure": Drawn(lambda result, canvas, wanted: draw_measure(result, canvas, canvas.add_gridspec(1, 1)[0]), 3.8),
+    "closure": _one(draw_closure, 3.0, over=False),
 }
 JOINT_HEIGHT = 5.5
 SENSOR_HEIGHT = 3.0
 
 
-def plot(result: Readable, *what: str, path: PathLike | None = None) -> Figure:
-    """Words among overview (the default), coordinates, closure, energy, measure, reactions, names of joints or sensors,
-    below each other in one figure. `UnknownNameError` for another word."""
+def plot(
+    result: Readable,
+    *what: str,
+    path: PathLike | None = None,
+    x: str | None = None,
+    ax: Axes | None = None,
+    points: Mapping[str, Any] | None = None,
+) -> Figure:
+    """Words among overview (the default), coordinates, velocities, accelerations, reactions, bearings, paths, energy,
+    measure, closure, names of joints or sensors, below each other in one figure.
+
+    `x` is a coordinate, joint or sensor to stand along the bottom in the place of time; angles in degrees, of one turn
+    where there are more. `ax` takes one word of one panel into axes of yours. `points` are those whose "paths" are
+    drawn, {name: (body, place in body axes)}. `UnknownNameError` for another word or name, `ArgumentError` where a word
+    cannot stand over `x` or in `ax`.
+    """
     checked_run(result)
-    parts = [_part(result, word) for word in what or ("overview",)]
-    heights = [height for _, height in parts]
+    words = what or ("overview",)
+    parts = [_part(result, word) for word in words]
+    wanted = Wanted(abscissa(result, x), points)
+    if x is not None and not all(part.over for part in parts):
+        word = next(word for word, part in zip(words, parts, strict=True) if not part.over)
+        known = ", ".join(name for name, part in WORDS.items() if part.over)
+        raise ArgumentError(
+            f"plot: {word!r} has no other abscissa than its own; over x stand {known}, joints and sensors", argument="x"
+        )
+    if points is not None and "paths" not in words:
+        raise ArgumentError('plot: points are those of "paths"; ask for that word too', argument="points")
+    if ax is not None:
+        return _saved(_into(result, words, parts, wanted, ax), path)
+    heights = [part.height for part in parts]
     figure = new_figure(11.0, sum(heights))
     if len(parts) == 1:
-        parts[0][0](result, figure)
+        parts[0].draw(result, figure, wanted)
     else:
         places = figure.add_gridspec(len(parts), 1, height_ratios=heights)
-        for n, (draw, _) in enumerate(parts):
-            draw(result, figure.add_subfigure(places[n]))
+        for n, part in enumerate(parts):
+            part.draw(result, figure.add_subfigure(places[n]), wanted)
     if not figure.get_suptitle():
         headline(result, figure)
     return _saved(figure, path)
 
 
-def _part(result: Readable, word: str) -> tuple[Callable[[Readable, Canvas], object], float]:
+def _into(result: Readable, words: Sequence[str], parts: Sequence[Drawn], wanted: Wanted, ax: Any) -> Figure:
+    if not isinstance(ax, Axes):
+        raise ArgumentError(f"ax must be axes of matplotlib, not {shown(ax)}", argument="ax")
+    panel = parts[0].panel
+    if len(parts) != 1 or panel is None:
+        one = ", ".join(name for name, part in WORDS.items() if part.panel is not None)
+        raise ArgumentError(
+            f"plot: ax takes one word of one panel ({one} or a sensor), not {', '.join(map(repr, words))}",
+            argument="ax",
+        )
+    panel(result, ax, wanted)
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def _part(result: Readable, word: str) -> Drawn:
     if isinstance(word, str) and word in WORDS:
         return WORDS[word]
     sensors = [item["name"] for item in result.summary.get("sensors", ())]
     known = [*WORDS, *result.names.joints, *sensors]
     name = known[index_of(word, known, "plot, joint or sensor")]
     if name not in result.names.joints:
-        return (lambda result, canvas: draw_sensor(result, name, canvas.subplots())), SENSOR_HEIGHT
-    return (lambda result, canvas: draw_joint(result, name, canvas)), JOINT_HEIGHT
+        return _one(lambda result, ax, x: draw_sensor(result, name, ax, x), SENSOR_HEIGHT)
+    return Drawn(lambda result, canvas, wanted: draw_joint(result, name, canvas, x=wanted.x), JOINT_HEIGHT, over=True)
 
 
 def overview(result: Readable, path: PathLike | None = None) -> Figure:
-    """The run at a glance: coordinates, measure with the independent coordinates, closure, energy balance."""
+    """The run at a glance: coordinates, velocities, accelerations, forces; then measure, closure, energy balance."""
     return plot(result, "overview", path=path)
 
 

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from ..naming import column_names, joint_units
 from ..readable import Readable
-from .style import COLOURS, Canvas, dressed, empty, ending, legend, unit_label
+from .abscissa import Abscissa, abscissa
+from .style import COLOURS, Canvas, dressed, empty, ending, legend, level, unit_label
 
 
-def draw_joint(result: Readable, name: str, canvas: Canvas, axes: str = "world") -> None:
+def draw_joint(result: Readable, name: str, canvas: Canvas, axes: str = "world", x: Abscissa | None = None) -> None:
     """Position, velocity, force and moment of the joint `name` in four panels.
 
     Reaction components that are not unique are drawn dashed and marked in the legend.
     """
+    x = x or abscissa(result, None)
     joint = result.joint(name).in_frame(axes)
     about = result.summary["joints"][result.names.joints.index(name)]
     grid = canvas.subplots(2, 2, sharex=True)
@@ -26,44 +28,39 @@ def draw_joint(result: Readable, name: str, canvas: Canvas, axes: str = "world")
     )
     q_units, v_units = joint_units(about)
     words = list(about.get("axes", ()))
-    _motion(grid[0, 0], result.t, joint.position, column_names("", words, len(q_units)), "Position", q_units)
+    _motion(grid[0, 0], x, joint.position, column_names("", words, len(q_units)), "Position", q_units)
     rates = [f"{unit}/s" for unit in v_units]
-    _motion(grid[0, 1], result.t, joint.velocity, column_names("", words, len(v_units)), "Velocity", rates)
+    _motion(grid[0, 1], x, joint.velocity, column_names("", words, len(v_units)), "Velocity", rates)
     grid[0, 1].set_title(f"Velocity{_effort(joint, rates)}", loc="left", fontsize=10, fontweight="bold")
-    _wrench(grid[1, 0], result.t, joint.force, joint.determined[:3], f"Force on {joint.child}, {joint.axes} axes", "N")
+    _wrench(grid[1, 0], x, joint.force, joint.determined[:3], f"Force on {joint.child}, {joint.axes} axes", "N")
     title = f"Moment on {joint.child} about the joint"
-    _wrench(grid[1, 1], result.t, joint.moment, joint.determined[3:], title, "N m")
+    _wrench(grid[1, 1], x, joint.moment, joint.determined[3:], title, "N m")
 
 
 def _motion(
-    ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], labels: list[str], title: str, units: list[str]
+    ax: Axes, x: Abscissa, values: NDArray[np.float64], labels: list[str], title: str, units: list[str]
 ) -> None:
     dressed(ax, title, f"{title.lower()}{unit_label(units)}", time_axis=False)
     if values.shape[1] == 0:
         empty(ax, "this joint has no freedom")
         return
     for i in range(values.shape[1]):
-        ax.plot(t, values[:, i], color=COLOURS[i], lw=1.2, label=labels[i].lstrip(".") or "along the axis")
+        x.plot(ax, values[:, i], color=COLOURS[i], lw=1.2, label=labels[i].lstrip(".") or "along the axis")
     if values.shape[1] > 1:
         legend(ax, values.shape[1], values.shape[1], "coordinates")
 
 
 def _wrench(
-    ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], unique: NDArray[np.bool_], title: str, unit: str
+    ax: Axes, x: Abscissa, values: NDArray[np.float64], unique: NDArray[np.bool_], title: str, unit: str
 ) -> None:
     dressed(ax, title, f"[{unit}]")
+    x.dress(ax)
     for i, letter in enumerate("xyz"):
         style = "-" if unique[i] else "--"
         label = letter if unique[i] else f"{letter} (not unique)"
-        ax.plot(t, values[:, i], style, color=COLOURS[i], lw=1.2, label=label)
+        x.plot(ax, values[:, i], style, color=COLOURS[i], lw=1.2, label=label)
     legend(ax, 3, 3, "components")
     level(ax, values)
-
-
-def level(ax: Axes, values: NDArray[np.float64]) -> None:
-    """Do not blow up round-off: around values that are all zero, the axis spans -1 to 1."""
-    if float(np.max(np.abs(values), initial=0.0)) < 1e-12:
-        ax.set_ylim(-1.0, 1.0)
 
 
 def _effort(joint: Any, rates: list[str]) -> str:

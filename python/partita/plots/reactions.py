@@ -3,37 +3,59 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from ..readable import Readable
-from .joint import level
-from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
+from .abscissa import Abscissa, abscissa
+from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, shortened
+
+PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
+         "moment": (slice(3, 6), "Moments of the joints", "|moment| [N m]")}  # fmt: skip
 
 
-def draw_reactions(result: Readable, canvas: Canvas) -> None:
-    """|force| and |moment| of each joint; of many joints, the most loaded. Marked * when not all is unique, dashed
-    where what is not unique carries load."""
+def draw_reactions(result: Readable, canvas: Canvas, x: Abscissa | None = None) -> None:
+    """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where what is not unique
+    carries load."""
     upper, lower = canvas.subplots(2, 1, sharex=True)
-    dressed(upper, "Forces of the joints", "|force| [N]", time_axis=False)
-    dressed(lower, "Moments of the joints", "|moment| [N m]")
+    notes = {draw_loads(result, ax, key, x) for ax, key in ((upper, "force"), (lower, "moment"))} - {""}
+    upper.set_xlabel("")
+    if notes:
+        canvas.supxlabel("; ".join(sorted(notes)), fontsize=8, color="#555555")
+
+
+def draw_loads(result: Readable, ax: Axes, key: str, x: Abscissa | None = None) -> str:
+    """|force| or |moment| of the most loaded joints in one panel; what there is to say of those that are not unique.
+
+    A joint is marked only where a part of its load that redundant constraints leave open carries something, and only
+    where other joints do not: a star on every line would say nothing.
+    """
+    x = x or abscissa(result, None)
+    part, title, label = PARTS[key]
+    dressed(ax, title, label)
+    x.dress(ax)
     if not result.names.joints:
-        for ax in (upper, lower):
-            empty(ax, "no joints")
-        return
-    unique = np.asarray(result.determined[0].all(axis=0), dtype=bool)
+        empty(ax, "no joints")
+        return ""
+    size = np.linalg.norm(result.reactions[key], axis=2)
+    peak = np.nanmax(size, axis=0, initial=0.0)
+    if float(peak.max()) <= 1e-11 * max(1.0, float(np.nanmax(np.abs(result.reactions["force"]), initial=0.0))):
+        empty(ax, f"no joint carries a {key}")
+        return ""
+    own = np.einsum("tjab,tja->tjb", result.reactions["joint_rotation"], result.reactions[key])
     along = np.asarray(result.determined[1].all(axis=0), dtype=bool)
-    for ax, key, part in ((upper, "force", slice(0, 3)), (lower, "moment", slice(3, 6))):
-        size = np.linalg.norm(result.reactions[key], axis=2)
-        peak = np.max(size, axis=0, initial=0.0)
-        own = np.einsum("tjab,tja->tjb", result.reactions["joint_rotation"], result.reactions[key])
-        loaded_openly = np.max(np.abs(own) * ~along[:, part], axis=(0, 2), initial=0.0) > 1e-9 * peak
-        loaded = sorted(int(j) for j in np.argsort(-peak, kind="stable")[:LIMIT])
-        for n, j in enumerate(loaded):
-            star = "" if unique[j, part].all() else " *"
-            dash = "--" if loaded_openly[j] else "-"
-            name = shortened(result.names.joints[j]) + star
-            ax.plot(result.t, size[:, j], dash, color=COLOURS[n], lw=1.2, label=name)
-        legend(ax, len(loaded), size.shape[1], "shown")
-        level(ax, size)
-    if not unique.all():
-        words = "* not all is unique (redundant constraints); dashed: what is not carries load, shared by least squares"
-        canvas.supxlabel(words, fontsize=8, color="#555555")
+    openly = np.nanmax(np.abs(own) * ~along[:, part], axis=(0, 2), initial=0.0) > 1e-9 * peak
+    loaded = [int(j) for j in np.argsort(-peak, kind="stable")[:LIMIT]]
+    loaded = sorted(j for j in loaded if peak[j] > 1e-12 * max(peak)) or sorted(loaded)
+    everywhere = all(openly[j] for j in loaded)
+    for n, j in enumerate(loaded):
+        star = " *" if openly[j] and not everywhere else ""
+        name = shortened(result.names.joints[j]) + star
+        x.plot(ax, size[:, j], "--" if openly[j] else "-", color=COLOURS[n], lw=1.2, label=name)
+    legend(ax, len(loaded), size.shape[1], "shown")
+    level(ax, size[np.isfinite(size)])
+    if not any(openly[j] for j in loaded):
+        return ""
+    rule = "shared by least squares"
+    if everywhere:
+        return f"dashed or hollow: no {key} here is unique, {rule}"
+    return f"* and dashed or hollow: not unique (redundant constraints), {rule}"

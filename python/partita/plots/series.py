@@ -2,22 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from ..naming import coordinate_units
 from ..readable import Readable
-from .style import COLOURS, dressed, empty, legend, positive, shortened, telling, unit_label
+from .abscissa import Abscissa, abscissa
+from .bundle import draw_bundle
+from .style import COLOURS, dressed, empty, legend, level, positive, shortened, telling, unit_label
+
+MOST_TURNS = 3.0
+"""A coordinate that turns more often is told, not drawn, beside others that do not."""
 
 
-def draw_coordinates(result: Readable, ax: Axes) -> None:
+def draw_coordinates(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
     """q over time; where there are too many, the independent ones and those that move most."""
     columns = telling(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
-    units = coordinate_units(result.summary, result.names)[0]
-    dressed(ax, "Coordinates", f"q{unit_label([units[i] for i in columns])}")
-    for n, i in enumerate(columns):
-        ax.plot(result.t, result.q[:, i], color=COLOURS[n], lw=1.2, label=shortened(result.names.coordinates[i]))
-    legend(ax, len(columns), result.q.shape[1], "shown")
+    units, labels = coordinate_units(result.summary, result.names)[0], result.names.coordinates
+    turning = [i for i in columns if units[i] == "rad" and float(np.ptp(result.q[:, i])) > MOST_TURNS * 2.0 * np.pi]
+    if turning and len(turning) < len(columns):  # beside a crank that turns on and on, all others would look still
+        columns = [i for i in columns if i not in turning]
+    else:
+        turning = []
+    _draw(result, ax, x, "Coordinates", "q", result.q, columns, labels, units, turning)
+    if turning:
+        turns = [f"{shortened(labels[i], 12)} {np.ptp(result.q[:, i]) / (2.0 * np.pi):.0f}" for i in turning[:3]]
+        more = f" and {len(turning) - 3} more" if len(turning) > 3 else ""
+        words = f"not drawn, turns: {', '.join(turns)}{more}"
+        paper = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0}
+        ax.text(0.01, 0.99, words, transform=ax.transAxes, va="top", fontsize=7, color="#555555", bbox=paper)
+
+
+def draw_velocities(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+    """v over time: how fast."""
+    units = coordinate_units(result.summary, result.names)[1]
+    _draw(result, ax, x, "Velocities", "v", result.v, telling(result, result.v), result.names.velocities, units)
+
+
+def draw_accelerations(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+    """dv/dt over time; gaps where a singular position leaves it open."""
+    units = [f"{unit}^2" if unit.endswith("/s") else unit for unit in coordinate_units(result.summary, result.names)[1]]
+    vdot = np.asarray(result.vdot)
+    _draw(result, ax, x, "Accelerations", "dv/dt", vdot, telling(result, vdot), result.names.velocities, units)
+
+
+def _draw(
+    result: Readable, ax: Axes, x: Abscissa | None, title: str, symbol: str, values: NDArray[np.float64],
+    columns: list[int], labels: Sequence[str], units: Sequence[str],
+    left_out: Sequence[int] = (),
+) -> None:  # fmt: skip
+    x = x or abscissa(result, None)
+    dressed(ax, title, f"{symbol}{unit_label([units[i] for i in columns])}")
+    x.dress(ax)
+    draw_bundle(ax, x, values, columns, labels, units, left_out)
+    level(ax, values[np.isfinite(values)])
 
 
 def _widest(result: Readable) -> list[int]:
@@ -26,14 +67,16 @@ def _widest(result: Readable) -> list[int]:
     return sorted(int(i) for i in np.argsort(-span, kind="stable")[: len(COLOURS)])
 
 
-def draw_sensor(result: Readable, name: str, ax: Axes) -> None:
+def draw_sensor(result: Readable, name: str, ax: Axes, x: Abscissa | None = None) -> None:
     """What a sensor read over time: a line for each of its numbers."""
+    x = x or abscissa(result, None)
     read = result.sensor(name)
     columns = read.values.reshape(len(result.t), -1)
     dressed(ax, f"{name}: {read.text}", f"{name}{unit_label([read.unit])}")
+    x.dress(ax)
     labels = "xyz" if columns.shape[1] == 3 else [str(i) for i in range(columns.shape[1])]
     for i in range(min(columns.shape[1], len(COLOURS))):
-        ax.plot(result.t, columns[:, i], color=COLOURS[i], lw=1.2, label=labels[i])
+        x.plot(ax, columns[:, i], color=COLOURS[i], lw=1.2, label=labels[i])
     if columns.shape[1] > 1:
         legend(ax, min(columns.shape[1], len(COLOURS)), columns.shape[1], "components")
 
@@ -75,8 +118,9 @@ def draw_balance(result: Readable, ax: Axes) -> None:
     )  # fmt: skip
 
 
-def draw_energy(result: Readable, ax: Axes) -> None:
+def draw_energy(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
     """Kinetic, potential and total energy, and the work put in."""
+    x = x or abscissa(result, None)
     dressed(ax, "Energy", "energy [J]")
     if not result.has_energy:
         empty(ax, "a System given by matrices has no known energy")
@@ -86,5 +130,6 @@ def draw_energy(result: Readable, ax: Axes) -> None:
         ("kinetic", energy.kinetic), ("potential", energy.potential), ("total", energy.total), ("work", energy.work),
     )  # fmt: skip
     for (label, values), colour in zip(lines, COLOURS, strict=False):
-        ax.plot(result.t, values, color=colour, lw=1.8 if label == "total" else 1.2, label=label)
+        x.plot(ax, values, color=colour, lw=1.8 if label == "total" else 1.2, label=label)
+    x.dress(ax)
     legend(ax, 4, 4, "energies")

@@ -98,3 +98,9 @@ def empty(ax: Axes, why: str) -> None:
     ax.text(0.5, 0.5, why, transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True)
     ax.set_xticks([])
     ax.set_yticks([])
+
+
+def level(ax: Axes, values: NDArray[np.float64]) -> None:
+    """Do not blow up round-off: around values that are all zero, the axis spans -1 to 1."""
+    if float(np.max(np.abs(values), initial=0.0)) < 1e-12:
+        ax.set_ylim(-1.0, 1.0)

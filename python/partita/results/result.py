@@ -36,6 +36,7 @@ from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoti
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
@@ -540,21 +541,80 @@ class Result:
 
         return save(self, path)
 
-    def plot(self, *what: str, path: str | os.PathLike[str] | None = None) -> Figure:
-        """A matplotlib figure of `what`: "overview" (the default), "coordinates", "closure", "energy", "measure",
-        "reactions", or the name of a joint or of a sensor; several stand below each other. `path` saves it too.
+    def plot(
+        self,
+        *what: str,
+        path: str | os.PathLike[str] | None = None,
+        x: str | None = None,
+        ax: Axes | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Figure:
+        """A matplotlib figure of `what`; several words stand below each other. `path` saves it too.
 
-        Nothing is shown on the screen; in a notebook the figure displays itself.
+        "overview" (the default), "coordinates", "velocities", "accelerations", "reactions", "bearings" (polar: how
+        much, in which direction), "paths" (of `points`, {name: (body, place in body axes)}, or of the joints),
+        "energy", "measure", "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor
+        to stand along the bottom in the place of time: over what angle is it loaded? Angles are in degrees, of one
+        turn where there are more. `ax` takes one word of one panel into axes of yours.
+
+        Nothing is shown on the screen; in a notebook the figure displays itself. Raises `UnknownNameError` with the
+        nearest names, `ArgumentError` where a word cannot stand over `x` or in `ax`.
+
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> figure = run.plot("reactions", x="A")
+        >>> figure.axes[-1].get_xlabel()
+        'A [deg]'
         """
         from ..plots import plot
 
-        return plot(self, *what, path=path)
+        return plot(self, *what, path=path, x=x, ax=ax, points=points)
 
-    def to_html(self, path: str | os.PathLike[str], title: str | None = None) -> Path:
-        """One self-contained page with the animated mechanism; opens from disk without a network."""
+    def applied_forces(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Where each load of `add_force` acts and its force, in the world: {name: (places (nt, 3) [m], (nt, 3) [N])}.
+
+        To see loads beside reactions; for one load that is to be stored too, prefer a sensor of it. Empty for a run
+        read from a file, which keeps what its sensors read. Costs an evaluation of each load at all outputs.
+
+        >>> import partita as pt
+        >>> m = pt.Mechanism("pushed")
+        >>> arm = m.add_rod("arm", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        >>> A = m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
+        >>> push = m.add_force(arm, (0.0, 5.0, 0.0), point=(1, 0, 0), name="push")
+        >>> places, forces = m.simulate(0.1).applied_forces()["push"]
+        >>> forces[-1].tolist()
+        [0.0, 5.0, 0.0]
+        """
+        return self._sensors.applied() if self._sensors else {}
+
+    def to_html(
+        self,
+        path: str | os.PathLike[str],
+        title: str | None = None,
+        *,
+        shapes: Mapping[str, Any] | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """One self-contained page with the animated mechanism; opens from disk without a network.
+
+        `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; `points` marks points and traces their
+        paths. Both are told at `partita.viewer.html`. The page is on paper light or dark as its reader prefers.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.5)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     page = run.to_html(
+        ...         os.path.join(folder, "page.html"),
+        ...         shapes={"crank": {"kind": "wheel", "radius": 0.3, "length": 0.1}},
+        ...         points={"P": ("coupler", (0.5, 0.2, 0.0))},
+        ...     )
+        ...     page.name
+        'page.html'
+        """
         from ..viewer import write_html
 
-        write_html(self, path, title=title)
+        write_html(self, path, title=title, shapes=shapes, points=points)
         return Path(path)
 
     def __repr__(self) -> str:

@@ -104,6 +104,14 @@ class RunSignals:
             self._loads[name] = self._model.load(*self._motion, self._forces[name][0])
         return self._loads[name]
 
+    def applied(self) -> dict[str, tuple[Array, Array]]:
+        found = {}
+        for name, (_, data) in self._forces.items():
+            if data.get("kind") == "force":
+                load = self.load(name)
+                found[name] = load["point"][:, -1], load["force"][:, -1]
+        return found
+
     def ends(self, name: str) -> Sequence[tuple[str, Array]]:
         spring = self._forces[name][1]
         return [(spring[f"body{i}"], np.array(spring[f"point{i}"])) for i in (1, 2)]
@@ -138,9 +146,14 @@ class LiveSensors:
         self, sensors: Mapping[str, SensorRecord], signals: RunSignals, account: Sequence[Mapping[str, str]]
     ) -> None:
         self._reader, self._account, self._outputs = Reader(sensors, signals), account, len(signals.t)
+        self._signals = signals
 
     def read(self, name: str) -> Array:
         return self._reader.read(name)
+
+    def applied(self) -> dict[str, tuple[Array, Array]]:
+        """Places and forces in the world of the loads that push at a point."""
+        return self._signals.applied()
 
     def __reduce__(self) -> tuple[type[StoredSensors], tuple[Any, ...]]:
         """What they read, so that it can be read where no model is."""
@@ -154,6 +167,10 @@ class StoredSensors:
     def __init__(self, account: Sequence[Mapping[str, str]], arrays: Mapping[str, Array], outputs: int) -> None:
         self._variables = {item["name"]: item["variable"] for item in account}
         self._arrays, self._outputs = arrays, outputs
+
+    def applied(self) -> dict[str, tuple[Array, Array]]:
+        """None: a stored run keeps what its sensors read, and no other loads."""
+        return {}
 
     def read(self, name: str) -> Array:
         # arrays without entries are left out of files

@@ -12,11 +12,23 @@ function findExtent(run) {
     for (const joint of s.joints) {
       if (joint.rail) for (const p of joint.rail) points.push(run.placed(f, joint.parent, p));
     }
+    for (const { body, parts } of s.solids) {
+      for (const part of parts) for (const p of cornersOf(part)) points.push(run.placed(f, body, p));
+    }
+    for (const { body, at } of s.points) points.push(run.placed(f, body, at));
     for (const spring of s.springs) {
       points.push(run.placed(f, spring.body1, spring.point1), run.placed(f, spring.body2, spring.point2));
     }
   }
   return points.filter(isFinite3);
+}
+
+/** Points of a solid in body axes that hold it in the picture. */
+function cornersOf(part) {
+  if (part.kind === "plate") return part.points;
+  if (part.kind === "rod") return [part.start, part.end];
+  const r = part.kind === "box" ? length(part.size) / 2 : Math.hypot(part.radius, (part.length || 0) / 2);
+  return [[r, 0, 0], [-r, 0, 0], [0, r, 0], [0, -r, 0], [0, 0, r], [0, 0, -r]].map((v) => add(part.center, v));
 }
 
 /** Lengths [m] that suit the mechanism: `size` of it all, `radius` of rods, `arrow` for a large reaction. */
@@ -43,6 +55,7 @@ function findPaths(run) {
       if (held.every((h) => length(sub(h, p)) > 1e-3 * s.size)) sources.push((f) => run.placed(f, b, p));
     }
   });
+  for (const { body, at } of s.points) sources.push((f) => run.placed(f, body, at));
   const most = Math.max(200, Math.min(1500, 60000 / Math.max(1, sources.length))); // per path: smooth, yet quick to draw
   const step = Math.max(1, Math.ceil(run.frames / most)), paths = [], seen = new Set();
   for (const source of sources) {

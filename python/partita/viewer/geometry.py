@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+MOSTLY_SEEN = 0.25
+"""A planar mechanism of which a larger share of parts is hidden face-on is seen from aside."""
+
 
 def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     """Shape of a body from points (np, 3) in body axes: kind and the points that draw it, in order.
@@ -41,13 +44,17 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     return {"kind": "star", "points": [_plain(middle), *(_plain(p) for p in cloud)]}
 
 
-def view(points: FloatArray, gravity: FloatArray | None, normal: FloatArray | None) -> dict[str, Any]:
+def view(
+    points: FloatArray, gravity: FloatArray | None, normal: FloatArray | None, layers: FloatArray | None = None
+) -> dict[str, Any]:
     """Axes of the first view: `right`, `up` and `back` (towards the viewer), a right-handed set in the world.
 
     Up is opposite to gravity; without gravity, y for a mechanism seen along z and z otherwise. `normal` is
     the normal of a planar mechanism, seen face-on; None asks for a three-quarter view of a spatial one, as
     `azimuth` and `elevation` [rad] about these axes. Of several such views the one is taken in which `points`
-    (np, 3) spread most.
+    (np, 3) spread most and hide each other least. `layers` (nl, 3) are places of different parts at one instant:
+    where such parts of a planar mechanism lie behind each other, it is seen from aside too, so that cylinders of
+    an engine stand in a row.
     """
     if normal is None:
         up = _up(gravity, None)
@@ -60,12 +67,31 @@ def view(points: FloatArray, gravity: FloatArray | None, normal: FloatArray | No
     if normal is not None and right[np.abs(right).argmax()] < 0:
         right, back = -right, -back  # world axes should run to the right
     chosen = {"right": _plain(right), "up": _plain(up), "back": _plain(back), "azimuth": 0.0, "elevation": 0.0}
-    if normal is None:
-        chosen["elevation"] = 0.38
-        spread = [(_area(points, right, up, back, azimuth, 0.38), azimuth) for azimuth in (0.6, -0.6, 1.0, -1.0)]
-        best = max(area for area, _ in spread)
-        chosen["azimuth"] = next(azimuth for area, azimuth in spread if area >= 0.9 * best)
+    parts = points[:: max(1, len(points) // 60)] if layers is None or len(layers) < 2 else layers
+    if normal is None or _hidden(parts, right, up, back, 0.0, 0.0) > MOSTLY_SEEN:
+        trials = [(azimuth, tilt) for tilt in (0.38, 0.6) for azimuth in (0.6, -0.6, 1.0, -1.0, 0.35, -0.35)]
+        spread = [_area(points, right, up, back, *trial) for trial in trials]
+        widest = max(spread) or 1.0
+        worth = [
+            area / widest - 2.0 * _hidden(parts, right, up, back, *trial) - 0.01 * n
+            for n, (area, trial) in enumerate(zip(spread, trials, strict=True))
+        ]
+        chosen["azimuth"], chosen["elevation"] = trials[int(np.argmax(worth))]
     return chosen
+
+
+def _hidden(
+    parts: FloatArray, right: FloatArray, up: FloatArray, back: FloatArray, azimuth: float, elevation: float
+) -> float:
+    """Share of parts (np, 3) behind another one that is apart in space but not in the picture."""
+    across, towards = _seen(right, up, back, azimuth, elevation)
+    apart = np.linalg.norm(parts[:, None] - parts[None], axis=2)
+    size = float(apart.max(initial=0.0))
+    if size == 0.0:
+        return 0.0
+    picture = np.stack([parts @ across, parts @ np.cross(towards, across)], axis=1)
+    near = np.linalg.norm(picture[:, None] - picture[None], axis=2) < 0.03 * size
+    return float((near & (apart > 0.08 * size)).any(axis=1).mean())
 
 
 def plane_normal(points: FloatArray) -> FloatArray | None:
@@ -93,10 +119,20 @@ def _area(
     points: FloatArray, right: FloatArray, up: FloatArray, back: FloatArray, azimuth: float, elevation: float
 ) -> float:
     """Measure of how widely points spread over the picture: product of their two spreads."""
-    across = np.cos(azimuth) * right - np.sin(azimuth) * back
-    towards = np.cos(elevation) * (np.cos(azimuth) * back + np.sin(azimuth) * right) + np.sin(elevation) * up
+    across, towards = _seen(right, up, back, azimuth, elevation)
     picture = np.stack([points @ across, points @ np.cross(towards, across)])
     return float(np.prod(np.linalg.svd(picture - picture.mean(axis=1, keepdims=True), compute_uv=False)))
+
+
+def _seen(
+    right: FloatArray, up: FloatArray, back: FloatArray, azimuth: float, elevation: float
+) -> tuple[FloatArray, FloatArray]:
+    """Directions of a view in the world: to the right of the picture, and towards the viewer."""
+    across: FloatArray = np.cos(azimuth) * right - np.sin(azimuth) * back
+    towards: FloatArray = (
+        np.cos(elevation) * (np.cos(azimuth) * back + np.sin(azimuth) * right) + np.sin(elevation) * up
+    )
+    return across, towards
 
 
 def _hull(flat: FloatArray) -> list[int]:

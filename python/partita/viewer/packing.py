@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 MOST_FRAMES = 1500
 FEWEST_FRAMES = 120
-BYTES = 9_000_000
+BYTES = 700_000
 """Wanted size of all arrays before base64; large mechanisms get fewer frames to stay near it."""
 
 NEGLIGIBLE = 1e-7

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from html import escape
 from importlib import resources
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from ..errors import ArgumentError
 from ..files import put, target
 from ..numeric import shown
 from ..readable import Readable, checked_run
+from .hints import solids, traced
 from .scene import describe
 
-SCRIPTS = ("data.js", "camera.js", "shapes.js", "extent.js", "legends.js", "scene.js", "panel.js", "player.js")
+SCRIPTS = (
+    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "labels.js", "legends.js", "solids.js", "scene.js",
+    "panel.js", "plots.js", "player.js",
+)  # fmt: skip
 
 
-def html(result: Readable, title: str | None = None) -> str:
+def html(
+    result: Readable,
+    title: str | None = None,
+    *,
+    shapes: Mapping[str, Any] | None = None,
+    points: Mapping[str, Any] | None = None,
+) -> str:
     """The animation of a run as the text of one HTML page.
 
     Use `write_html` for a file; this is for putting the page elsewhere, such as a notebook or a server.
@@ -26,9 +38,17 @@ def html(result: Readable, title: str | None = None) -> str:
     At most 1500 outputs are stored, fewer for large mechanisms; the page says so when outputs were left out.
     `title` defaults to the name of the mechanism. Names and titles are escaped: they cannot carry markup.
 
+    `shapes` draws bodies as solids: {body: shape}, a shape or a list of them in body axes [m], each one of
+    {"kind": "box", "size": (x, y, z)}, {"kind": "cylinder", "radius": r, "length": l}, "wheel" with the same words and
+    spokes, {"kind": "ball", "radius": r}, {"kind": "plate", "points": [...]}, {"kind": "rod", "start": p, "end": p}.
+    All but plates and rods take `center`, cylinders and wheels `axis` (z where it is not given). "ground" counts
+    as a body. `points` marks points and traces their paths: {name: (body, place in body axes)}. Both change the
+    picture only.
+
     A run of a hand-written `System` has no bodies: its page shows coordinates and read-outs only.
 
-    Raises `ArgumentError` for a result without a single output. Costs O(outputs x bodies).
+    Raises `ArgumentError` for a result without a single output and for a shape or a point that is not as said,
+    `UnknownNameError` with the nearest names for another body. Costs O(outputs x bodies).
     """
     checked_run(result)
     if title is not None and not isinstance(title, str):
@@ -38,7 +58,8 @@ def html(result: Readable, title: str | None = None) -> str:
             "cannot animate a run with no outputs: it stopped before the first one; see result.message",
             argument="result",
         )
-    scene = describe(result, title)
+    bodies = list(result.names.bodies)
+    scene = describe(result, title, solids(shapes, bodies), traced(points, bodies))
     # Inside a script element only "<" could end the data early; JSON allows it escaped.
     data = json.dumps(scene, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     parts = {
@@ -51,7 +72,14 @@ def html(result: Readable, title: str | None = None) -> str:
     return re.sub(r"\{\{(TITLE|STYLE|DATA|SCRIPT)\}\}", lambda mark: parts[mark[1]], _file("page.html"))
 
 
-def write_html(result: Readable, path: str | PathLike[str], title: str | None = None) -> Path:
+def write_html(
+    result: Readable,
+    path: str | PathLike[str],
+    title: str | None = None,
+    *,
+    shapes: Mapping[str, Any] | None = None,
+    points: Mapping[str, Any] | None = None,
+) -> Path:
     """Write the animation of a run to one HTML file that opens from disk, and return its path.
 
     See `html` for what it shows and holds. An existing file is replaced.
@@ -63,7 +91,12 @@ def write_html(result: Readable, path: str | PathLike[str], title: str | None = 
     >>> partita.viewer.write_html(m.simulate(10.0), "four-bar.html")  # doctest: +SKIP
     """
     where = target(path, "a page ")
-    return put(where, html(result, title).encode("utf-8"))
+    return put(where, html(result, title, shapes=shapes, points=points).encode("utf-8"))
+
+
+def fixed_bytes() -> int:
+    """Size of what every page holds: template, style and scripts."""
+    return sum(len(_file(name).encode("utf-8")) for name in ("page.html", "style.css", *SCRIPTS))
 
 
 def _file(name: str) -> str:

@@ -1,11 +1,16 @@
 // The list of coordinates with their measure, the read-outs, and the log of exchanges.
 
-const MANY = 24; // more coordinates than this are shown in compact columns
+const FEW = 12; // up to this many coordinates are all shown
+const MATTER = 10; // of more, those that matter, until all are asked for
 const MOST_LOG_ROWS = 400;
 
 const READOUTS = [
-  ["closure", "closure"], ["energy", "energy", "J"], ["kinetic", "kinetic", "J"], ["potential", "potential", "J"],
-  ["sigma", "σ"], ["sqrt_mu", "√μ"],
+  // table, words, title, unit
+  ["closure", "loops open by", "closure: largest remainder of the loop conditions"],
+  ["energy", "energy", "kinetic and potential energy together", "J"],
+  ["kinetic", "kinetic", "kinetic energy", "J"], ["potential", "potential", "potential energy", "J"],
+  ["sigma", "quality of choice σ", "smallest singular value of the choice; small near a position where it fails"],
+  ["sqrt_mu", "√μ", "volume of the choice relative to the largest possible"],
 ];
 
 /** A new element with a class and text; names only ever become text, never markup. */
@@ -21,13 +26,71 @@ class Panel {
     this.run = run;
     this.list = document.getElementById("bars");
     const names = run.scene.velocities;
-    if (names.length > MANY) this.list.classList.add("compact");
+    this.query = "";
+    this.all = names.length <= FEW;
+    this.order = this.byImportance();
     this.rows = names.map((name) => this.row(name));
     if (!names.length) this.list.append(element("p", "", "This run has no coordinates."));
     this.marked = [];
+    this.empty = element("p", "", "No coordinate has this in its name.");
+    this.list.append(this.empty);
     this.list.addEventListener("scroll", () => this.bars(this.frame));
+    this.bindFind(names.length);
+    this.choose();
     this.readouts = this.makeReadouts();
     this.makeLog(jumpTo);
+  }
+
+  /** Coordinates by what they tell: those most often independent, then those whose measure varies most. */
+  byImportance() {
+    const { run } = this, table = run.tables.measure, count = run.scene.velocities.length;
+    const often = new Array(count).fill(0), low = new Array(count).fill(1), high = new Array(count).fill(0);
+    run.scene.independent.forEach(([first, indices], n) => {
+      const next = run.scene.independent[n + 1], frames = (next ? next[0] : run.frames) - first;
+      for (const i of indices) often[i] += frames;
+    });
+    const step = Math.max(1, Math.floor(run.frames / 200));
+    for (let f = 0; f < run.frames; f += step) {
+      for (let i = 0; i < count; i++) {
+        const rho = table.get(f, i);
+        if (rho < low[i]) low[i] = rho;
+        if (rho > high[i]) high[i] = rho;
+      }
+    }
+    const worth = (i) => (often[i] ? 2 + often[i] / run.frames : Math.max(0, high[i] - low[i]));
+    return often.map((_, i) => i).sort((a, b) => worth(b) - worth(a) || a - b);
+  }
+
+  bindFind(count) {
+    document.getElementById("find").hidden = count <= FEW;
+    const all = document.getElementById("all"), search = document.getElementById("search");
+    all.textContent = `Show all ${count}`;
+    all.addEventListener("click", () => {
+      this.all = !this.all;
+      all.setAttribute("aria-pressed", String(this.all));
+      all.textContent = this.all ? `Show ${MATTER}` : `Show all ${count}`;
+      this.choose();
+    });
+    search.addEventListener("input", () => {
+      this.query = search.value.trim().toLowerCase();
+      this.choose();
+    });
+  }
+
+  /** Which rows are shown: all, those found, or the ten that matter, in the order of the coordinates. */
+  choose() {
+    let shown = this.rows.map((_, i) => i);
+    if (this.query) {
+      shown = shown.filter((i) => this.rows[i].name.toLowerCase().includes(this.query));
+    } else if (!this.all) {
+      const now = this.marked.slice(0, MATTER), rest = this.order.filter((i) => !now.includes(i));
+      shown = now.concat(rest).slice(0, MATTER).sort((a, b) => a - b);
+    }
+    const set = new Set(shown);
+    this.rows.forEach((r, i) => { r.row.hidden = !set.has(i); });
+    this.shown = shown.map((i) => [this.rows[i], i]);
+    this.empty.hidden = shown.length > 0 || !this.rows.length;
+    if (this.frame !== undefined) this.bars(this.frame);
   }
 
   row(name) {
@@ -44,11 +107,12 @@ class Panel {
 
   makeReadouts() {
     const home = document.getElementById("readouts"), made = [];
-    for (const [key, label, unitName] of READOUTS) {
+    for (const [key, label, title, unitName] of READOUTS) {
       const table = this.run.tables[key];
       if (!table) continue;
       const box = element("div"), value = element("dd");
       box.append(element("dt", "", label), value);
+      box.title = title;
       home.append(box);
       made.push((frame) => {
         const x = table.get(frame);
@@ -91,6 +155,7 @@ class Panel {
       if (r.free !== free.has(i)) r.row.classList.toggle("free", (r.free = free.has(i)));
     });
     this.marked = now;
+    if (!this.all && !this.query) this.choose();
     const names = now.map((i) => this.rows[i].name), most = 12;
     const rest = names.length > most ? ` and ${names.length - most} more` : "";
     document.getElementById("chosen").textContent = names.length
@@ -100,16 +165,14 @@ class Panel {
 
   /** Set the bars that can be seen; a chain of a thousand loops has thousands. */
   bars(frame) {
-    if (!this.rows.length) return;
-    const measure = this.run.tables.measure, top = this.list.scrollTop, bottom = top + this.list.clientHeight;
-    const height = this.rows[0].row.offsetHeight || 20, origin = this.rows[0].row.offsetTop;
-    // Rows stand in equal lines of a grid; how many share a line shows in where the second line begins.
-    let perLine = 1;
-    while (perLine < Math.min(8, this.rows.length) && this.rows[perLine].row.offsetTop === origin) perLine++;
-    const first = Math.max(0, (Math.floor(top / height) - 1) * perLine);
-    const last = Math.min(this.rows.length, (Math.ceil(bottom / height) + 1) * perLine);
-    for (let i = first; i < last; i++) {
-      const rho = measure.get(frame, i), r = this.rows[i];
+    if (!this.shown.length) return;
+    const measure = this.run.tables.measure, height = this.shown[0][0].row.offsetHeight || 22;
+    // On a phone the list does not scroll by itself: then all of it counts as seen.
+    const whole = this.list.scrollHeight <= this.list.clientHeight + 1;
+    const first = whole ? 0 : Math.max(0, Math.floor(this.list.scrollTop / height) - 1);
+    const last = whole ? this.shown.length : first + Math.ceil(this.list.clientHeight / height) + 3;
+    for (const [r, i] of this.shown.slice(first, last)) {
+      const rho = measure.get(frame, i);
       r.fill.style.transform = `scaleX(${Number.isFinite(rho) ? Math.max(0, Math.min(1, rho)) : 0})`;
       r.value.textContent = Number.isFinite(rho) ? rho.toFixed(3) : "–";
       r.row.title = `${r.name}: rho = ${short(rho)}${r.free ? ", independent" : ""}`;

@@ -4,6 +4,7 @@ const byId = (id) => document.getElementById(id);
 const run = new Run(JSON.parse(byId("data").textContent));
 const canvas = byId("view");
 const scene = new Scene(run, canvas);
+const plots = new Plots(run, (t) => { play(false); show(run.frameAt(t)); });
 const panel = new Panel(run, (t) => show(run.frameAt(t)));
 
 const duration = run.t[run.frames - 1] - run.t[0];
@@ -16,6 +17,7 @@ function redraw() {
   requestAnimationFrame(() => {
     waiting = false;
     scene.draw(frame);
+    plots.draw(frame);
   });
 }
 
@@ -99,11 +101,29 @@ function setLens(parallel) {
   redraw();
 }
 
+/** Boxes of the canvas under the tools: no word is written there. */
+function findCovered() {
+  const stage = canvas.getBoundingClientRect(), box = byId("tools").getBoundingClientRect();
+  scene.covered = byId("tools").hidden ? [] : [{
+    left: box.left - stage.left, right: box.right - stage.left, top: box.top - stage.top, bottom: box.bottom - stage.top,
+  }];
+}
+
+function toTheme(name) {
+  setTheme(name);
+  redraw();
+}
+
+const otherTheme = () => (document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+
 function bindTools() {
-  for (const name of ["names", "traces", "forces", "moments"]) {
+  prefersDark.addEventListener("change", (e) => toTheme(e.matches ? "dark" : "light"));
+  byId("theme").addEventListener("click", () => toTheme(otherTheme()));
+  for (const name of ["names", "traces", "forces", "moments", "loads"]) {
     byId(name).checked = scene.options[name];
     byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; redraw(); });
   }
+  byId("loads").parentElement.hidden = !run.scene.loads.length;
   byId("arrows").addEventListener("input", (e) => {
     scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
     redraw();
@@ -120,6 +140,7 @@ function bindTools() {
 function onKey(e) {
   if (e.ctrlKey || e.metaKey || e.altKey) return;
   const tag = e.target.tagName;
+  if (e.target.type === "search") return;
   const control = ["BUTTON", "SELECT", "SUMMARY"].includes(tag) || e.target.type === "checkbox";
   const scrolls = e.target.type === "range" || tag === "SELECT" || e.target.id === "bars"; // uses Home, End itself
   const camera = scene.camera, turn = 0.09;
@@ -132,6 +153,9 @@ function onKey(e) {
   else if (e.key === "[" || e.key === "]") { play(false); nextSwitch(e.key === "]" ? 1 : -1); }
   else if (e.key === "Home" && !scrolls) show(0);
   else if (e.key === "End" && !scrolls) show(run.frames - 1);
+  else if (e.key === "d" || e.key === "D") toTheme(otherTheme());
+  else if (e.key === "j" || e.key === "J") nextJoint(e.shiftKey ? -1 : 1);
+  else if (e.key === "Escape") byId("tip").hidden = true;
   else if (e.key === "0") scene.resetView();
   else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + 8);
   else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + 8);
@@ -169,7 +193,11 @@ function onPointerMove(e) {
 
 /** Name, kind and reaction of the joint under the pointer. */
 function hover(x, y) {
-  const tip = byId("tip"), hit = scene.pick(x, y);
+  tell(scene.pick(x, y), x, y);
+}
+
+function tell(hit, x, y) {
+  const tip = byId("tip");
   tip.hidden = !hit;
   if (!hit) return;
   const lines = [`${hit.label} (${hit.kind})`];
@@ -178,19 +206,34 @@ function hover(x, y) {
     lines.push(`force ${short(length(run.tables.force.vector(frame, hit.joint)))} N${open[0]}`);
     lines.push(`moment ${short(length(run.tables.moment.vector(frame, hit.joint)))} N m${open[1]}`);
   }
+  if (hit.load !== undefined) lines.push(`force ${short(length(run.tables[`load${hit.load}`].vector(frame, 1)))} N`);
+  if (hit.kind === "point") lines.push(`at ${hit.point.map((x) => short(x)).join(", ")} m`);
   tip.textContent = lines.join("\n");
-  tip.style.left = `${Math.min(x + 14, scene.camera.width - 150)}px`;
-  tip.style.top = `${y + 14}px`;
+  tip.style.left = tip.style.top = "0"; // at the border a box would be narrowed before it is measured
+  tip.style.left = `${Math.max(4, Math.min(x + 14, scene.camera.width - tip.offsetWidth - 4))}px`;
+  tip.style.top = `${Math.max(4, Math.min(y + 14, scene.camera.height - tip.offsetHeight - 4))}px`;
+}
+
+let told = -1;
+
+/** From joint to joint by the keyboard, each told as under the pointer. */
+function nextJoint(step) {
+  const hits = scene.hits.filter((hit) => hit.kind !== "spring");
+  if (!hits.length) return;
+  told = (told + step + hits.length) % hits.length;
+  const p = scene.camera.project(hits[told].point);
+  if (p) tell(hits[told], p.x, p.y);
 }
 
 function bindPointer() {
   canvas.addEventListener("pointerdown", (e) => {
+    hover(e.offsetX, e.offsetY);
     canvas.setPointerCapture(e.pointerId);
     pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, moves: e.button !== 0 });
   });
   canvas.addEventListener("pointermove", onPointerMove);
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => pointers.delete(e.pointerId));
-  canvas.addEventListener("pointerleave", () => { byId("tip").hidden = true; });
+  canvas.addEventListener("pointerleave", (e) => { if (e.pointerType !== "touch") byId("tip").hidden = true; });
   canvas.addEventListener("contextmenu", (e) => e.preventDefault());
   canvas.addEventListener("dblclick", () => { scene.resetView(); redraw(); });
   canvas.addEventListener("wheel", (e) => {
@@ -219,14 +262,28 @@ function start() {
   bindTools();
   bindPointer();
   document.addEventListener("keydown", onKey);
-  scene.resize();
-  setLens(s.planar);
   byId("tools").hidden = !scene.extent.length;
-  new ResizeObserver(() => { scene.resize(); scene.draw(frame); panel.bars(frame); }).observe(canvas);
+  scene.resize();
+  setLens(s.flat);
+  setTheme(prefersDark.matches ? "dark" : "light");
+  const resized = () => { scene.resize(); findCovered(); scene.draw(frame); panel.bars(frame); plots.draw(frame); };
+  new ResizeObserver(resized).observe(canvas);
+  findCovered();
   // A page opened as run.html#t=1.5 begins there; with #play it begins to move.
   const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
   show(at ? run.frameAt(Number(at[1])) : 0);
   if (/[#&]play\b/.test(location.hash)) play(true);
 }
+
+/** For programs that hold this page: go to a time, play, ask what is written where. */
+window.partita = {
+  show: (t) => show(run.frameAt(t)), play, theme: toTheme, frames: run.frames,
+  time: () => run.t[frame],
+  written: () => (scene.labels ? scene.labels.written : []),
+  covered: () => scene.covered,
+  arrows: () => scene.shafts,
+  joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
+  size: () => [scene.camera.width, scene.camera.height],
+};
 
 start();

@@ -1,12 +1,20 @@
 // One frame of the mechanism: bodies, joints, springs, traces, reactions.
 
+const MOST_ARROW = 1.5; // an arrow longer than this many times a large one is cut, and marked
+
+function largestForce(table, frames) {
+  let most = 0;
+  for (let f = 0; f < frames; f++) most = Math.max(most, length(table.vector(f, 1)) || 0);
+  return most;
+}
+
 class Scene {
   constructor(run, canvas) {
     this.run = run;
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     const s = run.scene;
-    this.camera = new Camera(s.view, s.planar);
+    this.camera = new Camera(s.view, s.flat);
     this.jointOf = new Map(); // velocity -> joint
     s.joints.forEach((joint, j) => joint.velocities.forEach((v) => this.jointOf.set(v, j)));
     this.extent = findExtent(run);
@@ -16,12 +24,33 @@ class Scene {
     this.arrowSpan = sizes.arrow;
     this.paths = findPaths(run);
     this.forceUnit = run.typicalLength("force", 0.95);
+    // One scale for all forces, where there are reactions to measure loads by.
+    const pushes = s.loads.map((_, n) => largestForce(run.tables[`load${n}`], run.frames));
+    this.loadUnit = this.forceUnit || Math.max(0, ...pushes);
     this.momentUnit = run.typicalLength("moment", 0.95);
     this.options = {
-      names: s.joints.length <= 12, traces: this.paths.length <= 6, forces: true, moments: false, arrows: 1,
+      names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
     };
     this.ratio = 1;
     this.hits = [];
+    this.covered = []; // boxes of the canvas under tools
+    this.places = new Map(); // where the name of a joint stood last, so that it does not jump
+    this.unlike = { cut: false }; // what of this frame is not to scale
+    this.reach = this.findTips();
+  }
+
+  /** Ends of arrows over the run, as the first view should hold them. */
+  findTips() {
+    const { run } = this, tips = [], step = Math.max(1, Math.ceil((run.frames * run.scene.joints.length) / 5000));
+    for (let f = 0; f < run.frames && this.forceUnit > 0; f += step) {
+      run.scene.joints.forEach((joint, j) => {
+        const point = run.jointPoint(f, j), force = run.tables.force.vector(f, j), size = length(force);
+        if (!isFinite3(point) || !isFinite3(force) || !(size > 0)) return;
+        const l = Math.min(MOST_ARROW, size / this.forceUnit) * this.arrowSpan;
+        tips.push(add(point, scaled(force, l / size)));
+      });
+    }
+    return tips;
   }
 
   resize() {
@@ -35,31 +64,46 @@ class Scene {
 
   resetView() {
     this.camera.turnTo(this.run.scene.view.azimuth, this.run.scene.view.elevation);
-    if (this.extent.length) this.camera.fit(this.extent, 3.2 * this.radius + 1e-3 * this.size);
+    if (!this.extent.length) return;
+    const { camera } = this, spare = 3.2 * this.radius + 1e-3 * this.size;
+    camera.fit(this.extent, spare);
+    // Arrows too, unless the mechanism would become small for their sake: those that leave the picture are cut and marked.
+    const alone = camera.scale, place = camera.target;
+    camera.fit(this.extent.concat(this.reach), spare);
+    if (camera.scale < 0.72 * alone) {
+      camera.target = place;
+      camera.scale = 0.8 * alone;
+    }
   }
 
   draw(frame) {
     const c = this.context, { camera } = this;
+    this.unlike.cut = false;
+    this.shafts = []; // arrows in the picture
     c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     c.clearRect(0, 0, camera.width, camera.height);
     const painter = new Painter(c, camera, 0.5 * this.radius);
     this.hits = [];
-    if (!this.run.scene.planar) this.floor(painter);
+    if (!this.run.scene.flat) this.floor(painter);
     if (this.options.traces) this.traces(painter);
     this.bodies(painter, frame);
+    for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     this.springs(painter, frame);
     this.joints(painter, frame);
     painter.paint();
     this.reactions(painter, frame);
+    this.loads(painter, frame);
+    this.points(painter, frame);
     painter.paint();
     const legends = new Legends(this, painter);
     if (!this.extent.length) {
       legends.words("This run has no bodies to draw: its coordinates are in the list.", 16, camera.height / 2);
       return;
     }
-    if (this.options.names) legends.names();
     legends.axes();
     legends.scales();
+    if (this.options.names) legends.names();
+    this.labels = legends.labels;
   }
 
   /** Faint grid under a spatial mechanism, so that heights can be judged. */
@@ -78,7 +122,7 @@ class Scene {
     const cell = roundBelow(this.size / 5);
     const ends = grid.map(([low, high]) => [Math.floor(low / cell) - 0.001, Math.ceil(high / cell) + 0.001]);
     const at = (x, z) => this.camera.project(add(scaled(up, level), add(scaled(right, x * cell), scaled(back, z * cell))));
-    const draw = (p, q) => { if (p && q) painter.line([p, q], "#e6ebef", 1); };
+    const draw = (p, q) => { if (p && q) painter.line([p, q], COLOURS.grid, 1); };
     for (let x = Math.ceil(ends[0][0]); x <= ends[0][1]; x++) draw(at(x, ends[1][0]), at(x, ends[1][1]));
     for (let z = Math.ceil(ends[1][0]); z <= ends[1][1]; z++) draw(at(ends[0][0], z), at(ends[0][1], z));
   }
@@ -100,10 +144,12 @@ class Scene {
 
   bodies(painter, frame) {
     const { run, radius } = this, s = run.scene;
-    const flat = s.planar && dot(this.camera.back, this.camera.base.back) > 0.98; // seen face-on: no depth to sort
+    const flat = s.flat && dot(this.camera.back, this.camera.base.back) > 0.98; // seen face-on: no depth to sort
     const pieces = (a, b) => (flat ? 1 : Math.max(1, Math.min(10, Math.ceil(length(sub(a, b)) / (5 * radius)))));
     const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, pieces(a, b));
-    const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b]);
+    const given = new Set(s.solids.map(({ body }) => body));
+    const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b])
+      .filter(([, , , b]) => !given.has(b));
     // Plates first: in a flat mechanism they lie behind the rods.
     for (const [body, colour, points] of coloured) if (body.kind === "plate") painter.plate(points, radius, colour);
     for (const [body, colour, points, b] of coloured) {
@@ -210,7 +256,7 @@ class Scene {
     if (!p) return;
     const r = Math.max(5, 2.7 * this.radius * p.s);
     painter.push(p.z + 6 * this.radius, () => {
-      painter.circle(p.x, p.y, r, null, "rgba(255,255,255,0.9)", 4.5);
+      painter.circle(p.x, p.y, r, null, COLOURS.halo, 4.5);
       painter.circle(p.x, p.y, r, null, COLOURS.free, 2.4);
     });
   }
@@ -225,10 +271,40 @@ class Scene {
       ]) {
         const vector = run.tables[name].vector(frame, j);
         if (on && unitLength > 0 && isFinite3(vector) && isFinite3(point)) {
-          painter.arrow(point, scaled(vector, span / unitLength), colour, heads, joint.open[heads - 1]);
+          const drawn = scaled(vector, span / unitLength), most = MOST_ARROW * span;
+          this.arrowDrawn(painter.arrow(point, drawn, colour, heads, joint.open[heads - 1], most));
         }
       }
     });
+  }
+
+  /** Applied forces: their arrows end where they act. */
+  loads(painter, frame) {
+    if (!this.options.loads) return;
+    const span = this.arrowSpan * this.options.arrows;
+    this.run.scene.loads.forEach((name, n) => {
+      const table = this.run.tables[`load${n}`], at = table.vector(frame, 0), force = table.vector(frame, 1);
+      if (!isFinite3(at) || !isFinite3(force) || !this.loadUnit) return;
+      this.arrowDrawn(painter.arrow(at, scaled(force, span / this.loadUnit), COLOURS.load, 1, false, MOST_ARROW * span));
+      this.hits.push({ point: at, label: name, kind: "load", load: n });
+    });
+  }
+
+  /** Points that are traced: small squares, named. */
+  points(painter, frame) {
+    for (const { name, body, at } of this.run.scene.points) {
+      const point = this.run.placed(frame, body, at), p = this.camera.project(point);
+      if (!p) continue;
+      const square = [[-4, 0], [0, -4], [4, 0], [0, 4]].map(([x, y]) => ({ x: p.x + x, y: p.y + y }));
+      painter.push(Infinity, () => painter.polygon(square, COLOURS.ink, COLOURS.paper, 1.2));
+      this.hits.push({ point, label: name, kind: "point" });
+    }
+  }
+
+  arrowDrawn(arrow) {
+    if (!arrow) return;
+    this.shafts.push([arrow.p, arrow.q]);
+    if (arrow.cut) this.unlike.cut = true;
   }
 
   /** What is drawn nearest to pixel (x, y), within reach; null otherwise. */

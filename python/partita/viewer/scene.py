@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..readable import Readable
+from .curves import curves, loads_open
 from .geometry import outline, plane_normal, view
 from .packing import pack_tables
 
@@ -35,18 +36,26 @@ class Motion:
         return np.einsum("tji,tj->ti", self.rotation[:, body], points - self.position[:, body])
 
 
-def describe(result: Readable, title: str | None) -> dict[str, Any]:
-    """The scene of a run: names, shapes, joints, springs, first view, log of choices, packed arrays."""
+def describe(
+    result: Readable,
+    title: str | None,
+    solids: Mapping[int, list[dict[str, Any]]] | None = None,
+    traced: Sequence[dict[str, Any]] = (),
+) -> dict[str, Any]:
+    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, packed arrays."""
     summary = result.summary or {}
     spec = result.spec or {}
     motion = _motion(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     bodies = _bodies(result, spec, motion, joints)
     for name, joint in zip(result.names.joints, joints, strict=True):
-        joint["open"] = _open(result, name)
-    tables, frames = pack_tables(_tables(result, motion))
+        joint["open"] = loads_open(result, name)
+    drawn, first, plotted = curves(result)
+    loads, pushed = _loads(result)
+    tables, frames = pack_tables(_tables(result, motion) | plotted | pushed)
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
+    seen = _view(spec, motion, joints, planar)
     return {
         "title": title or str(summary.get("name") or "") or "mechanism",
         "warning": "" if result.success else f"The run stopped early: {result.message}",
@@ -54,14 +63,20 @@ def describe(result: Readable, title: str | None) -> dict[str, Any]:
         "frames": len(frames),
         "planar": planar,
         "size": motion.size,
-        "view": _view(spec, motion, joints, planar),
+        "flat": planar and not (seen["azimuth"] or seen["elevation"]),
+        "view": seen,
         "bodies": bodies,
         "joints": joints,
+        "solids": [{"body": body, "parts": parts} for body, parts in (solids or {}).items()],
+        "points": list(traced),
+        "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
         "independent": _choices(np.asarray(result.independent)[frames]),
         "switches": switches[:MOST_SWITCHES],
         "switchCount": len(switches),
+        "curves": drawn,
+        "firstCurves": first,
         "tables": tables,
     }
 
@@ -145,16 +160,6 @@ def _joints(
     return found
 
 
-def _open(result: Readable, name: str) -> list[bool]:
-    """Of a joint's force and moment: does any of what is drawn of it stand open (redundant constraints)?"""
-    joint = result.joint(name).in_frame("joint")
-    found = []
-    for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):
-        size = float(np.nanmax(np.abs(values), initial=0.0))
-        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > 1e-9 * size))
-    return found
-
-
 def _axes(drawn: Mapping[str, Any]) -> tuple[FloatArray | None, FloatArray | None]:
     """Axes of a joint in the world of the drawing, where the description gives them."""
     if drawn.get("frame") is not None:
@@ -225,6 +230,16 @@ def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
     ]
 
 
+def _loads(result: Readable) -> tuple[list[str], dict[str, FloatArray]]:
+    """Names of the loads that push at a point, and a table (nt, 6) of place and force for each, in the world."""
+    names: list[str] = []
+    tables: dict[str, FloatArray] = {}
+    for name, (place, force) in result.applied_forces().items():
+        tables[f"load{len(names)}"] = np.concatenate([place, force], axis=1)
+        names.append(name)
+    return names, tables
+
+
 def _view(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], planar: bool) -> dict[str, Any]:
     points = np.concatenate([motion.position.reshape(-1, 3), motion.point.reshape(-1, 3)])
     points = points[np.isfinite(points).all(axis=1)][:20_000]
@@ -240,7 +255,8 @@ def _view(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]],
         normal = np.array(ground[0]["axis"]) if ground else plane_normal(points)
         if normal is None:
             normal = np.array([0.0, 0.0, 1.0])
-    return view(points, gravity, normal)
+    layers = motion.point[0] if motion.point.shape[1] else motion.position[0]
+    return view(points, gravity, normal, layers[np.isfinite(layers).all(axis=1)])
 
 
 def _choices(independent: NDArray[Any]) -> list[list[Any]]:

@@ -1,11 +1,5 @@
 // Shapes on a 2-D canvas. Each puts primitives {z, draw} into a painter, which draws them from far to near.
 
-const COLOURS = {
-  ink: "#1d2730", edge: "#3c4854", ground: "#8a949d", free: "#d9730d", force: "#b3261e", moment: "#6b3fa0",
-  spring: "#4d5b68", joint: "#f4f6f8", trace: "#7d93a8",
-  bodies: ["#8fb0d0", "#a3c4a0", "#d3bd8c", "#b3a6d0", "#8fc2c2", "#d0a3b0", "#b7c48c", "#a5b1bf"],
-};
-
 const shades = new Map();
 
 /** A colour #rrggbb mixed with white (amount > 0) or black (amount < 0). */
@@ -150,6 +144,25 @@ class Painter {
     });
   }
 
+  /** Cylinder of any size about an axis. */
+  drum(centre, axis, radius, half, colour) {
+    const camera = this.camera, p = camera.project(centre);
+    if (!p) return;
+    const facing = dot(axis, camera.toEye(centre)) < 0 ? scaled(axis, -1) : axis;
+    const u = perpendicular(axis), v = cross(axis, u), near = [], far = [];
+    for (let i = 0; i < 48; i++) {
+      const angle = (i * Math.PI) / 24;
+      const rim = add(scaled(u, radius * Math.cos(angle)), scaled(v, radius * Math.sin(angle)));
+      near.push(camera.project(add(centre, add(rim, scaled(facing, half)))));
+      far.push(camera.project(add(centre, sub(rim, scaled(facing, half)))));
+    }
+    if (near.includes(null) || far.includes(null)) return;
+    this.push(p.z, () => {
+      this.polygon(hull(near.concat(far)), shade(colour, -0.2), COLOURS.edge, 1.2);
+      this.polygon(near, colour, COLOURS.edge, 1);
+    });
+  }
+
   /** Convex solid from its flat faces, each a list of points in order around an outward normal. */
   solid(centre, faces, colour, lift) {
     const p = this.camera.project(centre);
@@ -196,7 +209,7 @@ class Painter {
       const line = [at(0, 0), at(0.12, 0)];
       for (let i = 0; i < 16; i++) line.push(at(0.12 + (0.76 * (i + 0.5)) / 16, i % 2 ? -1 : 1));
       line.push(at(0.88, 0), at(1, 0));
-      this.line(line, "#ffffff", 4);
+      this.line(line, COLOURS.paper, 4);
       this.line(line, COLOURS.spring, 1.7);
     });
   }
@@ -209,7 +222,7 @@ class Painter {
     this.push(p.z - size, () => {
       if (r < 4) return;
       const foot = [p, { x: p.x - 0.62 * r, y: p.y + r }, { x: p.x + 0.62 * r, y: p.y + r }];
-      this.polygon(foot, "#eef1f4", COLOURS.ground, 1.3);
+      this.polygon(foot, COLOURS.foot, COLOURS.ground, 1.3);
       this.hatch({ x: p.x - r, y: p.y + r }, { x: p.x + r, y: p.y + r }, r);
     });
   }
@@ -228,12 +241,25 @@ class Painter {
     }
   }
 
-  /** Arrow in the picture, above everything; a double head is a moment, a dashed shaft is not unique. */
-  arrow(from, vector, colour, heads, open) {
-    const p = this.camera.project(from), q = this.camera.project(add(from, vector));
-    if (!p || !q) return;
+  /**
+   * Arrow in the picture, above everything. A double head is a moment. Hollow with a dashed shaft is not unique. An arrow
+   * that would leave the picture ends at its border, cut by a double stroke.
+   * Returns where it is drawn; null where it is too short to be seen.
+   */
+  arrow(from, vector, colour, heads, open, most) {
+    const whole = length(vector), part = Math.min(1, most / (whole || 1));
+    const p = this.camera.project(from), tip = this.camera.project(add(from, scaled(vector, part)));
+    if (!p || !tip) return null;
+    const margin = 8, { width, height } = this.camera;
+    let inside = 1;
+    for (const [at, to, high] of [[p.x, tip.x, width], [p.y, tip.y, height]]) {
+      if (at < margin || at > high - margin) continue; // its foot is outside: the person has moved it there
+      if (to < margin) inside = Math.min(inside, (at - margin) / (at - to));
+      if (to > high - margin) inside = Math.min(inside, (high - margin - at) / (to - at));
+    }
+    const cut = part < 1 || inside < 1, q = { x: p.x + inside * (tip.x - p.x), y: p.y + inside * (tip.y - p.y) };
     const dx = q.x - p.x, dy = q.y - p.y, l = Math.hypot(dx, dy);
-    if (l < 3) return;
+    if (l < 3) return null;
     this.push(Infinity, () => {
       const h = Math.min(11, 0.5 * l), ux = dx / l, uy = dy / l;
       const head = (back) => [
@@ -242,12 +268,24 @@ class Painter {
         { x: q.x - ux * (back + h) + uy * h * 0.38, y: q.y - uy * (back + h) - ux * h * 0.38 },
       ];
       const shaft = [p, { x: q.x - ux * h * heads * 0.8, y: q.y - uy * h * heads * 0.8 }];
-      this.line(shaft, "rgba(255,255,255,0.8)", 4.5);
+      this.line(shaft, COLOURS.halo, 4.5);
       this.c.setLineDash(open ? [5, 4] : []);
-      this.line(shaft, colour, 2.2);
+      this.line(shaft, colour, 2.2, open ? "butt" : "round");
       this.c.setLineDash([]);
-      for (let i = 0; i < heads; i++) this.polygon(head(0.7 * h * i), colour, "#ffffff", 0.6);
+      for (let i = 0; i < heads; i++) {
+        this.polygon(head(0.7 * h * i), open ? COLOURS.paper : colour, open ? colour : COLOURS.paper, open ? 1.6 : 0.6);
+      }
+      if (cut && l > 24) {
+        const stroke = (s) => {
+          const x = p.x + ux * s, y = p.y + uy * s;
+          return [{ x: x - uy * 5 - ux * 2, y: y + ux * 5 - uy * 2 }, { x: x + uy * 5 + ux * 2, y: y - ux * 5 + uy * 2 }];
+        };
+        this.line([{ x: p.x + ux * (0.55 * l - 2), y: p.y + uy * (0.55 * l - 2) },
+          { x: p.x + ux * (0.55 * l + 2), y: p.y + uy * (0.55 * l + 2) }], COLOURS.paper, 5, "butt");
+        for (const s of [0.55 * l - 2.5, 0.55 * l + 2.5]) this.line(stroke(s), colour, 1.6);
+      }
     });
+    return { cut, p, q };
   }
 }
 

@@ -1,0 +1,103 @@
+"""What stands along the bottom of a figure: time, or any coordinate, joint or sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError
+from ..naming import coordinate_units, index_of, joint_units
+from ..numeric import shown
+from ..readable import Readable
+
+FloatArray = NDArray[np.float64]
+
+
+MOST_DEGREES = 8.0
+"""Between outputs that lie farther apart on a turn no line is drawn."""
+
+
+@dataclass(frozen=True)
+class Abscissa:
+    """Numbers (nt,) along the bottom, and where a line must be broken because a turn begins anew."""
+
+    values: FloatArray
+    label: str
+    breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
+    is_time: bool = False
+
+    def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
+        """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
+        if self.is_sparse:
+            colour, hollow = style.get("color"), "--" in (*form, style.get("ls"))
+            look: dict[str, Any] = {
+                "marker": "o",
+                "ms": 2.6,
+                "mew": 0.7,
+                "mfc": "none" if hollow else colour,
+                "mec": colour,
+            }
+            ax.plot(self.values, y, ls="none", color=colour, label=style.get("label"), **look)
+            return
+        at = np.flatnonzero(self.breaks)
+        ax.plot(np.insert(self.values, at, np.nan), np.insert(np.asarray(y, dtype=float), at, np.nan), *form, **style)
+
+    @property
+    def is_sparse(self) -> bool:
+        """Do so few outputs fall on a turn that lines between them would cut its curve short?"""
+        steps = np.abs(np.diff(self.values))[~self.breaks[1:]]
+        return bool(self.breaks.any() and steps.size and np.nanmedian(steps) > MOST_DEGREES)
+
+    def dress(self, ax: Axes) -> None:
+        """The label below `ax`."""
+        ax.set_xlabel(self.label, fontsize=9)
+
+
+def abscissa(result: Readable, x: Any) -> Abscissa:
+    """Time for None; else the coordinate, joint or sensor `x`: angles in degrees, of one turn where there are more."""
+    if x is None:
+        return Abscissa(result.t, "time [s]", np.zeros(len(result.t), dtype=bool), is_time=True)
+    x = getattr(x, "name", x)
+    sensors = [item["name"] for item in result.summary.get("sensors", ())]
+    known = [*result.names.coordinates, *result.names.joints, *sensors]
+    if not isinstance(x, str):
+        raise ArgumentError(f"x must be the name of a coordinate, joint or sensor, not {shown(x)}", argument="x")
+    name = known[index_of(x, known, "coordinate, joint or sensor")]
+    values, unit = _numbers(result, name)
+    if unit != "rad":
+        return Abscissa(
+            values, f"{name}{f' [{unit}]' if unit not in ('', '1') else ''}", np.zeros(len(values), dtype=bool)
+        )
+    degrees = np.degrees(values)
+    finite = degrees[np.isfinite(degrees)]
+    if not finite.size or float(finite.max() - finite.min()) <= 370.0:  # one turn, and what a run goes beyond it
+        return Abscissa(degrees, f"{name} [deg]", np.zeros(len(values), dtype=bool))
+    turn = np.floor(degrees / 360.0)
+    return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)
+
+
+def _numbers(result: Readable, name: str) -> tuple[FloatArray, str]:
+    if name in result.names.coordinates:
+        i = list(result.names.coordinates).index(name)
+        return np.asarray(result.q[:, i]), coordinate_units(result.summary, result.names)[0][i]
+    if name in result.names.joints:
+        about = result.summary["joints"][list(result.names.joints).index(name)]
+        values, units = np.asarray(result.joint(name).position), joint_units(about)[0]
+        if values.ndim != 2 or values.shape[1] != 1:
+            raise ArgumentError(
+                f"x: joint {name!r} has {values.shape[-1]} coordinates; name one of them, such as a sensor of it, or a "
+                "joint that turns or slides one way",
+                argument="x",
+            )
+        return values[:, 0], units[0]
+    read = result.sensor(name)
+    if read.values.ndim != 1:
+        raise ArgumentError(
+            f"x: sensor {name!r} reads {read.values.shape[1:]} numbers at once; make a sensor of one of them, [0]",
+            argument="x",
+        )
+    return np.asarray(read.values, dtype=float), read.unit

@@ -1,0 +1,52 @@
+"""Many curves in one panel: those that lie on each other are told apart, those there is no room for become a band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from .abscissa import Abscissa
+from .style import COLOURS, legend, shortened
+
+FloatArray = NDArray[np.float64]
+
+ALIKE = 0.004
+"""Curves that differ by less than this share of the panel's height are one line on paper."""
+
+BAND = "#9aa5b1"
+
+
+def draw_bundle(
+    ax: Axes,
+    x: Abscissa,
+    values: FloatArray,
+    columns: Sequence[int],
+    labels: Sequence[str],
+    units: Sequence[str],
+    left_out: Sequence[int] = (),
+) -> None:
+    """Columns of `values` (nt, n) as lines with a legend; over time the range of all others as a grey band.
+
+    Of lines that lie on each other the later ones are dashed, so that every colour shows. Others make a band only where
+    all columns have one unit; those `left_out` are in neither.
+    """
+    shown = values[:, list(columns)]
+    finite = shown[np.isfinite(shown)]
+    height = float(np.ptp(finite)) if finite.size else 0.0
+    rest = [i for i in range(values.shape[1]) if i not in {*columns, *left_out}]
+    banded = bool(rest and x.is_time and len(set(units)) == 1)
+    if banded:
+        low, high = np.min(values[:, rest], axis=1), np.max(values[:, rest], axis=1)
+        ax.fill_between(
+            x.values, low, high, color=BAND, alpha=0.3, lw=0, label=f"range of {len(rest)} other{'s' * (len(rest) > 1)}"
+        )
+    drawn: list[FloatArray] = []
+    for n, i in enumerate(columns):
+        twins = sum(bool(np.nanmax(np.abs(values[:, i] - other), initial=0.0) <= ALIKE * height) for other in drawn)
+        style = (4.0 * twins, (4.0, 5.0)) if twins else "-"
+        drawn.append(values[:, i])
+        x.plot(ax, values[:, i], ls=style, color=COLOURS[n % len(COLOURS)], lw=1.2, label=shortened(labels[i]))
+    legend(ax, len(columns), len(columns) if banded else values.shape[1], "shown")

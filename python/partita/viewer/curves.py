@@ -1,0 +1,97 @@
+"""What can be plotted under the scene: loads of joints, coordinates, sensors, energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..naming import coordinate_units
+from ..readable import Readable
+
+FloatArray = NDArray[np.float64]
+
+MOST_COLUMNS = 400
+"""More coordinates than this are plotted only where they move most: the page stays small."""
+MOST_LINES = 5
+
+
+def curves(result: Readable) -> tuple[list[dict[str, Any]], list[int], dict[str, FloatArray]]:
+    """Curves of the page, those shown first, and the tables (nt, columns) they are read from."""
+    found, tables = _coordinates(result)
+    found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS]
+    for number, about in enumerate(result.summary.get("sensors", ())):
+        values = np.asarray(result.sensor(about["name"]).values, dtype=float).reshape(len(result.t), -1)
+        tables[f"sensor{number}"] = values[:, :MOST_LINES]
+        count = tables[f"sensor{number}"].shape[1]
+        labels = list("xyz") if count == 3 else [""] if count == 1 else [str(i) for i in range(count)]
+        found.append(_curve("sensors", about["name"], f"sensor{number}", range(count), _unit(about["unit"]), labels))
+    if result.has_energy:
+        found += [_curve("energy", f"{name} energy", table, [0], "J", [""]) for name, table in ENERGIES]
+    return found, _first(result, found), tables
+
+
+LOADS = (("force", "N"), ("moment", "N m"))
+ENERGIES = (("kinetic", "kinetic"), ("potential", "potential"), ("total", "energy"))
+
+
+def _curve(group: str, name: str, table: str, columns: Any, unit: str, labels: list[str]) -> dict[str, Any]:
+    return {
+        "group": group, "name": name, "table": table, "columns": [int(i) for i in columns], "unit": unit,
+        "labels": labels, "size": False, "open": False,
+    }  # fmt: skip
+
+
+def _coordinates(result: Readable) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
+    q, v = np.asarray(result.q, dtype=float), np.asarray(result.v, dtype=float)
+    names = result.names
+    q_units, v_units = coordinate_units(result.summary, names)
+    found, tables = [], {}
+    for group, table, values, labels, units in (
+        ("coordinates", "q", q, names.coordinates, q_units), ("velocities", "v", v, names.velocities, v_units),
+    ):  # fmt: skip
+        order = np.argsort(-np.ptp(values, axis=0), kind="stable")[: MOST_COLUMNS // 2]
+        kept = sorted(int(i) for i in order)
+        tables[table] = values[:, kept]
+        words = "" if table == "q" else "velocity of "
+        for column, i in enumerate(kept):
+            found.append(_curve(group, f"{words}{labels[i]}", table, [column], _unit(units[i]), [""]))
+    return found, tables
+
+
+def _load(result: Readable, name: str, what: str, unit: str) -> dict[str, Any]:
+    at = 3 * list(result.names.joints).index(name)
+    curve = _curve(f"{what}s of joints", f"{what} in {name}", what, range(at, at + 3), unit, [""])
+    return curve | {"size": True, "open": loads_open(result, name)[what == "moment"]}
+
+
+def _first(result: Readable, found: list[dict[str, Any]]) -> list[int]:
+    """A coordinate that leads, the joint with the largest force, and the first sensors: three plots."""
+    chosen: list[int] = []
+    groups = [curve["group"] for curve in found]
+    if result.independent.size and "velocities" in groups:
+        often = int(np.bincount(result.independent[result.independent >= 0]).argmax())
+        wanted = f"velocity of {result.names.velocities[often]}"
+        chosen += [i for i, curve in enumerate(found) if curve["name"] == wanted][:1]
+    sizes = [float(np.nanmax(np.abs(result.joint(name).force), initial=0.0)) for name in result.names.joints]
+    if any(sizes):
+        wanted = f"force in {result.names.joints[int(np.argmax(sizes))]}"
+        chosen += [i for i, curve in enumerate(found) if curve["name"] == wanted][:1]
+    chosen += [i for i, group in enumerate(groups) if group == "sensors"][: 3 - len(chosen)]
+    chosen += [i for i, group in enumerate(groups) if group == "energy"][: 3 - len(chosen)]
+    return chosen
+
+
+def loads_open(result: Readable, name: str) -> list[bool]:
+    """Of a joint's force and moment: does any of what is drawn of it stand open (redundant constraints)?"""
+    joint = result.joint(name).in_frame("joint")
+    found = []
+    for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):
+        size = float(np.nanmax(np.abs(values), initial=0.0))
+        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > 1e-9 * size))
+    return found
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit

@@ -1,0 +1,132 @@
+"""Drawing hints that a person gives: solids in the place of rods, and points whose paths are traced."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError
+from ..naming import index_of
+from ..numeric import shown
+
+FloatArray = NDArray[np.float64]
+
+ORIGIN, ALONG_Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+SOLIDS: dict[str, dict[str, Any]] = {
+    # kind: its words; None where one must be given
+    "box": {"size": None, "center": ORIGIN},
+    "cylinder": {"radius": None, "length": None, "center": ORIGIN, "axis": ALONG_Z},
+    "wheel": {"radius": None, "length": None, "center": ORIGIN, "axis": ALONG_Z},
+    "ball": {"radius": None, "center": ORIGIN},
+    "plate": {"points": None},
+    "rod": {"start": None, "end": None},
+}
+
+
+def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]]:
+    """Solids by the number of their body, -1 the ground; the form of `shapes` is told at `partita.viewer.html`."""
+    if shapes is None:
+        return {}
+    if not isinstance(shapes, Mapping):
+        _fail("shapes", f"must be a mapping from names of bodies to shapes, not {shown(shapes)}")
+    found: dict[int, list[dict[str, Any]]] = {}
+    for name, given in shapes.items():
+        several = given if isinstance(given, list | tuple) else [given]
+        if not several:
+            _fail("shapes", f"of {name!r} is empty: leave the body out, or give a shape")
+        found[_body(name, bodies)] = [_solid(name, one) for one in several]
+    return found
+
+
+def traced(points: Any, bodies: Sequence[str]) -> list[dict[str, Any]]:
+    """Points to mark and trace, each with name, body and place in body axes."""
+    if points is None:
+        return []
+    if not isinstance(points, Mapping):
+        _fail("points", f"must be a mapping from names to (body, place), not {shown(points)}")
+    found = []
+    for name, given in points.items():
+        if not isinstance(name, str) or not name:
+            _fail("points", f"must have names that are text, not {shown(name)}")
+        if not isinstance(given, tuple | list) or len(given) != 2:
+            _fail("points", f"{name!r} must be (body, place in body axes), not {shown(given)}")
+        where = _vector("points", f"{name!r}", given[1])
+        found.append({"name": name, "body": _body(given[0], bodies), "at": where})
+    return found
+
+
+def _body(name: Any, bodies: Sequence[str]) -> int:
+    name = getattr(name, "name", name)
+    known = [*bodies, "ground"]
+    i = index_of(name, known, "body")
+    return -1 if i == len(bodies) else i
+
+
+def _solid(name: Any, given: Any) -> dict[str, Any]:
+    of = f"of {name!r}"
+    if not isinstance(given, Mapping) or given.get("kind") not in SOLIDS:
+        _fail("shapes", f'{of} must be {{"kind": ...}} with one of {", ".join(SOLIDS)}, not {shown(given)}')
+    words = SOLIDS[given["kind"]]
+    unknown = [str(word) for word in given if word != "kind" and word not in words]
+    if unknown:
+        _fail("shapes", f"{of}: {', '.join(unknown)} is no word of a {given['kind']}; known: {', '.join(words)}")
+    found: dict[str, Any] = {"kind": given["kind"]}
+    for word, usual in words.items():
+        value = given.get(word, usual)
+        what = f"{of}: {word}"
+        if value is None:
+            _fail("shapes", f"{what} is missing; a {given['kind']} has {', '.join(words)}")
+        if word in ("radius", "length"):
+            found[word] = _positive(what, value)
+        elif word == "points":
+            found[word] = _ring(what, value)
+        else:
+            found[word] = _vector("shapes", what, value)
+    if given["kind"] == "box" and min(found["size"]) <= 0.0:
+        _fail("shapes", f"{of}: size must be three positive lengths [m], not {shown(given['size'])}")
+    if "axis" in found:
+        size = float(np.linalg.norm(found["axis"]))
+        if size == 0.0:
+            _fail("shapes", f"{of}: axis must have a length")
+        found["axis"] = [x / size for x in found["axis"]]
+    return found
+
+
+def _positive(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if isinstance(value, bool) or not np.isfinite(number) or number <= 0.0:
+        _fail("shapes", f"{what} must be a positive length [m], not {shown(value)}")
+    return number
+
+
+def _numbers(value: Any) -> FloatArray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return np.full(0, np.nan)
+    return array
+
+
+def _vector(argument: str, what: str, value: Any) -> list[float]:
+    array = _numbers(value)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        _fail(argument, f"{what} must be three finite numbers in body axes [m], not {shown(value)}")
+    return [float(x) for x in array]
+
+
+def _ring(what: str, value: Any) -> list[list[float]]:
+    array = _numbers(value)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 3 or not np.isfinite(array).all():
+        _fail("shapes", f"{what} must be three or more points of three finite numbers, around the plate")
+    return [[float(x) for x in point] for point in array]
+
+
+def _fail(argument: str, why: str) -> NoReturn:
+    raise ArgumentError(f"{argument} {why}", argument=argument)

@@ -1,0 +1,67 @@
+// Words beside points, placed so that none covers another, a joint or a legend, and none leaves the picture.
+
+const DIRECTIONS = [[1, -1], [1, 0], [-1, -1], [-1, 0], [1, 1], [-1, 1], [0, -1], [0, 1]];
+
+const overlaps = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+const boxAround = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
+
+class Labels {
+  constructor(context, width, height) {
+    this.c = context;
+    this.width = width;
+    this.height = height;
+    this.taken = []; // boxes where no word may stand
+    this.soft = []; // boxes where a word should not stand: arrows
+    this.written = []; // what was written where, for this frame
+    this.hidden = 0;
+  }
+
+  take(box) {
+    this.taken.push(box);
+  }
+
+  /** Text no wider than `most` pixels, cut in the middle. */
+  fitted(text, most) {
+    if (this.c.measureText(text).width <= most) return text;
+    let keep = text.length;
+    const cut = () => `${text.slice(0, Math.ceil(keep / 2))}…${text.slice(text.length - Math.floor(keep / 2))}`;
+    while (keep > 2 && this.c.measureText(cut()).width > most) keep--;
+    return cut();
+  }
+
+  /** Best place for a text at a distance from a point; `last` is the place it had before and keeps if it can. */
+  place(text, x, y, away, last) {
+    return this.search(text, x, y, away, last, this.taken.concat(this.soft)) || this.search(text, x, y, away, last, this.taken);
+  }
+
+  search(text, x, y, away, last, taken) {
+    const width = this.c.measureText(text).width, height = 15;
+    const order = DIRECTIONS.map((_, i) => i);
+    if (last !== undefined) order.unshift(last % 8);
+    for (const [ring, more] of [0, 14, 30].entries()) {
+      for (const i of order) {
+        const [dx, dy] = DIRECTIONS[i], d = away + more;
+        const cx = x + (dx ? dx * (d * (dy ? 0.8 : 1) + width / 2) : 0), cy = y + dy * (d * (dx ? 0.8 : 1) + height / 2);
+        const box = { left: cx - width / 2 - 2, right: cx + width / 2 + 2, top: cy - height / 2, bottom: cy + height / 2 };
+        if (box.left < 3 || box.right > this.width - 3 || box.top < 3 || box.bottom > this.height - 3) continue;
+        if (taken.some((other) => overlaps(box, other))) continue;
+        return { box, x: box.left + 2, y: cy + 4, place: i, far: ring > 0 };
+      }
+    }
+    return null;
+  }
+
+  /** Write at a place already chosen, and keep others off it. */
+  write(text, x, y, colour) {
+    const { c } = this, width = c.measureText(text).width;
+    const box = { left: x - 1, right: x + width + 1, top: y - 11, bottom: y + 4 };
+    this.taken.push(box);
+    this.written.push({ text, colour: colour || COLOURS.ink, ...box });
+    c.lineJoin = "round";
+    c.lineWidth = 3.5;
+    c.strokeStyle = COLOURS.halo;
+    c.strokeText(text, x, y);
+    c.fillStyle = colour || COLOURS.ink;
+    c.fillText(text, x, y);
+  }
+}

@@ -1,0 +1,181 @@
+// Small plots over time under the scene, with a cursor at the instant shown.
+
+const MOST_PLOTS = 8;
+
+class Plots {
+  constructor(run, jumpTo) {
+    this.run = run;
+    this.jumpTo = jumpTo;
+    this.curves = run.scene.curves;
+    this.list = []; // shown: {curve, canvas, still}
+    this.home = document.getElementById("multiples");
+    this.fill();
+    for (const i of run.scene.firstCurves) this.add(i);
+    document.getElementById("plots").hidden = !this.curves.length || run.frames < 2;
+  }
+
+  fill() {
+    const select = document.getElementById("add"), groups = new Map();
+    select.append(new Option("choose …", ""));
+    this.curves.forEach((curve, i) => {
+      if (!groups.has(curve.group)) {
+        groups.set(curve.group, element("optgroup"));
+        groups.get(curve.group).label = curve.group;
+        select.append(groups.get(curve.group));
+      }
+      groups.get(curve.group).append(new Option(curve.name, i));
+    });
+    select.addEventListener("change", () => {
+      if (select.value !== "") this.add(Number(select.value));
+      select.value = "";
+    });
+  }
+
+  add(i) {
+    if (this.list.some((plot) => plot.curve === this.curves[i])) return;
+    if (this.list.length === MOST_PLOTS) this.remove(this.list[0]);
+    const curve = this.curves[i], box = element("div", "plot"), canvas = element("canvas"), caption = element("p");
+    const close = element("button", "", "×"), plot = { curve, canvas, caption, box, values: this.valuesOf(curve) };
+    close.type = "button";
+    close.setAttribute("aria-label", `remove the plot of ${curve.name}`);
+    close.addEventListener("click", () => { this.remove(plot); });
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "img");
+    canvas.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[e.key];
+      if (!step) return;
+      e.preventDefault();
+      e.stopPropagation();
+      const stride = Math.max(1, Math.round(this.run.frames / 100)) * step;
+      this.jumpTo(this.run.t[Math.max(0, Math.min(this.run.frames - 1, this.frame + stride))]);
+    });
+    const set = (e) => this.jumpTo(this.timeAt(plot, e.offsetX));
+    canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); set(e); });
+    canvas.addEventListener("pointermove", (e) => { if (e.buttons) set(e); });
+    box.append(caption, close, canvas);
+    this.home.append(box);
+    this.list.push(plot);
+    if (this.frame !== undefined) this.draw(this.frame);
+  }
+
+  remove(plot) {
+    plot.box.remove();
+    this.list.splice(this.list.indexOf(plot), 1);
+  }
+
+  /** Lines of a curve, an array of numbers each; `size` asks for lengths of vectors. */
+  valuesOf(curve) {
+    const table = this.run.tables[curve.table];
+    const line = (column) => Array.from({ length: this.run.frames }, (_, f) => table.get(f, column));
+    if (!curve.size) return curve.columns.map(line);
+    const [x, y, z] = curve.columns.map(line);
+    return [x.map((_, f) => Math.hypot(x[f], y[f], z[f]))];
+  }
+
+  frameOf(plot) {
+    const width = plot.canvas.clientWidth, height = plot.canvas.clientHeight;
+    return { left: 46, right: width - 6, top: 6, bottom: height - 17, width, height };
+  }
+
+  timeAt(plot, x) {
+    const { left, right } = this.frameOf(plot), { t } = this.run, last = t[this.run.frames - 1];
+    return t[0] + Math.max(0, Math.min(1, (x - left) / (right - left))) * (last - t[0]);
+  }
+
+  draw(frame) {
+    this.frame = frame;
+    for (const plot of this.list) this.drawOne(plot, frame);
+  }
+
+  drawOne(plot, frame) {
+    const { curve, canvas, values } = plot, box = this.frameOf(plot), ratio = window.devicePixelRatio || 1;
+    if (box.width < 60) return;
+    canvas.width = Math.round(box.width * ratio);
+    canvas.height = Math.round(box.height * ratio);
+    const c = canvas.getContext("2d"), { t } = this.run, end = t[this.run.frames - 1];
+    c.scale(ratio, ratio);
+    c.font = "11px system-ui, sans-serif";
+    let low = Infinity, high = -Infinity;
+    for (const line of values) for (const y of line) if (Number.isFinite(y)) { low = Math.min(low, y); high = Math.max(high, y); }
+    if (!(low <= high)) { low = 0; high = 1; }
+    // Round-off is not blown up to a curve.
+    const spare = Math.max(high - low, 1e-6 * Math.max(Math.abs(low), Math.abs(high)), 1e-12);
+    if (high - low < 0.1 * spare) { low -= spare; high += spare; } else { low -= 0.06 * spare; high += 0.06 * spare; }
+    const X = (time) => box.left + ((time - t[0]) / (end - t[0] || 1)) * (box.right - box.left);
+    const Y = (y) => box.bottom - ((y - low) / (high - low)) * (box.bottom - box.top);
+    c.fillStyle = COLOURS.quiet;
+    c.strokeStyle = COLOURS.grid;
+    c.lineWidth = 1;
+    for (const y of ticksOf(low, high, 3)) {
+      c.beginPath(); c.moveTo(box.left, Y(y)); c.lineTo(box.right, Y(y)); c.stroke();
+      c.textAlign = "right";
+      c.fillText(tickText(y, high - low), box.left - 4, Y(y) + 4);
+    }
+    for (const x of ticksOf(t[0], end, 4)) {
+      c.beginPath(); c.moveTo(X(x), box.top); c.lineTo(X(x), box.bottom); c.stroke();
+      const text = `${tickText(x, end - t[0])} s`, half = c.measureText(text).width / 2;
+      c.textAlign = "center";
+      c.fillText(text, Math.max(half, Math.min(box.width - half, X(x))), box.height - 4);
+    }
+    values.forEach((line, n) => {
+      c.strokeStyle = COLOURS.lines[n % COLOURS.lines.length];
+      c.lineWidth = 1.5;
+      c.lineJoin = "round";
+      c.setLineDash(curve.open ? [4, 3] : []);
+      c.beginPath();
+      let down = false;
+      for (let f = 0; f < line.length; f++) {
+        if (!Number.isFinite(line[f])) { down = false; continue; }
+        if (down) c.lineTo(X(t[f]), Y(line[f])); else c.moveTo(X(t[f]), Y(line[f]));
+        down = true;
+      }
+      c.stroke();
+      c.setLineDash([]);
+    });
+    c.strokeStyle = COLOURS.ink;
+    c.lineWidth = 1;
+    c.beginPath(); c.moveTo(X(t[frame]), box.top - 3); c.lineTo(X(t[frame]), box.bottom); c.stroke();
+    values.forEach((line, n) => {
+      if (!Number.isFinite(line[frame])) return;
+      c.fillStyle = COLOURS.lines[n % COLOURS.lines.length];
+      c.beginPath(); c.arc(X(t[frame]), Y(line[frame]), 3, 0, 2 * Math.PI); c.fill();
+    });
+    this.tell(plot, frame);
+  }
+
+  /** Name and values now, above the plot and for those who do not see it. */
+  tell(plot, frame) {
+    const { curve, values, caption } = plot;
+    const said = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
+    const text = `${curve.name}: ${said}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;
+    if (plot.text === text) return;
+    plot.text = text;
+    caption.replaceChildren();
+    caption.append(`${curve.name}: `);
+    values.forEach((line, n) => {
+      const part = element("span", "", (n ? ", " : "") + (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3));
+      if (values.length > 1) part.style.color = COLOURS.lines[n % COLOURS.lines.length];
+      caption.append(part);
+    });
+    caption.append(`${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`);
+    caption.title = text;
+    plot.canvas.setAttribute("aria-label", `${text} at ${short(this.run.t[frame])} s; arrow keys change the time`);
+  }
+}
+
+/** Round numbers between two others, about `count`. */
+function ticksOf(low, high, count) {
+  if (!(high > low)) return [low];
+  let step = roundBelow((high - low) / count);
+  while ((high - low) / step > count + 1.5) step *= 2;
+  const found = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
+  return found;
+}
+
+function tickText(x, span) {
+  if (Math.abs(x) < 1e-9 * span) return "0";
+  const size = Math.abs(x);
+  if (size >= 1e5 || size < 1e-3) return x.toExponential(span / size < 0.2 ? 2 : 1).replace("e+", "e");
+  return String(Number(x.toFixed(Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(span)))))));
+}

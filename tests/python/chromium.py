@@ -1,0 +1,134 @@
+"""A headless Chromium driven over a pair of pipes: enough to open pages, press keys, and ask what is seen."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DESKTOP = (1280, 800, False)
+PHONE = (390, 844, True)
+
+
+class Chromium:
+    """One browser with one tab; `with Chromium() as browser`. Messages are JSON, each ended by a zero byte."""
+
+    def __init__(self) -> None:
+        assert PROGRAM is not None
+        self.home = tempfile.mkdtemp(prefix="partita-chromium-")
+        read_theirs, self.write = os.pipe()
+        self.read, write_theirs = os.pipe()
+
+        def place() -> None:
+            # The browser reads from descriptor 3 and writes to 4; high copies first, so that neither is overwritten.
+            low = os.dup(read_theirs), os.dup(write_theirs)
+            high = [os.dup2(fd, 60 + i) for i, fd in enumerate(low)]
+            os.dup2(high[0], 3, inheritable=True)
+            os.dup2(high[1], 4, inheritable=True)
+
+        self.process = subprocess.Popen(
+            [PROGRAM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars",
+             "--no-first-run", f"--user-data-dir={self.home}", "--remote-debugging-pipe", "about:blank"],
+            preexec_fn=place, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(read_theirs)
+        os.close(write_theirs)
+        self.rest, self.count, self.session = b"", 0, ""
+        self.told: list[str] = []
+        target = next(t for t in self.ask("Target.getTargets")["targetInfos"] if t["type"] == "page")
+        self.session = self.ask("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log"):
+            self.ask(f"{domain}.enable")
+
+    def __enter__(self) -> Chromium:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.process.terminate()
+        self.process.wait(20)
+        os.close(self.read)
+        os.close(self.write)
+        shutil.rmtree(self.home, ignore_errors=True)
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self.rest:
+            more = os.read(self.read, 1 << 16)
+            if not more:
+                raise RuntimeError("Chromium ended")
+            self.rest += more
+        text, self.rest = self.rest.split(b"\0", 1)
+        message: dict[str, Any] = json.loads(text)
+        kind, what = message.get("method", ""), message.get("params", {})
+        if kind == "Runtime.exceptionThrown":
+            self.told.append(json.dumps(what["exceptionDetails"])[:600])
+        elif kind == "Runtime.consoleAPICalled" and what["type"] in ("error", "warning", "assert"):
+            self.told.append(json.dumps(what["args"])[:600])
+        elif kind == "Log.entryAdded" and what["entry"]["level"] in ("error", "warning"):
+            self.told.append(what["entry"]["text"])
+        return message
+
+    def ask(self, method: str, **params: Any) -> dict[str, Any]:
+        """Send a command and return its answer; what comes in between is kept in `told` where it is an error."""
+        self.count += 1
+        message: dict[str, Any] = {"id": self.count, "method": method, "params": params}
+        if self.session:
+            message["sessionId"] = self.session
+        data = json.dumps(message).encode() + b"\0"
+        while data:
+            data = data[os.write(self.write, data) :]
+        while True:
+            answer = self._next()
+            if answer.get("id") == self.count:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']}")
+                found: dict[str, Any] = answer["result"]
+                return found
+
+    def open(self, path: Path, screen: tuple[int, int, bool] = DESKTOP, scheme: str = "light", at: str = "") -> None:
+        """Open a page of this disk on a screen (width, height, touch), with the colour scheme a person prefers."""
+        width, height, touch = screen
+        self.ask(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=2 if touch else 1, mobile=touch,
+        )  # fmt: skip
+        self.ask("Emulation.setTouchEmulationEnabled", enabled=touch)
+        self.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self.told = []
+        self.ask("Page.navigate", url="about:blank")  # else a change behind # alone would not load anew
+        self.ask("Page.navigate", url=path.resolve().as_uri() + at)
+        while self._next().get("method") != "Page.loadEventFired":
+            pass
+        self.rest_a_frame()
+
+    def rest_a_frame(self) -> None:
+        self.value("new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(0))))")
+
+    def value(self, script: str) -> Any:
+        """What a line of JavaScript gives."""
+        told = self.ask("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in told:
+            raise RuntimeError(json.dumps(told["exceptionDetails"])[:800])
+        return told["result"].get("value")
+
+    def press(self, key: str, code: str = "", shift: bool = False) -> None:
+        """Press a key: a character, or a name such as Tab, ArrowLeft."""
+        about: dict[str, Any] = {"key": key, "code": code or key, "modifiers": 8 if shift else 0}
+        number = {"Tab": 9, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40, "Enter": 13}.get(key)
+        if number:
+            about["windowsVirtualKeyCode"] = number
+        elif len(key) == 1:
+            about["text"] = key
+        self.ask("Input.dispatchKeyEvent", type="keyDown", **about)
+        self.ask("Input.dispatchKeyEvent", type="keyUp", **about)
+
+    def picture(self, path: Path, whole: bool = False) -> None:
+        """Save what is seen as a PNG; `whole` the page below too."""
+        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
+        path.write_bytes(base64.b64decode(data))

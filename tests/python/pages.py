@@ -1,0 +1,40 @@
+"""What is asked of an animated page, whatever it shows: nothing overlaps, nothing leaves, all can be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from chromium import DESKTOP, PHONE, Chromium
+
+MOST_BYTES = 1_000_000
+"""What a run of ten seconds may add to the viewer's own text."""
+
+SCREENS = [(screen, scheme) for screen in (DESKTOP, PHONE) for scheme in ("light", "dark")]
+
+CONTRAST, LAYOUT = (
+    Path(__file__).with_name(f"page_{what}.js").read_text(encoding="utf-8") for what in ("contrast", "layout")
+)
+
+
+def faults(browser: Chromium, path: Path, fixed: int, shots: Path | None = None) -> list[str]:
+    """What is wrong with a page on two screens, light and dark, at the start, the middle and the end of its run."""
+    found: list[str] = []
+    added = path.stat().st_size - fixed
+    if added > MOST_BYTES:
+        found.append(f"{added} bytes over the fixed part")
+    for screen, scheme in SCREENS:
+        name = f"{'phone' if screen is PHONE else 'desktop'}, {scheme}"
+        browser.open(path, screen, scheme)
+        found += [f"{name}: {word}" for word in browser.value(CONTRAST)]
+        first, last = browser.value("(() => { const d = []; for (const t of [0, 1e9]) { partita.show(t); "
+                                    "d.push(partita.time()); } return d; })()")  # fmt: skip
+        for part in (0.0, 0.37, 1.0):
+            browser.value(f"partita.show({first + part * (last - first)!r})")
+            browser.rest_a_frame()
+            found += [f"{name}, {part:.0%}: {word}" for word in browser.value(LAYOUT)]
+        found += [f"{name}: console: {word}" for word in browser.told]
+        if shots is not None:
+            browser.value("partita.show(0)")
+            browser.rest_a_frame()
+            browser.picture(shots / f"{path.stem}-{name.replace(', ', '-')}.png", whole=screen is PHONE)
+    return found

@@ -1,0 +1,169 @@
+"""Animated pages opened in a browser: the page itself is looked at. `make pages` opens all of the catalogue."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from catalogue_runs import run_of
+from chromium import DESKTOP, PHONE, PROGRAM, Chromium
+from pages import CONTRAST, LAYOUT, faults
+
+import partita as pt
+from partita import viewer
+from partita.viewer.page import fixed_bytes
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Chromium]:
+    with Chromium() as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("name", ["double-wishbone", "engine-inline-four", "jansen-pair", "bennett"])
+def test_pages_are_legible(browser: Chromium, tmp_path: Path, name: str) -> None:
+    """Flat and in space, with shared places, with a row of cylinders, with reactions that are not unique."""
+    path = viewer.write_html(run_of(name), tmp_path / f"{name}.html")
+    assert faults(browser, path, fixed_bytes()) == []
+
+
+def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:
+    """What is asked of a page tells a page that is wrong from one that is right."""
+    text = viewer.html(run_of("jansen-pair"))
+    pale = tmp_path / "pale.html"
+    pale.write_text(text.replace("--quiet: #53606d", "--quiet: #aab4bd"), encoding="utf-8")
+    browser.open(pale)
+    assert any("DT" in word for word in browser.value(CONTRAST))
+    heaped = tmp_path / "heaped.html"
+    heaped.write_text(text.replace("if (taken.some(", "if (false && taken.some("), encoding="utf-8")
+    browser.open(heaped, PHONE)
+    assert any('" on "' in word for word in browser.value(LAYOUT))
+    loud = tmp_path / "loud.html"
+    loud.write_text(text.replace("start();\n", "start(); console.error('said');\n"), encoding="utf-8")
+    browser.open(loud)
+    assert any("said" in word for word in browser.told)
+
+
+def test_keyboard_reaches_everything(browser: Chromium, tmp_path: Path) -> None:
+    path = viewer.write_html(run_of("jansen-pair"), tmp_path / "keys.html")
+    browser.open(path)
+    wanted = browser.value(
+        "(window.all = [...document.querySelectorAll('button, select, input, canvas, summary, #bars')]"
+        ".filter((e) => e.checkVisibility() && !e.disabled)).length"
+    )
+    reached, unmarked = set(), []
+    for _ in range(wanted + 4):
+        browser.press("Tab")
+        at, ring = browser.value(
+            "[all.indexOf(document.activeElement), getComputedStyle(document.activeElement).outlineStyle]"
+        )
+        if at >= 0:
+            reached.add(at)
+            if ring == "none":
+                unmarked.append(browser.value("document.activeElement.outerHTML.slice(0, 60)"))
+    assert len(reached) == wanted and not unmarked
+
+    browser.value("document.activeElement.blur()")
+    before = browser.value("partita.time()")
+    browser.press(".")
+    assert browser.value("partita.time()") > before
+    browser.press(" ")
+    assert "Pause" in browser.value("document.getElementById('play').textContent")
+    browser.press(" ")
+    browser.press("j")
+    assert "force" in browser.value("document.getElementById('tip').textContent")
+    browser.press("d")
+    assert browser.value("document.documentElement.dataset.theme") == "dark"
+    browser.value("document.querySelector('.plot canvas').focus()")
+    before = browser.value("partita.time()")
+    browser.press("ArrowRight")
+    assert browser.value("partita.time()") > before
+    assert browser.told == []
+
+
+def test_eighty_coordinates_are_ten_until_asked(browser: Chromium, tmp_path: Path) -> None:
+    run = run_of("n-four-bar", loops=80, t_eval=(0.0, 0.05, 0.1))
+    path = viewer.write_html(run, tmp_path / "chain.html")
+    names = list(run.names.velocities)
+    assert len(names) >= 80
+    browser.open(path, PHONE)
+    shown = (
+        "[...document.querySelectorAll('.row')].filter((e) => e.checkVisibility())"
+        ".map((e) => e.querySelector('.name').textContent)"
+    )
+    few = browser.value(shown)
+    assert len(few) == 10
+    assert {names[i] for i in run.independent[0]} <= set(few)  # what leads now is among them
+    browser.value("document.getElementById('search').value = '17'")
+    browser.value("document.getElementById('search').dispatchEvent(new Event('input'))")
+    assert browser.value(shown) == [name for name in names if "17" in name]
+    browser.value("document.getElementById('search').value = ''")
+    browser.value("document.getElementById('search').dispatchEvent(new Event('input'))")
+    browser.value("document.getElementById('all').click()")
+    assert browser.value(shown) == names
+    # A bar far down is filled when it is seen.
+    browser.value("document.querySelector('.row:last-of-type').scrollIntoView()")
+    browser.rest_a_frame()
+    value = browser.value("[...document.querySelectorAll('.row')].pop().querySelector('.value').textContent")
+    assert value == f"{run.measure[0, -1]:.3f}"
+
+
+def test_cylinders_stand_beside_each_other(browser: Chromium, tmp_path: Path) -> None:
+    path = viewer.write_html(run_of("engine-inline-four"), tmp_path / "engine.html")
+    browser.open(path, DESKTOP)
+    places = browser.value("partita.joints().filter((p) => p.name.startsWith('slide')).map((p) => p.x)")
+    width = browser.value("partita.size()[0]")
+    assert len(places) == 4
+    places.sort()
+    assert min(b - a for a, b in pairwise(places)) > 0.04 * width
+
+
+def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
+    """Solids of every kind, points and loads: no error, and what is named can be told from joint to joint."""
+    m = pt.Mechanism("cart", gravity=(0, -9.81, 0))
+    cart = m.add_body("cart", mass=5.0, inertia=(1, 1, 1), position=(0, 0.3, 0))
+    wheel = m.add_body("wheel", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0.4, 0.2, 0))
+    m.add_prismatic("slide", m.ground, cart, point=(0, 0.3, 0), axis=(1, 0, 0))
+    m.add_revolute("hub", cart, wheel, point=(0.4, 0.2, 0), axis=(0, 0, 1))
+    m.add_force(cart, (30.0, 0.0, 0.0), point=(-0.5, 0.0, 0.0), name="push")
+    shapes = {
+        "cart": [{"kind": "box", "size": (1, 0.25, 0.5)}, {"kind": "ball", "radius": 0.05, "center": (0, 0.3, 0)}],
+        "wheel": [{"kind": "wheel", "radius": 0.2, "length": 0.1}, {"kind": "cylinder", "radius": 0.05, "length": 0.4}],
+        "ground": [
+            {"kind": "plate", "points": [(0, 0, -1), (2, 0, -1), (2, 0, 1), (0, 0, 1)]},
+            {"kind": "rod", "start": (0, 0, 0), "end": (0, 1, 0)},
+        ],
+    }
+    path = viewer.write_html(
+        m.simulate(1.0), tmp_path / "cart.html", shapes=shapes, points={"P": ("wheel", (0.2, 0, 0))}
+    )
+    assert faults(browser, path, fixed_bytes()) == []
+    assert {"slide", "hub", "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
+
+
+def main(arguments: list[str]) -> int:
+    """Open pages of all of the catalogue, or of the names given; print what is wrong. Pictures go to `--pictures`."""
+    said = argparse.ArgumentParser(prog="test_pages.py", description="animated pages of the catalogue in a browser")
+    said.add_argument("names", nargs="*")
+    said.add_argument("--out", type=Path, default=Path("out/pages"))
+    options = said.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    wrong = 0
+    with Chromium() as opened:
+        for name in options.names or pt.catalogue.names():
+            path = viewer.write_html(pt.catalogue.entry(name).simulate(), options.out / f"{name}.html")
+            found = faults(opened, path, fixed_bytes(), options.out)
+            wrong += bool(found)
+            print(f"{name}: {path.stat().st_size // 1000} kB" + "".join(f"\n  {word}" for word in found), flush=True)
+    print(f"{wrong} pages with something wrong")
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

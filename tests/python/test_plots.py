@@ -1,0 +1,117 @@
+"""Figures: what is drawn is what was computed, over whatever it is asked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from catalogue_runs import run_of
+from matplotlib.figure import Figure
+
+import partita as pt
+from partita.errors import ArgumentError, UnknownNameError
+from partita.plots.abscissa import abscissa
+
+
+def lines(figure: Figure, n: int = 0) -> dict[str, np.ndarray]:
+    """Points (k, 2) of the lines of a panel by their labels."""
+    return {str(line.get_label()): np.asarray(line.get_xydata()) for line in figure.axes[n].get_lines()}
+
+
+def test_over_a_coordinate_lines_are_the_run() -> None:
+    """Every output stands once, at its angle within a turn; gaps stand where a turn begins anew, and nowhere else."""
+    run = run_of("four-bar")
+    drawn = lines(run.plot("reactions", x="A"))["A"]
+    gaps = np.isnan(drawn[:, 0])
+    angle = np.degrees(run.joint("A").position[:, 0])
+    assert np.array_equal(drawn[~gaps, 0], angle - 360.0 * np.floor(angle / 360.0))
+    assert np.array_equal(drawn[~gaps, 1], np.linalg.norm(run.joint("A").force, axis=1))
+    assert gaps.sum() == np.count_nonzero(np.diff(np.floor(angle / 360.0)))
+    assert "[deg]" in run.plot("energy", x="A").axes[0].get_xlabel()
+
+
+def test_few_outputs_on_a_turn_are_dots() -> None:
+    run = run_of("engine-v-twin")
+    assert abscissa(run, "main").is_sparse and not abscissa(run_of("four-bar"), "A").is_sparse
+    assert all(line.get_linestyle() == "None" for line in run.plot("accelerations", x="main").axes[0].get_lines())
+
+
+def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
+    ax = run_of("engine-inline-four").plot("coordinates").axes[0]
+    assert all(str(line.get_label()).startswith("slide") for line in ax.get_lines())
+    assert "main 106" in ax.texts[0].get_text()
+    assert not ax.collections  # in no band either
+
+
+def test_alike_curves_are_told_apart() -> None:
+    """Pistons of a four-cylinder engine move in pairs: of each pair one line is dashed."""
+    run = run_of("engine-inline-four")
+    styles = {str(line.get_label()): line.get_linestyle() for line in run.plot("coordinates").axes[0].get_lines()}
+    assert np.allclose(run.joint("slide 2").position, run.joint("slide 3").position, atol=1e-9)
+    assert styles["slide 2"] != styles["slide 3"]
+
+
+def test_paths_are_those_of_the_body() -> None:
+    run = run_of("four-bar")
+    place = (0.5, 0.2, 0.0)
+    figure = run.plot("paths", points={"P": ("coupler", place)})
+    path = run.body("coupler").point(place)
+    assert np.array_equal(lines(figure)["P"], path[:, :2])
+    assert figure.axes[0].get_aspect() == 1.0
+
+
+def test_bearing_loads_keep_size_and_direction() -> None:
+    run = run_of("four-bar")
+    figure = run.plot("bearings")
+    for ax in figure.axes:
+        name = ax.get_title().removesuffix(" [N]")
+        angle, size = np.asarray(ax.get_lines()[0].get_xydata()).T
+        force = run.joint(name).in_frame("joint").force
+        assert np.allclose(np.stack([size * np.cos(angle), size * np.sin(angle)], 1), force[:, :2], atol=1e-9)
+
+
+def test_a_star_says_something() -> None:
+    """Where no reaction is unique a note says so once; where all are unique nothing is marked."""
+    every = run_of("bennett").plot("reactions")
+    assert not any("*" in label for n in (0, 1) for label in lines(every, n))
+    assert "no force here is unique" in every.get_supxlabel()
+    assert run_of("jansen-pair").plot("reactions").get_supxlabel() == ""
+
+
+def test_own_axes_are_drawn_into() -> None:
+    figure = Figure()
+    ax = figure.subplots()
+    assert run_of("four-bar").plot("energy", ax=ax) is figure and len(ax.get_lines()) == 4
+
+
+def test_words_that_do_not_fit_are_told() -> None:
+    run, ax = run_of("four-bar"), Figure().subplots()
+    refused: list[tuple[tuple[str, ...], dict[str, Any]]] = [
+        (("closure",), {"x": "A"}),
+        (("overview",), {"x": "A"}),
+        (("overview",), {"ax": ax}),
+        (("reactions",), {"ax": ax}),
+        (("energy", "closure"), {"ax": ax}),
+        (("energy",), {"ax": 3}),
+        (("energy",), {"x": 3}),
+        (("energy",), {"points": {}}),
+        (("paths",), {"points": 3}),
+        (("paths",), {"points": {"P": "coupler"}}),
+        (("paths",), {"points": {"P": ("coupler", 1)}}),
+    ]
+    for words, options in refused:
+        with pytest.raises(ArgumentError):
+            run.plot(*words, **options)
+    for options in ({"x": "Q"}, {"points": {"P": ("cuopler", (0, 0, 0))}}):
+        with pytest.raises(UnknownNameError):
+            run.plot("paths" if "points" in options else "energy", **options)
+    with pytest.raises(ArgumentError, match="coordinates"):
+        run_of("double-wishbone").plot("energy", x="lower ball")
+
+
+def test_all_words_of_runs_of_every_kind() -> None:
+    """Flat, spatial, with quaternions, without joints, of one output: each word draws."""
+    single = pt.catalogue.entry("four-bar").mechanism().simulate(1.0, t_eval=[0.0])
+    for run in (run_of("double-wishbone"), run_of("heavy-top"), run_of("rolling-ball"), single):
+        run.plot("overview", "coordinates", "velocities", "accelerations", "reactions", "bearings", "paths", "energy")

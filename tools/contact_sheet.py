@@ -1,0 +1,53 @@
+"""Figures of twelve mechanisms side by side on one sheet, to be looked at: `python tools/contact_sheet.py WORD`."""
+
+import argparse
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib.image as mpimg
+from matplotlib.figure import Figure
+
+import partita as pt
+
+# Each with the joint whose angle or travel an engineer would put along the bottom.
+TWELVE = {
+    "four-bar": "A", "slider-crank": "", "engine-inline-four": "main", "engine-v-twin": "main", "andrews-squeezer": "O",
+    "double-wishbone": "lower hinge", "stewart-ups": "", "bennett": "A", "jansen-leg": "", "five-bar": "",
+    "scissor-lift": "", "whitworth": "",
+}  # fmt: skip
+
+
+def main() -> None:
+    """Run the twelve, draw each, and put the pictures on one sheet in out/."""
+    said = argparse.ArgumentParser(description="figures of twelve mechanisms on one sheet")
+    said.add_argument("word", nargs="?", default="overview", help="a word of run.plot")
+    said.add_argument("--over", action="store_true", help="over the angle of the crank in the place of time")
+    said.add_argument("--out", type=Path, default=Path("out/contact-sheet.png"))
+    options = said.parse_args()
+    pictures = []
+    for name, crank in TWELVE.items():
+        run = pt.catalogue.entry(name).simulate()
+        x = (crank or _turning(run)) if options.over else None
+        stream = BytesIO()
+        run.plot(options.word, x=x).savefig(stream, format="png", dpi=60)
+        stream.seek(0)
+        pictures.append(mpimg.imread(stream))
+    height, width = (max(p.shape[i] for p in pictures) for i in (0, 1))
+    sheet = Figure(figsize=(3 * width / 100, 4 * height / 100), dpi=100)
+    for n, picture in enumerate(pictures):
+        ax = sheet.add_axes(((n % 3) / 3, 1 - (n // 3 + 1) / 4, 1 / 3, 1 / 4))
+        ax.imshow(picture)
+        ax.set_axis_off()
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    sheet.savefig(options.out)
+    print(options.out)
+
+
+def _turning(run: pt.results.Result) -> str:
+    """The joint with one coordinate that goes farthest."""
+    single = [name for name in run.names.joints if run.joint(name).position.shape[1] == 1]
+    return max(single, key=lambda name: float(run.joint(name).position.max() - run.joint(name).position.min()))
+
+
+if __name__ == "__main__":
+    main()
