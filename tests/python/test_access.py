@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import partita as pt
+from partita.builder import Expression
 from partita.builder.calls import call_of
 from partita.errors import DescriptionError, UnknownAttributeError, UnknownNameError
 
@@ -178,6 +179,23 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         ("add_force_law", "air", {"function": wind, "on": ["b", ("c", TILTED)], "sees": ["R", "b", ("a", TILTED)]}),
         {"function": calm, "on": ["c"], "sees": []},
     ),
+    (
+        ("add_sensor", "tip", {"of": ("c", ("1 m", 0, 0)), "reads": "velocity", "axes": "b"}),
+        {"of": ("c", (0, "300 mm", 0)), "reads": "acceleration", "axes": "d", "text": "of the tip", "unit": "g"},
+    ),
+    (("add_sensor", "at rest", {"of": "ground", "reads": "rotation"}), {"of": "b"}),
+    (("add_sensor", "slid", {"of": "C", "reads": "position", "coordinate": 1}), {"coordinate": 0, "reads": "drive"}),
+    (("add_sensor", "borne", {"of": "S", "reads": "force", "axes": "joint"}), {"axes": "world", "reads": "moment"}),
+    (("add_sensor", "apart", {"of": APART, "reads": "velocity"}), {"of": ALONG, "reads": "acceleration"}),
+    (("add_sensor", "pull", {"of": "coil", "reads": "force"}), {"reads": "power", "of": "torsion"}),
+    (("add_sensor", "blown", {"of": "air", "reads": "force"}), {"coordinate": 1}),
+    (("add_sensor", "turned by", {"of": "held", "reads": "effort"}), {"of": "moved", "reads": "power"}),
+    (("add_sensor", "meshing", {"of": "gear", "reads": "effort"}), {"of": "belt"}),
+    (
+        ("add_sensor", "worth", {"of": Expression(["product", 2.0, "pull", ["component", "tip", 1]])}),
+        {"of": {"expression": ["norm", "tip"]}},
+    ),
+    (("add_sensor", "made", {"of": ["tip", "pull"], "function": wind}), {"of": ["pull"], "function": calm}),
 ]  # fmt: skip
 
 
@@ -203,7 +221,7 @@ def draw(changed: int | None = None, **said: Any) -> pt.Mechanism:
 def spec(m: pt.Mechanism) -> str:
     """What the core is told, and which Python functions stand in it."""
     d = m._description
-    records = [*d.couplings.values(), *d.drives.values(), *d.forces.values()]
+    records = [*d.couplings.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
     return json.dumps(m.to_spec()) + repr([call_of(record) for record in records])
 
 
@@ -213,7 +231,7 @@ def element(m: pt.Mechanism, i: int) -> Any:
 
 
 def tables(m: pt.Mechanism) -> list[Any]:
-    return [m.bodies, m.joints, m.couplings, m.drives, m.forces]
+    return [m.bodies, m.joints, m.couplings, m.drives, m.forces, m.sensors]
 
 
 def test_every_method_is_among_the_calls() -> None:

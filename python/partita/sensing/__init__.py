@@ -10,7 +10,7 @@ from __future__ import annotations
 from .laws import Senses
 from .quantities import Moving
 from .reader import Reader
-from .records import OPERATIONS, READS, SensorRecord, known
+from .records import OPERATIONS, READS, SensorRecord, known, uses
 from .words import text_of, unit_of
 
-__all__ = ["OPERATIONS", "READS", "Moving", "Reader", "SensorRecord", "Senses", "known", "text_of", "unit_of"]
+__all__ = ["OPERATIONS", "READS", "Moving", "Reader", "SensorRecord", "Senses", "known", "text_of", "unit_of", "uses"]
