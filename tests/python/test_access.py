@@ -394,3 +394,55 @@ def test_mappings() -> None:
     with pytest.raises(UnknownNameError, match='no body "extra"'):
         extra.mass  # noqa: B018
     assert b.point.tolist() == pt.catalogue.load("four-bar").joints["B"].point.tolist()
+
+
+def test_what_a_sensor_looks_at_stays() -> None:
+    """A body, a joint, a spring and a sensor of a sensor are not taken away under it; nor a sensor under a law."""
+    m = pt.catalogue.load("four-bar")
+    spring = m.add_spring("coil", m.ground, (0, 1, 0), "coupler", (0, 0, 0), stiffness=9.0)
+    tip = m.add_sensor("tip", ("coupler", ("100 mm", 0, 0)), "velocity", axes="rocker")
+    m.add_sensor("pull", spring, "force")
+    m.add_sensor("turn", "A", "position")
+    m.add_sensor("speed", tip.norm())
+    wanted = "turn"
+    m.add_torque("A", lambda t, state: -state.sensor("speed") if t > 1 else 0.0, name="brake")
+    m.add_torque("D", lambda t, state: -state.sensor(wanted), name="helper")
+    assert (
+        list(m.sensors) == ["tip", "pull", "turn", "speed"] and repr(m.sensors) == "<sensors: tip, pull, turn, speed>"
+    )
+    assert tip.kind == "sensor" and tip.of[0] == "coupler" and tip.of[1].tolist() == [0.1, 0.0, 0.0]
+    assert tip.axes == m.bodies["rocker"] and m.sensors["pull"].of == spring and tip.unit is None
+    for table, name, words in [
+        (m.forces, "coil", 'sensor "pull" refers'),
+        (m.joints, "A", 'force "brake", sensor "turn"'),
+        (m.bodies, "coupler", 'force "coil", sensor "tip"'),
+        (m.bodies, "rocker", 'sensor "tip"'),
+        (m.sensors, "tip", 'sensor "speed"'),
+        (m.sensors, "speed", 'force "brake"'),
+        (m.sensors, "turn", 'force "helper"'),
+    ]:
+        with pytest.raises(DescriptionError, match=words):
+            table.remove(name)
+    before = spec(m)
+    for handle, word, value, words in [
+        (tip, "of", {"expression": "speed"}, "expression says all"),
+        (tip, "reads", "rotation", "must be one of"),
+        (tip, "of", ("coupler", ("1 kg", 0, 0)), "the point is a length"),
+        (m.sensors["turn"], "coordinate", 1, "integer, 0"),
+    ]:
+        with pytest.raises((DescriptionError, UnknownNameError), match=words):
+            setattr(handle, word, value)
+        assert spec(m) == before
+    for of, words in (({"expression": "speed"}, 'before "speed"'), ({"expression": "tip"}, "no sensor 'tip'")):
+        with pytest.raises((DescriptionError, UnknownNameError), match=words):
+            tip.change(of=of, reads=None, axes=None)
+        assert spec(m) == before
+    run = m.simulate(0.1)
+    tip.change(reads="acceleration", axes=None)
+    assert run.sensor("tip").unit == "m/s" and m.simulate(0.1).sensor("speed").unit == "m/s^2"
+    del m.forces["brake"]
+    m.sensors.remove("speed")
+    m.sensors.remove(tip)
+    assert list(m.sensors) == ["pull", "turn"]
+    with pytest.raises(DescriptionError, match="the method that makes such a sensor"):
+        m.sensors["x"] = tip  # type: ignore[index]

@@ -139,8 +139,8 @@ def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
 
 
 def readers(d: Description, sensor: str) -> list[tuple[str, str]]:
-    """Table and name of the elements whose functions say `state.sensor(...)` of this name, as far as their code tells; a
-    name that is made while a function runs is missed by the run."""
+    """Table and name of the forces whose functions say `state.sensor(...)` of this name, as far as their code tells.
+    A name that is made while a function runs is told by the run that misses it."""
     forces: Mapping[str, Any] = d.forces
     return [
         ("forces", own)

@@ -74,15 +74,15 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         let kept = keeps.then(Vec::new);
         let mut stepping =
             Self { system, formulation, clock, name, rank, options, limits, notes, now, work: 0.0, kept, steps: 0 };
-        stepping.begin(t, q, v)?;
+        stepping.begin(t, q, v, || ())?;
         Ok(stepping)
     }
 
     /// Stand at a closed state, as if nothing had been before.
     ///
     /// # Errors
-    /// The motion cannot start there; then it stays where it was.
-    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
+    /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
+    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
         let before = (self.clock.origin(), self.clock.count());
         let zero = vec![0; q.len()];
         let begun = self.clock.start(&mut self.formulation, (t, 0), (q, v), &zero).and_then(|()| {
@@ -100,6 +100,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
                 Ok(())
             }
             Err(e) => {
+                undo();
                 if !self.now.q.is_empty() {
                     self.back(before)?;
                 }
@@ -163,10 +164,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         turns::whole(self.now.q[i], self.now.turns[i])
     }
 
-    /// All that was kept, as what a run leaves.
-    pub fn told(&self) -> Run {
+    /// All that was kept, as what a run leaves; with `here` no more than where it stands.
+    pub fn told(&self, here: bool) -> Run {
         let told = self.formulation.journal();
-        let outputs = self.kept.clone().unwrap_or_default();
+        let outputs = match &self.kept {
+            Some(kept) if !here => kept.clone(),
+            _ => vec![self.now.clone()],
+        };
         let outcome = Outcome {
             status: Status::Finished,
             message: format!("stepped to t = {}", self.now.t),
