@@ -8,11 +8,11 @@ use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
-use partita_system::record::Output;
+use partita_system::record::{Gaps, Output};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start;
-use partita_system::{weight, ConstrainedSystem};
+use partita_system::{weight, ConstrainedSystem, SystemError};
 
 /// A motion between two ticks.
 pub struct Stepping<'s, S: ConstrainedSystem> {
@@ -31,6 +31,8 @@ pub struct Stepping<'s, S: ConstrainedSystem> {
     /// What is kept for a result, if anything is.
     kept: Option<Vec<Output>>,
     steps: u64,
+    /// The worst that stood open at the ends of the steps that were kept.
+    gaps: Gaps,
 }
 
 impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
@@ -72,8 +74,21 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         let (name, rank) = (request.formulation.clone(), found.rank);
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);
-        let mut stepping =
-            Self { system, formulation, clock, name, rank, options, limits, notes, now, work: 0.0, kept, steps: 0 };
+        let mut stepping = Self {
+            system,
+            formulation,
+            clock,
+            name,
+            rank,
+            options,
+            limits,
+            notes,
+            now,
+            work: 0.0,
+            kept,
+            steps: 0,
+            gaps: Gaps::default(),
+        };
         stepping.begin(t, q, v, || ())?;
         Ok(stepping)
     }
@@ -92,7 +107,8 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         });
         match begun {
             Ok(now) => {
-                (self.now, self.work) = (now, 0.0);
+                (self.now, self.work, self.gaps) = (now, 0.0, Gaps::default());
+                self.formulation.forget_gaps();
                 if let Some(kept) = &mut self.kept {
                     kept.clear();
                     kept.push(self.now.clone());
@@ -112,6 +128,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     /// Back to where it stood, after a tick or a start that failed.
     fn back(&mut self, place: (f64, u64)) -> Result<(), AnalysisError> {
         self.work = self.now.work;
+        self.formulation.forget_gaps();
         Ok(self.clock.start(&mut self.formulation, place, (&self.now.q, &self.now.v), &self.now.turns)?)
     }
 
@@ -128,11 +145,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.clock.turns());
             let t = self.clock.time();
-            match self.formulation.state_at(t, self.clock.state(), &mut now) {
+            let told = self.formulation.state_at(t, self.clock.state(), &mut now);
+            match told.and_then(|()| self.holds(t)) {
                 Ok(()) => {
                     now.work += self.work;
                     self.now = now;
                     self.steps += 1;
+                    self.gaps.raise(&self.formulation.gaps());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
                     }
@@ -146,12 +165,34 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             }
         }
         let Err(failure) = taken else { return Ok(()) };
-        let (_, message, error) = explain(failure, self.now.t);
+        let (status, message, error) = explain(failure, self.now.t);
         self.back(place)?;
         Err(match error {
             Some(e) => e.into(),
+            None if status == Status::StepTooSmall => {
+                let message = "coordinates cannot be kept or exchanged in it, as in a singular position or next to one; step over \
+                               it: another number of substeps, another length of steps, other inputs";
+                SystemError::Tick { t: self.now.t, message: message.into() }.into()
+            }
             None => AnalysisError::Argument { argument: "dt", message: format!("{message}; take shorter steps") },
         })
+    }
+
+    /// Does what the last tick left hold?
+    fn holds(&self, t: f64) -> Result<(), SystemError> {
+        let mut findings = Vec::new(); // which takes memory where there are some
+        self.limits.judge(self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
+        match findings.into_iter().find(|x| x.broken) {
+            None => Ok(()),
+            Some(found) => {
+                let message = format!(
+                    "{}; the mechanism does not reach so far, or a singular position lies in the step: give other inputs, or \
+                     take shorter steps",
+                    found.sentence
+                );
+                Err(SystemError::Tick { t, message })
+            }
+        }
     }
 
     /// Where it stands; angles without their whole turns.
@@ -182,7 +223,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         let mut notes = self.notes.clone();
         notes.extend(told.notes);
         let mut findings = Vec::new();
-        self.limits.judge(self.system, &told.gaps, "the end of the step", &mut findings);
+        self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
         verdict::of_steps(&outcome, &mut findings);
         let journal = Journal {
             formulation: self.name.clone(),
@@ -192,7 +233,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             outputs,
             limits: self.limits,
         };
-        let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, told.gaps);
+        let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, self.gaps);
         Run { outcome, journal, counters, rows, open, gaps, notes, findings }
     }
 }
