@@ -89,7 +89,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             steps: 0,
             gaps: Gaps::default(),
         };
-        stepping.begin(t, q, v, || ())?;
+        stepping.stand(t, q, v, || ())?;
         Ok(stepping)
     }
 
@@ -98,6 +98,26 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     /// # Errors
     /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
     pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
+        let seen = start::analyse(self.system, t, q).map_err(AnalysisError::from).and_then(|found| {
+            inconsistent::refuse(self.system, found.rank, t, q)?;
+            if found.rank == self.rank {
+                return Ok(());
+            }
+            let message = format!(
+                "its conditions have the rank {} there and {} where the stepper was made; make another one",
+                found.rank, self.rank
+            );
+            Err(SystemError::Tick { t, message }.into())
+        });
+        if let Err(e) = seen {
+            undo();
+            return Err(e);
+        }
+        self.stand(t, q, v, undo)
+    }
+
+    /// See `begin`; at a position that was looked at.
+    fn stand(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
         let before = (self.clock.origin(), self.clock.count());
         let zero = vec![0; q.len()];
         let begun = self.clock.start(&mut self.formulation, (t, 0), (q, v), &zero).and_then(|()| {
