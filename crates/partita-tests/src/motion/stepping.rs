@@ -127,7 +127,7 @@ fn a_tick_that_fails_leaves_the_motion_where_it_was() {
         assert_eq!(*motion.now(), before);
     }
     assert_eq!(motion.told(false).journal.outputs.len(), 21);
-    motion.begin(0.0, &q, &v).unwrap();
+    motion.begin(0.0, &q, &v, || ()).unwrap();
     for _ in 0..20 {
         motion.step().unwrap();
     }
