@@ -23,22 +23,27 @@ class Stepper:
         options: str,
         dt: float,
         steps: int,
-        inputs: list[tuple[int, int]],
+        inputs: list[tuple[int, int | None]],
+        held: list[float],
         t: float,
         q: Array,
         v: Array,
         keeps: bool,
     ) -> None:
-        """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components."""
+        """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components, or
+        drives; `held` has a number for each, five of the course of a drive: since when, and a cubic."""
 
     def step(self, inputs: Array) -> None:
-        """One tick with these inputs held."""
+        """One tick with these numbers held."""
 
-    def begin(self, t: float, q: Array, v: Array) -> None:
-        """Stand at a closed state."""
+    def begin(self, inputs: Array, t: float, q: Array, v: Array) -> None:
+        """Stand at a closed state, with these numbers held."""
 
     def state(self) -> tuple[float, Array, Array]:
         """Where it stands: t, q, v."""
+
+    def here(self) -> tuple[dict[str, Any], Model]:
+        """What a run would have left that stands here, and the model as it is now."""
 
     def result(self, breaks: list[float], values: list[list[float]]) -> tuple[dict[str, Any], Model]:
         """What a run would have left, and the model with the inputs as tables."""

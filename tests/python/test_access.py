@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import partita as pt
+from partita.builder import Expression
 from partita.builder.calls import call_of
 from partita.errors import DescriptionError, UnknownAttributeError, UnknownNameError
 
@@ -178,6 +179,23 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         ("add_force_law", "air", {"function": wind, "on": ["b", ("c", TILTED)], "sees": ["R", "b", ("a", TILTED)]}),
         {"function": calm, "on": ["c"], "sees": []},
     ),
+    (
+        ("add_sensor", "tip", {"of": ("c", ("1 m", 0, 0)), "reads": "velocity", "axes": "b"}),
+        {"of": ("c", (0, "300 mm", 0)), "reads": "acceleration", "axes": "d", "text": "of the tip", "unit": "g"},
+    ),
+    (("add_sensor", "at rest", {"of": "ground", "reads": "rotation"}), {"of": "b"}),
+    (("add_sensor", "slid", {"of": "C", "reads": "position", "coordinate": 1}), {"coordinate": 0, "reads": "drive"}),
+    (("add_sensor", "borne", {"of": "S", "reads": "force", "axes": "joint"}), {"axes": "world", "reads": "moment"}),
+    (("add_sensor", "apart", {"of": APART, "reads": "velocity"}), {"of": ALONG, "reads": "acceleration"}),
+    (("add_sensor", "pull", {"of": "coil", "reads": "force"}), {"reads": "power", "of": "torsion"}),
+    (("add_sensor", "blown", {"of": "air", "reads": "force"}), {"coordinate": 1}),
+    (("add_sensor", "turned by", {"of": "held", "reads": "effort"}), {"of": "moved", "reads": "power"}),
+    (("add_sensor", "meshing", {"of": "gear", "reads": "effort"}), {"of": "belt"}),
+    (
+        ("add_sensor", "worth", {"of": Expression(["product", 2.0, "pull", ["component", "tip", 1]])}),
+        {"of": {"expression": ["norm", "tip"]}},
+    ),
+    (("add_sensor", "made", {"of": ["tip", "pull"], "function": wind}), {"of": ["pull"], "function": calm}),
 ]  # fmt: skip
 
 
@@ -203,7 +221,7 @@ def draw(changed: int | None = None, **said: Any) -> pt.Mechanism:
 def spec(m: pt.Mechanism) -> str:
     """What the core is told, and which Python functions stand in it."""
     d = m._description
-    records = [*d.couplings.values(), *d.drives.values(), *d.forces.values()]
+    records = [*d.couplings.values(), *d.drives.values(), *d.forces.values(), *d.sensors.values()]
     return json.dumps(m.to_spec()) + repr([call_of(record) for record in records])
 
 
@@ -213,7 +231,7 @@ def element(m: pt.Mechanism, i: int) -> Any:
 
 
 def tables(m: pt.Mechanism) -> list[Any]:
-    return [m.bodies, m.joints, m.couplings, m.drives, m.forces]
+    return [m.bodies, m.joints, m.couplings, m.drives, m.forces, m.sensors]
 
 
 def test_every_method_is_among_the_calls() -> None:
@@ -376,3 +394,55 @@ def test_mappings() -> None:
     with pytest.raises(UnknownNameError, match='no body "extra"'):
         extra.mass  # noqa: B018
     assert b.point.tolist() == pt.catalogue.load("four-bar").joints["B"].point.tolist()
+
+
+def test_what_a_sensor_looks_at_stays() -> None:
+    """A body, a joint, a spring and a sensor of a sensor are not taken away under it; nor a sensor under a law."""
+    m = pt.catalogue.load("four-bar")
+    spring = m.add_spring("coil", m.ground, (0, 1, 0), "coupler", (0, 0, 0), stiffness=9.0)
+    tip = m.add_sensor("tip", ("coupler", ("100 mm", 0, 0)), "velocity", axes="rocker")
+    m.add_sensor("pull", spring, "force")
+    m.add_sensor("turn", "A", "position")
+    m.add_sensor("speed", tip.norm())
+    wanted = "turn"
+    m.add_torque("A", lambda t, state: -state.sensor("speed") if t > 1 else 0.0, name="brake")
+    m.add_torque("D", lambda t, state: -state.sensor(wanted), name="helper")
+    assert (
+        list(m.sensors) == ["tip", "pull", "turn", "speed"] and repr(m.sensors) == "<sensors: tip, pull, turn, speed>"
+    )
+    assert tip.kind == "sensor" and tip.of[0] == "coupler" and tip.of[1].tolist() == [0.1, 0.0, 0.0]
+    assert tip.axes == m.bodies["rocker"] and m.sensors["pull"].of == spring and tip.unit is None
+    for table, name, words in [
+        (m.forces, "coil", 'sensor "pull" refers'),
+        (m.joints, "A", 'force "brake", sensor "turn"'),
+        (m.bodies, "coupler", 'force "coil", sensor "tip"'),
+        (m.bodies, "rocker", 'sensor "tip"'),
+        (m.sensors, "tip", 'sensor "speed"'),
+        (m.sensors, "speed", 'force "brake"'),
+        (m.sensors, "turn", 'force "helper"'),
+    ]:
+        with pytest.raises(DescriptionError, match=words):
+            table.remove(name)
+    before = spec(m)
+    for handle, word, value, words in [
+        (tip, "of", {"expression": "speed"}, "expression says all"),
+        (tip, "reads", "rotation", "must be one of"),
+        (tip, "of", ("coupler", ("1 kg", 0, 0)), "the point is a length"),
+        (m.sensors["turn"], "coordinate", 1, "integer, 0"),
+    ]:
+        with pytest.raises((DescriptionError, UnknownNameError), match=words):
+            setattr(handle, word, value)
+        assert spec(m) == before
+    for of, words in (({"expression": "speed"}, 'before "speed"'), ({"expression": "tip"}, "no sensor 'tip'")):
+        with pytest.raises((DescriptionError, UnknownNameError), match=words):
+            tip.change(of=of, reads=None, axes=None)
+        assert spec(m) == before
+    run = m.simulate(0.1)
+    tip.change(reads="acceleration", axes=None)
+    assert run.sensor("tip").unit == "m/s" and m.simulate(0.1).sensor("speed").unit == "m/s^2"
+    del m.forces["brake"]
+    m.sensors.remove("speed")
+    m.sensors.remove(tip)
+    assert list(m.sensors) == ["pull", "turn"]
+    with pytest.raises(DescriptionError, match="the method that makes such a sensor"):
+        m.sensors["x"] = tip  # type: ignore[index]

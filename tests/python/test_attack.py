@@ -328,6 +328,7 @@ def asked() -> dict[str, Callable[[], Call]]:
     tip.add_sensor("tip", ("rod", X), "acceleration")
     motor = mechanism()
     motor.add_torque("A", 0.0, name="motor")
+    motor.add_sensor("angle", "A", "position")
     sim = motor.stepper(1e-3, record=False)
     sensed = tip.simulate(0.01, t_eval=[0.0, 0.01])
     s = ring()
@@ -530,6 +531,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         ),
         "Stepper.step": (lambda u: sim.step(u).q, {"u": [1.0]}),
         "Stepper.reset": (lambda initial: sim.reset(initial).q, {"initial": None}),
+        "Stepper.sensor": (lambda name: sim.sensor(name), {"name": "angle"}),
         "Stepper.joint": (lambda name: sim.joint(name).position, {"name": "A"}),
         "Result.drive": (lambda name: run.drive(name).effort, {"name": "none"}),
         "Result.reactions_by": (run.reactions_by, {"route": "recursion"}),

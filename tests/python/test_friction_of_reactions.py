@@ -482,3 +482,27 @@ def test_coefficients_are_parameters_and_stand_in_files(tmp_path: Path) -> None:
         model.with_parameters({"friction in S.coefficient": -1.0})
     with pytest.raises(DescriptionError, match="out of the plane"):
         model.with_parameters({"gravity": (0.0, -9.81, 1.0)})
+
+
+def test_the_report_names_frictions_whose_reaction_is_open() -> None:
+    """Ahead of a run, all of them, in all its forms; and says no such thing where every reaction is determined."""
+    m = pt.Mechanism("three cranks", gravity=(0.0, -G, 0.0))
+    m.add_rod("coupler", start=(0, 1, 0), end=(2, 1, 0), mass=1.0)
+    for i, name in enumerate("abc"):
+        m.add_rod(name, start=(i, 0, 0), end=(i, 1, 0), mass=1.0)
+        m.add_revolute(f"{name}0", m.ground, name, point=(i, 0, 0))
+        m.add_revolute(f"{name}1", name, "coupler", point=(i, 1, 0))
+    before = m.report(m.assemble({"a0": 0.3}))
+    for joint in ("b1", "c1"):
+        m.add_friction(joint, coefficient=0.1, radius=0.01, stick_velocity=0.1)
+    m.add_friction("a0", dynamic=0.1, stick_velocity=0.1)
+    report = m.report(m.assemble({"a0": 0.3}))
+    listed = [{"friction": f"friction in {joint}", "joint": joint} for joint in ("b1", "c1")]
+    found = report.to_dict()["open_frictions"]
+    assert sorted(found, key=lambda item: item["joint"]) == listed
+    for text in (report.text, report.markdown):
+        assert "friction in b1" in text and "friction in c1" in text and "friction in a0" not in text
+        assert "a run would be refused" in " ".join(text.split())
+    assert report.to_dict()["reactions"] == before.to_dict()["reactions"]
+    assert before.to_dict()["open_frictions"] == [] and "Friction" not in before
+    assert slider_crank().report().to_dict()["open_frictions"] == []

@@ -13,7 +13,7 @@ import pytest
 from builder_parts import pendulum
 
 import partita as pt
-from partita.errors import ArgumentError, EvaluationError, UnknownNameError
+from partita.errors import ArgumentError, EvaluationError, SingularityError, UnknownNameError
 
 
 def five_bar() -> pt.Mechanism:
@@ -236,3 +236,194 @@ def test_a_run_can_be_started_again_from_any_instant(coordinates: str) -> None:
             run.state(t)
     with pytest.raises(ArgumentError, match="between outputs"):
         pickle.loads(pickle.dumps(run)).state(0.3)
+
+
+# ---------------------------------------------------------------- drives as inputs
+
+
+def driven(level: str) -> pt.Mechanism:
+    m = pt.catalogue.load("four-bar")
+    m.add_drive("A", **{level: 0.0}, name="crank")
+    m.add_sensor("angle", "A", "position")
+    m.add_sensor("rate", "A", "velocity")
+    m.add_sensor("growth", "A", "acceleration")
+    m.add_sensor("effort", "A", "drive")
+    m.add_sensor("tip", ("coupler", ("100 mm", 0, 0)), "position")
+    m.add_sensor("borne", "D", "force")
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("level", ["position", "velocity", "acceleration"])
+def test_a_drive_moves_without_a_jump_as_it_is_told(level: str, coordinates: str) -> None:
+    """Positions are met, rates too, with what lies between them in closed form; and the effort is that of a run whose
+    drive is the table of what was given."""
+    m = driven(level)
+    assert m.inputs == ("crank",) and m.stepper(DT).inputs == ()
+    sim = m.stepper(DT, inputs=[m.drives["crank"]], coordinates=coordinates, substeps=4)
+    x, rate = sim.sensor("angle"), 0.0
+    told = [0.3 * math.sin(0.4 * k) for k in range(1, STEPS + 1)]
+    for u in told:
+        if level == "position":
+            growth = (u - x) / DT
+            x, jump, rate = u, growth - rate, growth
+            last = -2.0 * jump / DT  # (4 - 6) jump / h at the end of the cubic
+        else:
+            last = (u - rate) / DT if level == "velocity" else u
+            x += (rate + 0.5 * last * DT) * DT
+            rate += last * DT
+        sim.step({"crank": u})
+        assert sim.sensor("angle") == pytest.approx(x, abs=1e-10)  # a rate alone is integrated
+        assert sim.sensor("rate") == pytest.approx(rate, abs=1e-12)
+    assert sim.sensor("growth") == pytest.approx(last, rel=1e-9)
+    run = sim.result()
+    assert run.success, run.message
+    for name in ("tip", "effort", "borne", "growth"):  # at the last output that of the step that led there
+        assert np.abs(run.sensor(name).values[-1] - sim.sensor(name)).max() < 1e-12 * max(1.0, abs(last))
+    # an independent way to the effort: the model without the drive, its torque added to the forces
+    free = pt.catalogue.load("four-bar")
+    free.add_torque("A", run.sensor("effort").values[-1], name="motor")
+    state = free.assemble({"A": x}, rates={"A": rate})
+    bare = free.simulate(1e-3, initial=state, t_eval=[0.0])
+    assert bare.joint("A").acceleration[0, 0] == pytest.approx(last, rel=1e-6, abs=1e-6)
+
+
+def test_a_drive_of_a_measure_is_an_input_and_reset_begins_again() -> None:
+    """A rope pulls a pendulum up at a rate; its length is the integral of what was told."""
+    m = pendulum()
+    m.add_drive(pt.Distance("ground", (0, 2, 0), "rod", (1, 0, 0)), velocity=0.0, name="rope")
+    m.add_torque("A", 0.0, name="rope")  # another kind of thing by the same name
+    m.add_sensor("length", pt.Distance("ground", (0, 2, 0), "rod", (1, 0, 0)), "position")
+    assert m.inputs == ("rope", "drive rope")
+    sim = m.stepper(DT, inputs=[m.drives["rope"]])
+    first = sim.sensor("length")
+    assert first == pytest.approx(math.sqrt(5.0), abs=1e-14)
+    states = [sim.step([-0.5]).q for _ in range(20)]
+    assert sim.sensor("length") == pytest.approx(first - 0.5 * 19.5 * DT, abs=1e-9)
+    sim.reset()
+    assert sim.sensor("length") == first
+    assert np.array_equal(states, [sim.step([-0.5]).q for _ in range(20)])
+
+
+# ---------------------------------------------------------------- positions that cannot be passed or reached
+
+
+def parallelogram(driven: bool) -> pt.Mechanism:
+    m = pt.Mechanism("parallelogram", gravity=(0, 0, 0))
+    points = [(0, 0, 0), (0, 1, 0), (2, 1, 0), (2, 0, 0)]
+    bars = [m.add_rod(name, start=points[i], end=points[i + 1], mass=1.0) for i, name in enumerate("abc")]
+    for name, parent, child, point in zip(
+        "ABCD", (m.ground, *bars[:2], m.ground), (*bars, bars[2]), points, strict=True
+    ):
+        m.add_revolute(name, parent, child, point=point)
+    if driven:
+        m.add_drive("A", velocity=1.0, name="crank")
+    m.add_sensor("borne", "C", "force")
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("is_driven", [False, True])
+def test_change_points_are_stepped_over_or_refused(coordinates: str, is_driven: bool) -> None:
+    """Steps beside a change point stay on their branch, where both cranks are parallel; one that ends in it is refused,
+    and what stood before it stands."""
+    m = parallelogram(is_driven)
+    start = m.assemble(rates=None if is_driven else {"A": 1.0}, coordinates=coordinates)
+    given = list(m.inputs)
+    sim = m.stepper(0.1, initial=start, coordinates=coordinates, inputs=given, record=False)
+    for _ in range(50):  # over two change points
+        sim.step()
+    assert sim.joint("A").position == pytest.approx(5.0, abs=1e-4)
+    assert sim.joint("D").position == pytest.approx(sim.joint("A").position, abs=1e-9)
+    sim = m.stepper(math.pi / 20, initial=start, coordinates=coordinates, inputs=given)
+    for _ in range(9):
+        sim.step()
+    before = sim.state
+    for _ in range(2):
+        with pytest.raises(SingularityError, match=r"singular position.*substeps"):
+            sim.step()
+        assert np.array_equal(sim.q, before.q) and np.array_equal(sim.v, before.v) and sim.time == before.t
+    assert sim.result().success
+    other = m.stepper(0.1, initial=sim.state, coordinates=coordinates, inputs=given)  # the words of the error
+    for _ in range(10):
+        other.step()
+    assert other.joint("D").position == pytest.approx(other.joint("A").position, abs=1e-7)
+
+
+def test_a_start_in_a_change_point_is_refused() -> None:
+    m = parallelogram(False)
+    flat = m.assemble({"A": -math.pi / 2})
+    with pytest.raises(SingularityError, match="2 branches meet"):
+        m.stepper(0.1, initial=flat)
+    sim = m.stepper(0.1)
+    with pytest.raises(SingularityError):
+        sim.reset(flat)
+    assert abs(sim.q).max() < 1e-15
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("level", ["position", "velocity"])
+def test_a_drive_past_the_reach_of_the_links_is_refused(level: str, coordinates: str) -> None:
+    """The rocker turns until the other two links are in line: at 4 + 1 + 4 cos = (a + b)^2, and no further."""
+    m = pt.Mechanism("rocker")
+    points = [(0, 0, 0), (0.5, 1, 0), (2, 1, 0), (2, 0, 0)]
+    bars = [m.add_rod(name, start=points[i], end=points[i + 1], mass=1.0) for i, name in enumerate("abc")]
+    for name, parent, child, point in zip(
+        "ABCD", (m.ground, *bars[:2], m.ground), (*bars, bars[2]), points, strict=True
+    ):
+        m.add_revolute(name, parent, child, point=point)
+    m.add_drive("D", **{level: 0.0}, name="push")
+    limit = 1.5 * math.pi - math.acos(((math.hypot(0.5, 1.0) + 1.5) ** 2 - 5.0) / 4.0)
+    dt = 0.05
+    sim = m.stepper(dt, inputs=["push"], coordinates=coordinates)
+    u = 1.0
+    with pytest.raises(SingularityError, match="no step of this length leads on"):
+        for k in range(100):
+            before = sim.state
+            sim.step([dt * (k + 1) if level == "position" else u])
+    assert limit - 2 * dt < sim.joint("D").position < limit
+    assert np.array_equal(sim.q, before.q)
+
+
+# ---------------------------------------------------------------- many freedoms, large and small
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3])
+def test_sensors_at_all_scales(size: float) -> None:
+    """A pendulum of size L under gravity g L: the same motion, lengths times L and forces of mass one times L."""
+    m = pt.Mechanism("pendulum", gravity=(0, -9.81 * size, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(size, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    m.add_torque("A", 0.0, name="motor")
+    tip = m.add_sensor("tip", (rod, (size, 0, 0)), "acceleration")
+    m.add_sensor("held", "A", "force")
+    m.add_sensor("g", tip.norm() / (9.81 * size))
+    sim = m.stepper(1e-3)
+    assert sim.sensor("g") == pytest.approx(1.5, rel=1e-12)
+    assert np.abs(sim.sensor("held") - [0.0, 0.25 * 9.81 * size, 0.0]).max() < 1e-12 * size
+    sim.step([0.5 * 9.81 * size**2])  # carries the weight: it stays
+    assert sim.sensor("g") < 1e-9 and abs(sim.q).max() < 1e-12
+
+
+def test_sensors_of_a_chain_of_a_hundred_freedoms() -> None:
+    """What the stepper reads at its start is what a run says there, to round-off of a hundred links."""
+    m = pt.Mechanism("chain")
+    parent: Any = m.ground
+    for i in range(100):
+        rod = m.add_rod(f"rod {i}", start=(i, 0, 0), end=(i + 1, 0, 0), mass=1.0)
+        m.add_revolute(f"J{i}", parent, rod, point=(i, 0, 0))
+        parent = rod
+    m.add_torque("J0", 0.0, name="motor")
+    m.add_sensor("tip", (parent, (1, 0, 0)), "acceleration")
+    m.add_sensor("speed", (parent, (1, 0, 0)), "velocity")
+    m.add_sensor("held", "J0", "force")
+    m.add_sensor("last", "J99", "position")
+    sim = m.stepper(1e-3, record=False)
+    run = m.simulate(1e-3, t_eval=[0.0, 1e-3], rtol=1e-11, atol=1e-12)
+    for i in (0, 1):
+        for name in m.sensors:
+            size = max(1.0, np.abs(run.sensor(name).values).max())
+            assert np.abs(sim.sensor(name) - run.sensor(name).values[i]).max() < 1e-8 * size, (i, name)
+        sim.step()
+    with pytest.raises(UnknownNameError, match="did you mean 'tip'"):
+        sim.sensor("tipp")

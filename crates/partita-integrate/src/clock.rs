@@ -14,6 +14,10 @@ use partita_system::SystemError;
 /// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
 const ATTEMPTS: u32 = 4;
 
+/// Nearer to a singular position than this, in parts of the reaches, no step may end: rates are quotients of what round-off
+/// leaves of the closing by the square of the distance, so that six digits of them are left here and none a little nearer.
+const NEAR: f64 = 1e-5;
+
 /// How time goes on.
 #[derive(Clone, Copy, Debug)]
 pub struct Ticks {
@@ -120,6 +124,14 @@ impl Clock {
         })?;
         if concluded == Conclusion::Rejected {
             return Ok(());
+        }
+        if verdict != Verdict::Repeat && formulation.margin().is_some_and(|m| m.abs() < NEAR) {
+            let t = self.stepper.t_old() + self.stepper.step_size();
+            let message =
+                "it would end next to a singular position, such as one in which links are in line and the motion can \
+                           branch, from where rates cannot be told; step over it: another number of substeps, another \
+                           length of steps";
+            return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
         }
         match verdict {
             Verdict::Repeat => self.stepper.reject(0.5),

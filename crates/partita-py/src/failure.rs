@@ -117,7 +117,10 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         SystemError::Mass { name, .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }
-        SystemError::SingularStart { t, .. } | SystemError::Passage { t, .. } | SystemError::Choice { t, .. } => {
+        SystemError::SingularStart { t, .. }
+        | SystemError::Passage { t, .. }
+        | SystemError::Tick { t, .. }
+        | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
         SystemError::OpenReaction { t, friction, .. } | SystemError::Jammed { t, friction, .. } => {

@@ -96,21 +96,52 @@ impl Functions for Callables {
     }
 }
 
+/// What is held for one input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A number.
+    Effort,
+    /// Since when, and the coefficients of a cubic from there on, lowest first: the course of a drive over a tick.
+    Course,
+}
+
+impl Kind {
+    /// Numbers that are held.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Effort => 1,
+            Self::Course => 5,
+        }
+    }
+}
+
 /// Functions, and behind them numbers that are held until they are set anew: inputs of a motion that is stepped.
 pub struct Held {
     functions: Arc<dyn Functions>,
+    /// Where the numbers of each input begin.
+    places: Vec<usize>,
     numbers: Vec<AtomicU64>,
 }
 
 impl Held {
-    /// So many numbers, all 0.
-    pub fn new(functions: Arc<dyn Functions>, count: usize) -> Self {
-        Self { functions, numbers: (0..count).map(|_| AtomicU64::new(0)).collect() }
+    /// So many inputs, all numbers 0.
+    pub fn new(functions: Arc<dyn Functions>, kinds: &[Kind]) -> Self {
+        let (mut count, mut places) = (0, Vec::with_capacity(kinds.len()));
+        for kind in kinds {
+            places.push(count);
+            count += kind.count();
+        }
+        Self { functions, places, numbers: (0..count).map(|_| AtomicU64::new(0)).collect() }
     }
 
     /// Number of the first input among the functions.
     pub fn first(&self) -> usize {
         self.functions.count()
+    }
+
+    /// How many numbers are held.
+    pub fn count(&self) -> usize {
+        self.numbers.len()
     }
 
     /// Hold these.
@@ -122,17 +153,26 @@ impl Held {
 
     /// What is held.
     pub fn values(&self) -> Vec<f64> {
-        self.numbers.iter().map(|cell| f64::from_bits(cell.load(Ordering::Relaxed))).collect()
+        (0..self.numbers.len()).map(|i| self.number(i)).collect()
+    }
+
+    fn number(&self, i: usize) -> f64 {
+        self.numbers.get(i).map_or(0.0, |cell| f64::from_bits(cell.load(Ordering::Relaxed)))
+    }
+
+    /// Where the numbers of function i begin, where it is an input.
+    fn place(&self, i: usize) -> Option<usize> {
+        i.checked_sub(self.functions.count()).and_then(|i| self.places.get(i).copied())
     }
 }
 
 impl Functions for Held {
     fn count(&self) -> usize {
-        self.functions.count() + self.numbers.len()
+        self.functions.count() + self.places.len()
     }
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
-        match i.checked_sub(self.functions.count()).and_then(|i| self.numbers.get(i)) {
-            Some(cell) => Ok(f64::from_bits(cell.load(Ordering::Relaxed))),
+        match self.place(i) {
+            Some(place) => Ok(self.number(place)),
             None => self.functions.scalar(i, t, q, v),
         }
     }
@@ -149,6 +189,9 @@ impl Functions for Held {
         self.functions.turning(i, t)
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
-        self.functions.motion(i, t)
+        let Some(place) = self.place(i) else { return self.functions.motion(i, t) };
+        let [since, a, b, c, d] = std::array::from_fn(|k| self.number(place + k));
+        let x = t - since;
+        Ok([a + (b + (c + d * x) * x) * x, b + (2.0 * c + 3.0 * d * x) * x, 2.0 * c + 6.0 * d * x])
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
-use crate::functions::Held;
+use crate::functions::{Held, Kind};
 use crate::run;
 use crate::state::Array;
 use numpy::PyReadonlyArray1;
@@ -17,14 +17,21 @@ use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// An input: which force of the description, and which of its components.
-pub type Input = (usize, usize);
+/// An input: which force of the description and which of its components; a drive by its number where there is no component.
+pub type Input = (usize, Option<usize>);
+
+/// What is held for an input.
+fn kind(&(_, component): &Input) -> Kind {
+    component.map_or(Kind::Course, |_| Kind::Effort)
+}
 
 /// What is asked of the thread.
 enum Order {
     Step,
-    Begin(f64, Vec<f64>, Vec<f64>),
-    Tell,
+    /// From t, q, v; the numbers held until then come back where it fails.
+    Begin(f64, Vec<f64>, Vec<f64>, Vec<f64>),
+    /// All that was kept, or where it stands alone.
+    Tell(bool),
     Quit,
 }
 
@@ -86,7 +93,14 @@ impl Desk {
     }
 
     /// The life of the thread.
-    fn serve(&self, model: &Model, request: &Request, ticks: (f64, u32), start: (f64, &[f64], &[f64]), keeps: bool) {
+    fn serve(
+        &self,
+        (model, held): (&Model, &Held),
+        request: &Request,
+        ticks: (f64, u32),
+        start: (f64, &[f64], &[f64]),
+        keeps: bool,
+    ) {
         let made = Stepping::new(model, request, ticks, start, keeps);
         let mut shared = self.look();
         let mut motion = match made {
@@ -109,8 +123,8 @@ impl Desk {
             let (answer, told) = match order {
                 Order::Quit => return,
                 Order::Step => (motion.step(), None),
-                Order::Begin(t, q, v) => (motion.begin(t, &q, &v), None),
-                Order::Tell => (Ok(()), Some(motion.told())),
+                Order::Begin(t, q, v, before) => (motion.begin(t, &q, &v, || held.set(&before)), None),
+                Order::Tell(here) => (Ok(()), Some(motion.told(here))),
             };
             let mut shared = self.look();
             shared.told = told;
@@ -136,8 +150,12 @@ pub struct Stepper {
 /// Put a value in the place of each input.
 fn replaced(spec: &Spec, inputs: &[Input], value: impl Fn(usize) -> Value) -> Option<Spec> {
     let mut spec = spec.clone();
-    for (i, &(force, component)) in inputs.iter().enumerate() {
-        match spec.forces.get_mut(force)? {
+    for (i, &(number, component)) in inputs.iter().enumerate() {
+        let Some(component) = component else {
+            spec.drives.get_mut(number)?.motion = value(i);
+            continue;
+        };
+        match spec.forces.get_mut(number)? {
             Force::Torque { value: own, over: None, .. } => *own = value(i),
             Force::Force { value: VectorValue::Components(own), .. } => *own.get_mut(component)? = value(i),
             _ => return None,
@@ -147,7 +165,12 @@ fn replaced(spec: &Spec, inputs: &[Input], value: impl Fn(usize) -> Value) -> Op
 }
 
 fn no_input(py: Python<'_>) -> PyErr {
-    raise(py, "ArgumentError", "an input is a torque or a force with a number", &[("argument", "inputs".into())])
+    raise(
+        py,
+        "ArgumentError",
+        "an input is a drive, a torque or a force with a number",
+        &[("argument", "inputs".into())],
+    )
 }
 
 impl Stepper {
@@ -155,15 +178,20 @@ impl Stepper {
     fn around(
         py: Python<'_>,
         model: &Model,
-        inputs: Vec<Input>,
+        (inputs, first): (Vec<Input>, Vec<f64>),
         request: Request,
         ticks: (f64, u32),
         (t, q, v): (f64, Vec<f64>, Vec<f64>),
         keeps: bool,
     ) -> PyResult<Self> {
-        let held = Arc::new(Held::new(model.functions(), inputs.len()));
-        let first = held.first();
-        let spec = replaced(&model.spec, &inputs, |i| Value::Function(first + i)).ok_or_else(|| no_input(py))?;
+        let kinds: Vec<Kind> = inputs.iter().map(kind).collect();
+        let held = Arc::new(Held::new(model.functions(), &kinds));
+        if first.len() != held.count() {
+            return Err(failure::unexpected(format!("{} numbers for {} inputs", first.len(), inputs.len())));
+        }
+        held.set(&first);
+        let number = held.first();
+        let spec = replaced(&model.spec, &inputs, |i| Value::Function(number + i)).ok_or_else(|| no_input(py))?;
         let own = Model::new(spec, held.clone(), model.coordinates()).map_err(|e| failure::description(py, &e))?;
         let size = own.size();
         if (size.nq, size.nv, size.rows) != (model.size().nq, model.size().nv, model.size().rows) {
@@ -175,10 +203,11 @@ impl Stepper {
             let mut shared = desk.look();
             (shared.q, shared.v) = (vec![0.0; size.nq], vec![0.0; size.nv]);
         }
-        let (there, its_model) = (desk.clone(), own.clone());
+        let (there, its_model, its_held) = (desk.clone(), own.clone(), held.clone());
         let life = move || {
-            let served =
-                catch_unwind(AssertUnwindSafe(|| there.serve(&its_model, &request, ticks, (t, &q, &v), keeps)));
+            let served = catch_unwind(AssertUnwindSafe(|| {
+                there.serve((&its_model, &its_held), &request, ticks, (t, &q, &v), keeps)
+            }));
             drop(served);
             there.look().gone = true;
             there.changed.notify_all();
@@ -245,9 +274,10 @@ impl Drop for Stepper {
 #[pymethods]
 impl Stepper {
     /// A motion of a compiled model to be stepped by ticks of `dt`, each of so many `steps` of a method, under `inputs`: forces
-    /// of the description and components.
+    /// of the description and components, drives without. `held` is what they hold at first: a number, or five of the course
+    /// of a drive (since when, a cubic).
     #[new]
-    #[pyo3(signature = (model, options, dt, steps, inputs, t, q, v, keeps))]
+    #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps))]
     fn new(
         py: Python<'_>,
         model: &crate::model::Model,
@@ -255,6 +285,7 @@ impl Stepper {
         dt: f64,
         steps: u32,
         inputs: Vec<Input>,
+        held: Vec<f64>,
         t: f64,
         q: PyReadonlyArray1<'_, f64>,
         v: PyReadonlyArray1<'_, f64>,
@@ -264,22 +295,23 @@ impl Stepper {
             let request = run::read_options(py, options)?;
             let size = model.inner().size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            Self::around(py, model.inner(), inputs, request, (dt, steps), (t, q, v), keeps)
+            Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), keeps)
         })
     }
 
-    /// One tick with these inputs held.
+    /// One tick with these numbers held.
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {
-            let u = vector(&inputs, self.inputs.len(), "inputs")?;
+            let u = vector(&inputs, self.held.count(), "inputs")?;
             self.waited(py, || self.with_inputs(&u, Order::Step))
         })
     }
 
-    /// Stand at a closed state.
+    /// Stand at a closed state, with these numbers held.
     fn begin<'py>(
         &self,
         py: Python<'py>,
+        inputs: PyReadonlyArray1<'py, f64>,
         t: f64,
         q: PyReadonlyArray1<'py, f64>,
         v: PyReadonlyArray1<'py, f64>,
@@ -287,8 +319,8 @@ impl Stepper {
         guarded(py, || {
             let size = self.model.size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            let rest = vec![0.0; self.inputs.len()];
-            self.waited(py, || self.with_inputs(&rest, Order::Begin(t, q, v)))
+            let held = vector(&inputs, self.held.count(), "inputs")?;
+            self.waited(py, || self.with_inputs(&held, Order::Begin(t, q, v, self.held.values())))
         })
     }
 
@@ -301,7 +333,18 @@ impl Stepper {
         (t, array(py, &[q.len()], q), array(py, &[v.len()], v))
     }
 
-    /// What a run would have left, and the model with the inputs as tables: `breaks` of time, a row of values between each two.
+    /// What a run would have left that stands here, and the model as it is now: for as long as it stands here.
+    fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
+        guarded(py, || {
+            self.waited(py, || self.desk.ask(Order::Tell(true)))?;
+            let told = self.desk.look().told.take();
+            let told = told.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
+            Ok((run::left(py, &self.model, told)?, crate::model::Model::of(self.model.clone())))
+        })
+    }
+
+    /// What a run would have left, and the model with the inputs as tables: `breaks` of time, a row of held numbers between each
+    /// two.
     fn result<'py>(
         &self,
         py: Python<'py>,
@@ -309,14 +352,22 @@ impl Stepper {
         values: Vec<Vec<f64>>,
     ) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
+            let kinds: Vec<Kind> = self.inputs.iter().map(kind).collect();
             let table = |i: usize| {
-                let coefficients = values.iter().map(|u| [0.0, 0.0, 0.0, u.get(i).copied().unwrap_or(0.0)]).collect();
-                Value::Table(Table { breaks: breaks.clone(), coefficients })
+                let place: usize = kinds.iter().take(i).map(|kind| kind.count()).sum();
+                let piece = |held: &Vec<f64>| {
+                    let number = |k: usize| held.get(place + k).copied().unwrap_or(0.0);
+                    match kinds.get(i) {
+                        Some(Kind::Course) => [number(4), number(3), number(2), number(1)],
+                        _ => [0.0, 0.0, 0.0, number(0)],
+                    }
+                };
+                Value::Table(Table { breaks: breaks.clone(), coefficients: values.iter().map(piece).collect() })
             };
             let spec = replaced(&self.model.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
             let model = Model::new(spec, self.model.functions(), self.model.coordinates());
             let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
-            self.waited(py, || self.desk.ask(Order::Tell))?;
+            self.waited(py, || self.desk.ask(Order::Tell(false)))?;
             let told = self.desk.look().told.take();
             let told = told.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
             Ok((run::left(py, &model, told)?, crate::model::Model::of(model)))

@@ -201,6 +201,14 @@ pub enum SystemError {
         /// What was seen and what to try.
         message: String,
     },
+    /// A step of the length asked for ends where the motion cannot be told.
+    #[error("no step of this length leads on at t = {}: {message}", six_digits(*t))]
+    Tick {
+        /// Time.
+        t: f64,
+        /// What was seen and what to try.
+        message: String,
+    },
     /// No step led across a singular position on the branch of the motion.
     #[error(
         "at t = {t} the mechanism passes a singular position, in which its motions branch, and none of {tries} steps across \

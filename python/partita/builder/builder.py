@@ -21,6 +21,7 @@ from . import sensors as sensor_room
 from .drawing import Drawing
 from .elements import Elements
 from .records import Body, Coupling, Drive, Force, Handle, Joint
+from .sensors import Sensor
 from .spec import Writer
 
 
@@ -97,6 +98,11 @@ class Builder(Drawing):
     def forces(self) -> Elements[Force]:
         """The springs, torques and forces by name."""
         return Elements(self, Force, "force")
+
+    @property
+    def sensors(self) -> Elements[Sensor]:
+        """The sensors by name."""
+        return Elements(self, Sensor, "sensor")
 
     def _read(self, handle: Handle, word: str) -> Any:
         return changes.read(self, handle, word)

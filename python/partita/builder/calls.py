@@ -9,10 +9,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
+from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
 
+from ..sensing import SensorRecord, uses
 from .callbacks import Callback
 from .laws import LawCall
 from .motion import Motion
@@ -30,6 +32,7 @@ from .records import (
     TorqueRecord,
     TorsionSpringRecord,
 )
+from .sensors import Expression, Sensor
 from .values import Constant, Function, Table
 
 _BODIES = {"parent", "child", "body", "body1", "body2", "ground"}
@@ -77,6 +80,8 @@ def call_of(record: Any) -> Call:
                 said["function"] = said.pop("value")
                 return "add_force_law", said
             return f"add_{record.kind}", said
+        case SensorRecord():
+            return "add_sensor", _sensor(record)
     raise TypeError(f"{type(record).__name__} is no element")
 
 
@@ -102,6 +107,8 @@ def references(record: Any) -> Iterator[tuple[str, str]]:
     """Table and name of every element that it refers to; some more than once."""
     if isinstance(record, DriveRecord) and record.said is not None and "carrier" in record.said:
         yield "joints", record.said["carrier"]
+    if isinstance(record, SensorRecord):
+        yield from (("sensors", name) for name in uses(record))
     yield from _named(call_of(record)[1])
 
 
@@ -125,10 +132,62 @@ def _named(said: Any) -> Iterator[tuple[str, str]]:
 def referring(d: Description, table: str, name: str) -> list[tuple[str, str]]:
     """Table and name of the elements that refer to one, in the order in which they are made."""
     found = []
-    for other in ("joints", "couplings", "drives", "forces"):
+    for other in ("joints", "couplings", "drives", "forces", "sensors"):
         records: Mapping[str, Any] = getattr(d, other)
         found += [(other, own) for own, record in records.items() if (table, name) in references(record)]
     return found
+
+
+def readers(d: Description, sensor: str) -> list[tuple[str, str]]:
+    """Table and name of the forces whose functions say `state.sensor(...)` of this name, as far as their code tells.
+    A name that is made while a function runs is told by the run that misses it."""
+    forces: Mapping[str, Any] = d.forces
+    return [
+        ("forces", own)
+        for own, record in forces.items()
+        if any(_says(function, sensor) for function in _functions(call_of(record)[1]))
+    ]
+
+
+def _functions(said: Any) -> Iterator[FunctionType]:
+    if isinstance(said, FunctionType):
+        yield said
+    elif isinstance(said, Mapping | list | tuple):
+        for item in said.values() if isinstance(said, Mapping) else said:
+            yield from _functions(item)
+
+
+def _says(function: FunctionType, sensor: str) -> bool:
+    codes = [function.__code__]
+    for code in codes:
+        codes += [item for item in code.co_consts if isinstance(item, CodeType)]
+    if not any("sensor" in code.co_names for code in codes):
+        return False
+    around = inspect.getclosurevars(function)
+    names = [item for code in codes for item in code.co_consts]
+    names += [*around.nonlocals.values(), *around.globals.values(), *(function.__defaults__ or ())]
+    return any(isinstance(item, str | Sensor) and str(item) == sensor for item in names)
+
+
+def _sensor(record: SensorRecord) -> dict[str, Any]:
+    data, of = record.data, record.data["of"]
+    said: dict[str, Any] = {"unit": record.unit, "text": record.text}
+    match of:
+        case "function":
+            return {"of": [Ref("sensors", name) for name in data["sensors"]], "function": record.function, **said}
+        case "expression":
+            return {"of": Expression(data["expression"]), **said}
+        case "point":
+            said["of"] = data["body"], np.array(data["point"])
+        case "measure":
+            said["of"] = {"measure": data["measure"]}
+        case _:
+            said["of"] = Ref({"body": "bodies", "joint": "joints"}.get(of, f"{of}s"), data[of])
+    said |= {"reads": data["reads"], "coordinate": data.get("coordinate", data.get("body") if of == "force" else None)}
+    axes = data.get("axes")
+    if axes is not None:
+        said["axes"] = axes if axes in ("world", "joint") else Ref("bodies", axes)
+    return said
 
 
 def _joint(record: JointRecord) -> Call:

@@ -17,12 +17,20 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ..errors import UnknownAttributeError
-from .calls import call_of, kind_of, referring, words_of
+from ..sensing import uses
+from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
 from .records import GROUND, BodyRecord, Handle, JointRecord, Ref
 
-_WORDS = {"bodies": "body", "joints": "joint", "couplings": "coupling", "drives": "drive", "forces": "force"}
+_WORDS = {
+    "bodies": "body",
+    "joints": "joint",
+    "couplings": "coupling",
+    "drives": "drive",
+    "forces": "force",
+    "sensors": "sensor",
+}
 _COMPLIANCE = ["m/N"] * 3 + ["rad/(N m)"] * 3
 
 
@@ -73,6 +81,8 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
             return
         method, said = call_of(record)
         _again(mechanism, handle.table, handle.name, method, {**said, **new})
+        if handle.table == "sensors":
+            _check_order(mechanism, element)
         for table, name in referring(mechanism._description, handle.table, handle.name):
             if not (handle.table == "bodies" and table == "joints"):  # which know nothing of a body but its name
                 _again(mechanism, table, name, *call_of(getattr(mechanism._description, table)[name]))
@@ -86,6 +96,8 @@ def remove(mechanism: Drawing, table: str, name: str) -> None:
     users = referring(d, table, name)
     if carried is not None:
         users += [user for user in referring(d, "joints", carried) if user != (table, name)]
+    if table == "sensors":
+        users += readers(d, name)
     if users:
         listed = ", ".join(f'{_WORDS[other]} "{own}"' for other, own in users[:8])
         more = f" and {len(users) - 8} more" if len(users) > 8 else ""
@@ -126,6 +138,8 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
         twin = value.copy()
         twin.setflags(write=False)
         return twin
+    if isinstance(value, Ref) and value == Ref("bodies", GROUND):
+        return mechanism.ground
     if isinstance(value, Ref):
         return getattr(mechanism, value.table)[value.name]
     if isinstance(value, (list, tuple)):
@@ -182,6 +196,15 @@ def _again(mechanism: Drawing, table: str, name: str, method: str, said: Mapping
             setattr(d, each, {**ordered, **records})
     if table == "drives":
         d.driven = {key: d.driven[key] for key in [*(k for k in driven if k in d.driven), *d.driven]}
+
+
+def _check_order(mechanism: Drawing, element: Element) -> None:
+    """A sensor is made of sensors before it: none comes round to itself."""
+    sensors = mechanism._description.sensors
+    names = list(sensors)
+    for other in uses(sensors[element.name]):
+        if names.index(other) > names.index(element.name):
+            element.fail(f'it was added before "{other}", so it cannot be made of it; add another sensor for that')
 
 
 def _give(mechanism: Drawing, element: Element, name: str, value: Any) -> None:

@@ -45,11 +45,6 @@ class Drawing:
         """The world, to be named as a parent or child."""
         return self._ground
 
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors."""
-        return tuple(self._description.sensors)
-
     def __repr__(self) -> str:
         d = self._description
         return (

@@ -105,6 +105,8 @@ class Expression(Reading):
 class Sensor(Handle, Reading):
     """A named output; sums, products and components of it are expressions."""
 
+    table = "sensors"
+
     def tree(self) -> Tree:
         return self.name
 
@@ -229,7 +231,7 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
 
 
 def _point(m: Drawing, element: Element, body: Any, point: Any) -> dict[str, Any]:
-    at = vector(element, "the point", point).tolist()
+    at = vector(element, "the point", point, "m").tolist()
     return {"of": "point", "body": resolve(m, element, "the body of the point", body), "point": at}
 
 

@@ -10,12 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import options as run_options
-from ..errors import SingularityError
+from ..builder.compiled import CompiledModel
+from ..builder.records import LoadRecord
+from ..errors import EvaluationError, SingularityError
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import _fitting, assemble
 
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+_FOLLOWS = ("coefficient", "static_coefficient", "radius", "length", "collar")
 _LINES = 12
 """Lines of a table before the rest is counted: the report of a chain of forty loops is a page, not a book."""
 _WIDTH = 118
@@ -102,6 +105,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
         # of drives at a dead centre no velocities are known; the drawing itself may be looked at, if it closes
         where = State(0.0, *model.core.initial(), layout=layout)
     _fitting("state", where, model)
+    open_frictions, model, where = _open_frictions(self, where, model)
     found: dict[str, Any] = json.loads(model.core.report(where.t, where.q))
     # what compiling found in the way is said at length where the position is singular
     new = [
@@ -109,6 +113,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
     ]
     found["notes"] = [*found["notes"], *new]
     found = {"name": self.name, "t": where.t, "drives": list(self.drives), **found}
+    found["open_frictions"] = open_frictions
     sections = [
         _title(found, model.summary),
         _singular(found),
@@ -119,6 +124,7 @@ def report(self: Modelled, state: State | None = None, *, coordinates: str = "re
         _structure(found),
         _coordinates(found),
         _reactions(found),
+        _frictions(found),
         _Section("Suspicious data", found["suspicious"], listed=True) if found["suspicious"] else None,
         _Section("Notes", found["notes"], listed=True) if found["notes"] else None,
     ]
@@ -246,6 +252,54 @@ def _reactions(found: dict[str, Any]) -> _Section | None:
         "sum of squares over all joints, or by the compliances given."
     )
     return _Section("Reactions", ["Components along the joint axes:"], ("joint", *_COMPONENTS), rows, [verdict])
+
+
+def _open_frictions(
+    m: Modelled, where: State, model: CompiledModel
+) -> tuple[list[dict[str, str]], CompiledModel, State]:
+    """Frictions whose level follows a reaction that is not determined here, found by asking what a run would ask with
+    one after the other of them given a level; and the model with these, which has answers, and where it stands."""
+    follow: dict[str, LoadRecord] = {
+        name: record
+        for name, record in m._description.forces.items()
+        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.said
+    }
+    found: list[dict[str, str]] = []
+    given = Modelled(m.name, (0.0, 0.0, 0.0), m.drawing_tolerance)
+    given._description = m._description.copy()
+    for _ in follow:
+        try:
+            model.forces(where.q, where.v, t=where.t)
+        except EvaluationError as error:
+            name = error.where
+            if name not in follow or "which is not determined" not in str(error):
+                break  # for another reason, which a run tells
+            joint = str(follow[name].said["joint"])
+            found.append({"friction": name, "joint": joint})
+            level = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
+            given.forces[name].change(**level, **dict.fromkeys(_FOLLOWS), preload=0.0)
+            other, layout = layout_of(given, model.coordinates)
+            where = State(where.t, *other.core.carried_over(model.core, where.q, where.v), layout=layout)
+            model = other
+        else:
+            break
+    return found, model, where
+
+
+def _frictions(found: dict[str, Any]) -> _Section | None:
+    open_ = found["open_frictions"]
+    if not open_:
+        return None
+    each = _named([f'"{item["friction"]}" (of joint {item["joint"]})' for item in open_])
+    one = len(open_) == 1
+    return _Section(
+        "Friction",
+        [
+            f"The level of {each} follows {'a reaction' if one else 'reactions'} not determined here: "
+            f"{'it has' if one else 'they have'} no one value, and a run would be refused. Replace joints so that "
+            "nothing is held twice (see Redundancy), or give the level itself (dynamic=) in place of the coefficient."
+        ],
+    )
 
 
 def _text(section: _Section, first: bool) -> str:

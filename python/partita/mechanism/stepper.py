@@ -11,37 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
-from ..builder.records import ForceRecord, TorqueRecord
-from ..builder.values import Constant
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import floats, real, shown
 from ..results import Result
+from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
+from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
 from .solve import start_of
 
 Array = NDArray[np.float64]
-_AXES = "xyz"
 
 
 def inputs(self: Modelled) -> tuple[str, ...]:
-    """Names of what a stepper may be given: torques along joint coordinates that are numbers, and components of forces
-    that are (`F.x`, `F.y`, `F.z`), in the order in which they were added."""
-    return tuple(_places(self))
-
-
-def _places(m: Modelled) -> dict[str, tuple[int, int]]:
-    """Each input: number of the force, number of the component."""
-    found: dict[str, tuple[int, int]] = {}
-    for i, (name, record) in enumerate(m._description.forces.items()):
-        match record:
-            case TorqueRecord(value=Constant(), over=None):
-                found[name] = i, 0
-            case ForceRecord(value=tuple() as value):
-                numbers = [k for k, one in enumerate(value) if isinstance(one, Constant)]
-                found.update({f"{name}.{_AXES[k]}": (i, k) for k in numbers})
-    return found
+    """Names of what a stepper may be given: torques along joint coordinates that are numbers, components of forces that
+    are (`F.x`, `F.y`, `F.z`), and behind these the drives of positions, velocities and accelerations, each in the order
+    in which they were added. A drive that shares its name with one of the others is "drive NAME"."""
+    return tuple(inputs_of(self._description))
 
 
 class JointMotion(NamedTuple):
@@ -65,7 +52,7 @@ class Stepper:
         model: CompiledModel,
         layout: Layout,
         start: State,
-        places: Mapping[str, tuple[int, int]],
+        inputs: Mapping[str, Input],
         options: dict[str, Any],
         dt: float,
         substeps: int,
@@ -73,15 +60,24 @@ class Stepper:
     ) -> None:
         self._model, self._layout, self._options = model, layout, options
         self._dt, self._record = dt, record
-        self._inputs = tuple(places)
+        self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
+        self._numbers, self._held = self._courses.first(self._signals(start))
         self._core = model._stepping(
-            json.dumps(options), dt, substeps, list(places.values()), start.t, start.q, start.v, record
+            json.dumps(options),
+            dt,
+            substeps,
+            self._courses.places,
+            self._numbers.tolist(),
+            start.t,
+            start.q,
+            start.v,
+            record,
         )
-        self._held = np.zeros(len(places))
         self._start = start
         self._given: list[list[float]] = []
         self._times: list[float] = [start.t]
         self._now: State | None = None
+        self._here: Result | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -124,12 +120,34 @@ class Stepper:
         found = self._model.core.joints(np.array([now.t]), now.q[None], now.v[None], [j])
         return JointMotion(_part(found["joint_position"][0]), _part(found["joint_velocity"][0]))
 
+    def sensor(self, name: Any) -> Any:
+        """What a sensor reads where it stands: a float or an array, see `Mechanism.add_sensor`.
+
+        Those of positions and velocities cost a look at their bodies and joints. What needs accelerations, reactions or
+        forces is found with the inputs held over the step that led here, at the cost of an evaluation with its
+        multipliers; all such sensors of one instant share it. Raises `UnknownNameError` with the nearest names.
+        """
+        sensors = self._model.sensors
+        names = list(sensors)
+        name = names[index_of(str(name), names, "sensor")]
+        if at_once(sensors[name], sensors):
+            return plain(Reader(sensors, self._signals(self.state)).read(name))
+        if self._here is None:
+            self._here = self._told(*self._core.here(), self.time)
+        return plain(self._here.sensor(name).values[0])
+
     def step(self, u: ArrayLike | Mapping[str, float] | None = None) -> State:
         """Go on by `dt` with the inputs held at `u`, and return the state there.
 
+        An effort is held over the step. A drive goes on from where it is, without a jump of its rate. That of a
+        velocity has a rate that changes linearly and is the one given at the end of the step, as in an FMU; the
+        position follows. That of an acceleration has the one given; its rate follows. That of a position is where it
+        was told at the end of the step, and has the mean rate of the step there.
+
         Args:
-            u: a number for each of `inputs`, in their order; or a dict of some of them, the others stay as they are
-                held; None: all stay. At the start they are 0.
+            u: a number for each of `inputs`, in their order [N, N m; of drives what they prescribe: m, rad, m/s, ...];
+                or a dict of some of them, the others stay as they are held; None: all stay. At the start efforts and
+                accelerations are 0, positions and velocities those of the start.
 
         Raises:
             ArgumentError: another number of inputs, NaN or infinity. UnknownNameError: no input has that name.
@@ -138,15 +156,17 @@ class Stepper:
         After an error the state and the inputs held are those before.
         """
         wanted = self._wanted(u)
-        self._core.step(wanted)
-        self._held, self._now = wanted, None
+        numbers = self._courses.over(self._numbers, wanted, self.state.t, self._dt)
+        self._core.step(numbers)
+        self._held, self._numbers, self._now, self._here = wanted, numbers, None, None
         if self._record:
-            self._given.append(wanted.tolist())
+            self._given.append(numbers.tolist())
             self._times.append(self.state.t)
         return self.state
 
     def reset(self, initial: State | None = None) -> State:
-        """Begin again at a state, or where it began; what was kept for `result` is dropped, the inputs are 0.
+        """Begin again at a state, or where it began; what was kept for `result` is dropped, the inputs are as at the
+        start. Angles of drives that close loops are counted from within half a turn there.
 
         Raises `ArgumentError` for a state of another model.
         """
@@ -157,8 +177,9 @@ class Stepper:
                 f"step() return it, not {shown(initial)}",
                 argument="initial",
             )
-        self._core.begin(start.t, np.ascontiguousarray(start.q), np.ascontiguousarray(start.v))
-        self._held, self._now = np.zeros(len(self._inputs)), None
+        numbers, held = self._courses.first(self._signals(start))
+        self._core.begin(numbers, start.t, np.ascontiguousarray(start.q), np.ascontiguousarray(start.v))
+        self._numbers, self._held, self._now, self._here = numbers, held, None, None
         self._given, self._times = [], [self.state.t]
         return self.state
 
@@ -172,10 +193,15 @@ class Stepper:
             raise ArgumentError("nothing was recorded; make the stepper with record=True", argument="record")
         if not self._given:
             raise ArgumentError("there is no step yet to make a result of; call step", argument="record")
-        raw, core = self._core.result(self._times, self._given)
+        return self._told(*self._core.result(self._times, self._given), self._times[0])
+
+    def _signals(self, at: State) -> StateSignals:
+        return StateSignals(self._model.core, at.t, at.q, at.v, self._model.summary)
+
+    def _told(self, raw: dict[str, Any], core: Any, t0: float) -> Result:
         model = self._model
         raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
-        options = {**self._options, "t0": self._times[0], "t_end": self._times[-1], "coordinates": model.coordinates}
+        options = {**self._options, "t0": t0, "t_end": self.time, "coordinates": model.coordinates}
         return Result.from_run(
             raw, model=core, summary=model.summary, spec=core.description, options=options, sensors=model.sensors
         )
@@ -244,8 +270,8 @@ def stepper(
 
     Args:
         dt: length of a step [s].
-        inputs: which of `Mechanism.inputs` the steps are given; None: all of them. Drives prescribe a motion and are
-            no inputs; they go on as drawn.
+        inputs: which of `Mechanism.inputs` the steps are given; None: all but the drives. Drives that are not among
+            them go on as drawn; of one that is, the start and the steps say how it moves (see `Stepper.step`).
         initial: state to start from; None: the drawing, assembled, at rest.
         method: "rk4" (order 4, the default), "tsit5", "dopri5" (order 5), "dop853" (order 8).
         substeps: steps of the method in each dt, 1 to 1000.
@@ -268,7 +294,7 @@ def stepper(
     >>> bool(abs(sim.joint("A").position) < 1e-3), sim.result().success
     (True, True)
     """
-    length = run_options.positive("dt", dt)
+    length = run_options.positive("dt", dt, "s")
     if isinstance(substeps, bool) or not isinstance(substeps, int | np.integer) or not 1 <= substeps <= 1000:
         raise ArgumentError(f"substeps is {shown(substeps)}; it must be an integer, 1 to 1000", argument="substeps")
     if not isinstance(record, bool | np.bool_):
@@ -280,19 +306,5 @@ def stepper(
     options = run_options.options(
         start.t, length, model.velocity_names, method=method, exchange=exchange, step=step, rtol=1e-8, atol=1e-10
     )
-    places = _chosen(_places(self), inputs)
-    return Stepper(model, layout, start, places, options, length, int(substeps), bool(record))
-
-
-def _chosen(known: dict[str, tuple[int, int]], wanted: Any) -> dict[str, tuple[int, int]]:
-    """The inputs that were asked for."""
-    if wanted is None:
-        return known
-    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
-        message = f"inputs must be a list of names such as {list(known)[:2]}, not {shown(wanted)}"
-        raise ArgumentError(message, argument="inputs")
-    names = [str(item) for item in wanted]
-    if len(set(names)) < len(names):
-        raise ArgumentError(f"inputs names one twice: {', '.join(names)}", argument="inputs")
-    every = list(known)
-    return {name: known[every[index_of(name, every, "input")]] for name in names}
+    given = chosen(inputs_of(self._description), inputs)
+    return Stepper(model, layout, start, given, options, length, int(substeps), bool(record))

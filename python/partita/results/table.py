@@ -114,22 +114,25 @@ def _plan(header: Mapping[str, Any]) -> list[Place]:
     readable = [[name for name in group if name in arrays] for group in GROUPS]
     known = {name for group in readable for name in group}
     plan: list[Place] = []
+    sensors = header["account"]["summary"].get("sensors", ())
+    titles = {item["variable"]: f"sensor.{item['name']}" for item in sensors}
     for group in [*readable, *([name] for name in arrays if name not in known)]:
-        plan += _together([list(_columns_of(name, header)) for name in group])
+        plan += _together([list(_columns_of(name, header, titles.get(name))) for name in group])
         if group == ["potential"] and "kinetic" in arrays:
             plan.append((TOTAL, "J", TOTAL, ()))
     return _told_apart(plan)
 
 
-def _columns_of(name: str, header: Mapping[str, Any]) -> Iterator[Place]:
+def _columns_of(name: str, header: Mapping[str, Any], title: str | None) -> Iterator[Place]:
+    """Columns of one array; `title` is the first word of each where it is a sensor's."""
     about = header["arrays"][name]
     along = about["axes"][1:]
-    pattern = TITLES.get(name, name)
+    pattern = TITLES.get(name, name) if title is None else ""
     units = _units(name, about, header)
     for at in itertools.product(*(range(n) for n in about["shape"][1:])):
         labels = [str(header["axes"][axis]["labels"][i]) for axis, i in zip(along, at, strict=True)]
         inside = pattern.count("{}")
-        words = [pattern.format(*labels[:inside]), *labels[inside:]]
+        words = [title or pattern.format(*labels[:inside]), *labels[inside:]]
         yield ".".join(words), units[at[0]] if units else about["unit"], name, at
 
 

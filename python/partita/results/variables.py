@@ -133,7 +133,7 @@ def sensors(result: Readable) -> list[tuple[Variable, Axis | None]]:
 def units(result: Readable) -> dict[str, str | tuple[str, ...]]:
     """Unit of every array by its name; where columns differ, one for each. Nothing is computed for it."""
     tables = [RUN] if not result.is_mechanism else [RUN, OBSERVED, ACCELERATIONS, REACTIONS, CHECKS]
-    columns = axes(result)
+    columns = _own_axes(result)
     found: dict[str, str | tuple[str, ...]] = {}
     for name, (along, unit, _) in ((name, entry) for table in tables for name, entry in table.items()):
         own = columns[along[0]].units if along and not unit else ()
@@ -142,6 +142,7 @@ def units(result: Readable) -> dict[str, str | tuple[str, ...]]:
         if name == "drive":
             own = tuple("N" if u.startswith("m") else "N m" for u in own)
         found[name] = own or unit
+    found.update({item["variable"]: item["unit"] for item in result.summary.get("sensors", ())})
     return found
 
 
@@ -155,6 +156,14 @@ def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Array
 
 def axes(result: Readable) -> dict[str, Axis]:
     """Labels of every axis the variables use, except time."""
+    found = _own_axes(result)
+    if result.is_mechanism:
+        found.update({axis.name: axis for _, axis in sensors(result) if axis is not None})
+    return found
+
+
+def _own_axes(result: Readable) -> dict[str, Axis]:
+    """Those of a run itself, for which no sensor is read."""
     names = result.names
     q_units, v_units = coordinate_units(result.summary, names)
     q_labels, q_kinds, v_labels, v_kinds = _joint_axes(result)
@@ -174,8 +183,6 @@ def axes(result: Readable) -> dict[str, Axis]:
         Axis("joint_axis", xyz),
         Axis("component", COMPONENTS),
     ]
-    if result.is_mechanism:
-        listed += [axis for _, axis in sensors(result) if axis is not None]
     return {axis.name: axis for axis in listed}
 
 

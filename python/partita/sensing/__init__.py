@@ -7,10 +7,27 @@ A sensor is a dict: `of` says what it looks at ("point", "body", "joint", "measu
 
 from __future__ import annotations
 
-from .laws import Senses
-from .quantities import Moving
-from .reader import Reader
-from .records import OPERATIONS, READS, SensorRecord, known
+from .instant import StateSignals
+from .laws import Senses, at_once
+from .quantities import Moving, Signals, measured
+from .reader import Reader, plain
+from .records import OPERATIONS, READS, SensorRecord, known, uses
 from .words import text_of, unit_of
 
-__all__ = ["OPERATIONS", "READS", "Moving", "Reader", "SensorRecord", "Senses", "known", "text_of", "unit_of"]
+__all__ = [
+    "OPERATIONS",
+    "READS",
+    "Moving",
+    "Reader",
+    "SensorRecord",
+    "Senses",
+    "Signals",
+    "StateSignals",
+    "at_once",
+    "known",
+    "measured",
+    "plain",
+    "text_of",
+    "unit_of",
+    "uses",
+]

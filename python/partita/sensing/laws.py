@@ -33,6 +33,11 @@ def refusal(record: SensorRecord, sensors: Mapping[str, SensorRecord]) -> str | 
     return None
 
 
+def at_once(record: SensorRecord, sensors: Mapping[str, SensorRecord]) -> bool:
+    """Does a sensor follow from q and v alone?"""
+    return refusal(record, sensors) is None
+
+
 def seen_by_laws(sensors: Mapping[str, SensorRecord]) -> tuple[list[str], list[str]]:
     """Bodies and joints that laws have to see for the sensors they may read."""
     bodies: dict[str, None] = {}
@@ -58,24 +63,8 @@ def seen_by_laws(sensors: Mapping[str, SensorRecord]) -> tuple[list[str], list[s
 GROUND = Moving(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
 
 
-class Sighted:
-    """Signals of one state as a force law sees them: numbers of bodies and coordinates of joints, side by side."""
-
-    def __init__(self, t: float, numbers: Array, bodies: Sequence[str], joints: Mapping[str, int]) -> None:
-        self.t, self._numbers = t, numbers
-        self._bodies, self._joints = bodies, joints
-
-    def body(self, name: str) -> Moving:
-        if name == "ground":
-            return GROUND
-        x = self._numbers[18 * self._bodies.index(name) :][:18]
-        return Moving(x[:3], x[3:12].reshape(3, 3), x[12:15], x[15:])
-
-    def joint(self, name: str) -> tuple[Array, Array]:
-        at, names = 18 * len(self._bodies), list(self._joints)
-        at += 2 * sum(self._joints[other] for other in names[: names.index(name)])
-        x = self._numbers[at : at + 2 * self._joints[name]]
-        return x[::2], x[1::2]
+class Unseen:
+    """What is not known before forces are."""
 
     def body_acceleration(self, name: str) -> tuple[Array, Array]:
         raise self._unseen(name)
@@ -100,6 +89,26 @@ class Sighted:
         return ArgumentError(
             f"what acts at {name!r} follows from what laws answer; they cannot read it", argument="name"
         )
+
+
+class Sighted(Unseen):
+    """Signals of one state as a force law sees them: numbers of bodies and coordinates of joints, side by side."""
+
+    def __init__(self, t: float, numbers: Array, bodies: Sequence[str], joints: Mapping[str, int]) -> None:
+        self.t, self._numbers = t, numbers
+        self._bodies, self._joints = bodies, joints
+
+    def body(self, name: str) -> Moving:
+        if name == "ground":
+            return GROUND
+        x = self._numbers[18 * self._bodies.index(name) :][:18]
+        return Moving(x[:3], x[3:12].reshape(3, 3), x[12:15], x[15:])
+
+    def joint(self, name: str) -> tuple[Array, Array]:
+        at, names = 18 * len(self._bodies), list(self._joints)
+        at += 2 * sum(self._joints[other] for other in names[: names.index(name)])
+        x = self._numbers[at : at + 2 * self._joints[name]]
+        return x[::2], x[1::2]
 
 
 class Senses:

@@ -8,11 +8,11 @@ use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
-use partita_system::record::Output;
+use partita_system::record::{Gaps, Output};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start;
-use partita_system::{weight, ConstrainedSystem};
+use partita_system::{weight, ConstrainedSystem, SystemError};
 
 /// A motion between two ticks.
 pub struct Stepping<'s, S: ConstrainedSystem> {
@@ -31,6 +31,8 @@ pub struct Stepping<'s, S: ConstrainedSystem> {
     /// What is kept for a result, if anything is.
     kept: Option<Vec<Output>>,
     steps: u64,
+    /// The worst that stood open at the ends of the steps that were kept.
+    gaps: Gaps,
 }
 
 impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
@@ -72,17 +74,50 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         let (name, rank) = (request.formulation.clone(), found.rank);
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);
-        let mut stepping =
-            Self { system, formulation, clock, name, rank, options, limits, notes, now, work: 0.0, kept, steps: 0 };
-        stepping.begin(t, q, v)?;
+        let mut stepping = Self {
+            system,
+            formulation,
+            clock,
+            name,
+            rank,
+            options,
+            limits,
+            notes,
+            now,
+            work: 0.0,
+            kept,
+            steps: 0,
+            gaps: Gaps::default(),
+        };
+        stepping.stand(t, q, v, || ())?;
         Ok(stepping)
     }
 
     /// Stand at a closed state, as if nothing had been before.
     ///
     /// # Errors
-    /// The motion cannot start there; then it stays where it was.
-    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
+    /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
+    pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
+        let seen = start::analyse(self.system, t, q).map_err(AnalysisError::from).and_then(|found| {
+            inconsistent::refuse(self.system, found.rank, t, q)?;
+            if found.rank == self.rank {
+                return Ok(());
+            }
+            let message = format!(
+                "its conditions have the rank {} there and {} where the stepper was made; make another one",
+                found.rank, self.rank
+            );
+            Err(SystemError::Tick { t, message }.into())
+        });
+        if let Err(e) = seen {
+            undo();
+            return Err(e);
+        }
+        self.stand(t, q, v, undo)
+    }
+
+    /// See `begin`; at a position that was looked at.
+    fn stand(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
         let before = (self.clock.origin(), self.clock.count());
         let zero = vec![0; q.len()];
         let begun = self.clock.start(&mut self.formulation, (t, 0), (q, v), &zero).and_then(|()| {
@@ -92,7 +127,8 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         });
         match begun {
             Ok(now) => {
-                (self.now, self.work) = (now, 0.0);
+                (self.now, self.work, self.gaps) = (now, 0.0, Gaps::default());
+                self.formulation.forget_gaps();
                 if let Some(kept) = &mut self.kept {
                     kept.clear();
                     kept.push(self.now.clone());
@@ -100,6 +136,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
                 Ok(())
             }
             Err(e) => {
+                undo();
                 if !self.now.q.is_empty() {
                     self.back(before)?;
                 }
@@ -111,6 +148,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     /// Back to where it stood, after a tick or a start that failed.
     fn back(&mut self, place: (f64, u64)) -> Result<(), AnalysisError> {
         self.work = self.now.work;
+        self.formulation.forget_gaps();
         Ok(self.clock.start(&mut self.formulation, place, (&self.now.q, &self.now.v), &self.now.turns)?)
     }
 
@@ -127,11 +165,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.clock.turns());
             let t = self.clock.time();
-            match self.formulation.state_at(t, self.clock.state(), &mut now) {
+            let told = self.formulation.state_at(t, self.clock.state(), &mut now);
+            match told.and_then(|()| self.holds(t)) {
                 Ok(()) => {
                     now.work += self.work;
                     self.now = now;
                     self.steps += 1;
+                    self.gaps.raise(&self.formulation.gaps());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
                     }
@@ -145,12 +185,34 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             }
         }
         let Err(failure) = taken else { return Ok(()) };
-        let (_, message, error) = explain(failure, self.now.t);
+        let (status, message, error) = explain(failure, self.now.t);
         self.back(place)?;
         Err(match error {
             Some(e) => e.into(),
+            None if status == Status::StepTooSmall => {
+                let message = "coordinates cannot be kept or exchanged in it, as in a singular position or next to one; step over \
+                               it: another number of substeps, another length of steps, other inputs";
+                SystemError::Tick { t: self.now.t, message: message.into() }.into()
+            }
             None => AnalysisError::Argument { argument: "dt", message: format!("{message}; take shorter steps") },
         })
+    }
+
+    /// Does what the last tick left hold?
+    fn holds(&self, t: f64) -> Result<(), SystemError> {
+        let mut findings = Vec::new(); // which takes memory where there are some
+        self.limits.judge(self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
+        match findings.into_iter().find(|x| x.broken) {
+            None => Ok(()),
+            Some(found) => {
+                let message = format!(
+                    "{}; the mechanism does not reach so far, or a singular position lies in the step: give other inputs, or \
+                     take shorter steps",
+                    found.sentence
+                );
+                Err(SystemError::Tick { t, message })
+            }
+        }
     }
 
     /// Where it stands; angles without their whole turns.
@@ -163,10 +225,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         turns::whole(self.now.q[i], self.now.turns[i])
     }
 
-    /// All that was kept, as what a run leaves.
-    pub fn told(&self) -> Run {
+    /// All that was kept, as what a run leaves; with `here` no more than where it stands.
+    pub fn told(&self, here: bool) -> Run {
         let told = self.formulation.journal();
-        let outputs = self.kept.clone().unwrap_or_default();
+        let outputs = match &self.kept {
+            Some(kept) if !here => kept.clone(),
+            _ => vec![self.now.clone()],
+        };
         let outcome = Outcome {
             status: Status::Finished,
             message: format!("stepped to t = {}", self.now.t),
@@ -178,7 +243,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         let mut notes = self.notes.clone();
         notes.extend(told.notes);
         let mut findings = Vec::new();
-        self.limits.judge(self.system, &told.gaps, "the end of the step", &mut findings);
+        self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
         verdict::of_steps(&outcome, &mut findings);
         let journal = Journal {
             formulation: self.name.clone(),
@@ -188,7 +253,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             outputs,
             limits: self.limits,
         };
-        let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, told.gaps);
+        let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, self.gaps);
         Run { outcome, journal, counters, rows, open, gaps, notes, findings }
     }
 }

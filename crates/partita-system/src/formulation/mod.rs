@@ -3,7 +3,7 @@
 pub mod motion;
 pub mod registry;
 
-use crate::record::{Journal, Output, PartitionEvent, Sample};
+use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample};
 
 use crate::error::Result;
 pub use crate::record::Verdict;
@@ -80,6 +80,17 @@ pub trait Formulation {
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
     fn journal(&self) -> Journal;
+    /// What stood open at the ends of the steps since the start; allocates nothing.
+    fn gaps(&self) -> Gaps {
+        self.journal().gaps
+    }
+    /// Count them from here on.
+    fn forget_gaps(&mut self) {}
+    /// How far from a singular position the last step ended, where that is known, in parts of the
+    /// reaches: it falls linearly towards one.
+    fn margin(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl Sample {
@@ -137,5 +148,14 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn journal(&self) -> Journal {
         (**self).journal()
+    }
+    fn gaps(&self) -> Gaps {
+        (**self).gaps()
+    }
+    fn forget_gaps(&mut self) {
+        (**self).forget_gaps();
+    }
+    fn margin(&self) -> Option<f64> {
+        (**self).margin()
     }
 }

@@ -22,7 +22,7 @@ use crate::positions::independent::Independent;
 use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
-use crate::record::{Journal, Output, PartitionEvent, Sample};
+use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -448,6 +448,18 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
         self.tangent.describe(r, within, out)
+    }
+
+    fn gaps(&self) -> Gaps {
+        self.watch.gaps
+    }
+
+    fn forget_gaps(&mut self) {
+        self.watch.gaps = Gaps::default();
+    }
+
+    fn margin(&self) -> Option<f64> {
+        self.margin.map(|m| m.0)
     }
 
     fn journal(&self) -> Journal {

@@ -1,0 +1,130 @@
+"""What a stepper may be given: efforts that are held, and drives, whose motion goes on without a jump."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..builder.compiled import CompiledModel
+from ..builder.records import Description, Drive, ForceRecord, TorqueRecord
+from ..builder.values import Constant
+from ..errors import ArgumentError
+from ..naming import index_of
+from ..numeric import shown
+from ..sensing import Signals, measured
+
+Array = NDArray[np.float64]
+_AXES = "xyz"
+
+
+class Input(NamedTuple):
+    """One input: the force and its component, or the drive (`component` None), what it prescribes, and of what."""
+
+    name: str
+    component: int | None
+    level: str = "effort"
+    measure: Mapping[str, Any] = {}
+
+
+def inputs_of(d: Description) -> dict[str, Input]:
+    """All that there are, forces before drives; a drive that shares its name with one of them is "drive NAME"."""
+    found: dict[str, Input] = {}
+    for name, record in d.forces.items():
+        match record:
+            case TorqueRecord(value=Constant(), over=None):
+                found[name] = Input(name, 0)
+            case ForceRecord(value=tuple() as value):
+                numbers = [k for k, one in enumerate(value) if isinstance(one, Constant)]
+                found.update({f"{name}.{_AXES[k]}": Input(name, k) for k in numbers})
+    for name, drive in d.drives.items():
+        if drive.level != "pose":
+            found[_free(name, found)] = Input(name, None, drive.level, drive.measure)
+    return found
+
+
+def _free(name: str, taken: Mapping[str, Input]) -> str:
+    while name in taken:
+        name = f"drive {name}"
+    return name
+
+
+def chosen(known: Mapping[str, Input], wanted: Any) -> dict[str, Input]:
+    """The inputs that were asked for; all efforts where nothing was."""
+    if wanted is None:
+        return {name: one for name, one in known.items() if one.component is not None}
+    if isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable):
+        message = f"inputs must be a list of names such as {list(known)[:2]}, not {shown(wanted)}"
+        raise ArgumentError(message, argument="inputs")
+    every = list(known)
+    drives = {one.name: name for name, one in known.items() if one.component is None}
+    names = [drives.get(item.name, item.name) if isinstance(item, Drive) else str(item) for item in wanted]
+    names = [every[index_of(name, every, "input")] for name in names]
+    if len(set(names)) < len(names):
+        raise ArgumentError(f"inputs names one twice: {', '.join(names)}", argument="inputs")
+    return {name: known[name] for name in names}
+
+
+class Courses:
+    """What the inputs hold over a step. Efforts: a number. Drives: since when, and a cubic of the time since then that
+    goes on from where the motion is: the position, or of velocities and accelerations the rate.
+
+    Over a step of length h from position x at rate r, with u given:
+
+    - of a velocity: acceleration (u - r) / h, so that the rate is u at the end;
+    - of an acceleration: acceleration u;
+    - of a position: the cubic that ends at u with the mean rate (u - x) / h.
+
+    So positions and rates are continuous whatever is given, as a constraint must be (S3, S4).
+    """
+
+    def __init__(self, inputs: Mapping[str, Input], model: CompiledModel) -> None:
+        self._inputs = list(inputs.values())
+        numbers = {
+            kind: {one["name"]: i for i, one in enumerate(json.loads(model.description)[kind])}
+            for kind in ("forces", "drives")
+        }
+        self.places: list[tuple[int, int | None]] = [
+            (numbers["drives" if one.component is None else "forces"][one.name], one.component) for one in self._inputs
+        ]
+
+    def first(self, signals: Signals) -> tuple[Array, Array]:
+        """Where everything stands: the numbers held and the inputs they belong to. Drives go on at their rates."""
+        held, u = list[float](), list[float]()
+        for one in self._inputs:
+            if one.component is not None:
+                held.append(0.0)
+                u.append(0.0)
+                continue
+            rate = float(measured(signals, one.measure, "velocity"))
+            if one.level == "position":
+                at = float(measured(signals, one.measure, "position"))
+                held += [float(signals.t), at, rate, 0.0, 0.0]
+                u.append(at)
+            else:
+                held += [float(signals.t), rate, 0.0, 0.0, 0.0]
+                u.append(rate if one.level == "velocity" else 0.0)
+        return np.array(held), np.array(u)
+
+    def over(self, held: Array, u: Array, t: float, h: float) -> Array:
+        """The numbers of the step from t on, after those of the step before."""
+        new, place = held.copy(), 0
+        for one, value in zip(self._inputs, u, strict=True):
+            if one.component is not None:
+                new[place] = value
+                place += 1
+                continue
+            since, a, b, c, d = held[place : place + 5]
+            x = t - since
+            at, rate = a + (b + (c + d * x) * x) * x, b + (2.0 * c + 3.0 * d * x) * x
+            if one.level == "position":
+                jump = (value - at) / h - rate
+                new[place : place + 5] = t, at, rate, 2.0 * jump / h, -jump / h**2
+            else:
+                growth = (value - at) / h if one.level == "velocity" else value
+                new[place : place + 5] = t, at, growth, 0.0, 0.0
+            place += 5
+        return new
