@@ -371,6 +371,7 @@ function makeMotion(program, about) {
   const metric = new Float64Array(n * n), wide = new Float64Array(Math.max(1, m) * n), inner = new Float64Array(m * m),
     tangential = new Float64Array(n * n), column = new Float64Array(Math.max(n, 1)), length = new Float64Array(n);
   function measure() {
+    run.velocity();
     run.metric();
     symmetric(METRIC, metric);
     if (!cholesky(metric, n)) throw new Fault("The mass matrix is not positive definite here.");
