@@ -67,7 +67,8 @@ def to_playground(
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
     pace = run_options.positive("speed", speed)
     made = recorded(self, initial)
-    page = html(made, self.name if title is None else title, _view(self), pace)
+    seen = {"planar": bool(layout_of(self, "relative")[0].summary.get("planar")), **_view(self)}
+    page = html(made, self.name if title is None else title, seen, pace)
     return put(where, page.encode("utf-8"))
 
 

@@ -488,9 +488,11 @@ function makeMotion(program, about) {
   const errors = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
   let h = 0, steps = 0;
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
-  function advance(until) {
+  // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
+  function advance(until, deadline = Infinity) {
     let refused = 0;
     while (t < until) {
+      if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
       if (!(h > 0)) h = Math.min(rest, 1e-3);
       const step = h >= rest * (1 - 1e-9) ? rest : h;
@@ -646,6 +648,11 @@ function makeMotion(program, about) {
       const words = change({});
       if (words) d.value = old;
       return words;
+    },
+    halt() {
+      v.fill(0);
+      settle();
+      h = Math.min(h, 1e-3);
     },
     choose() { position(t, q); measure(); },
     // poses of bodies (12 each), points of joints (3 each), kinetic and potential energy
