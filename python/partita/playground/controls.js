@@ -68,19 +68,10 @@ function field(parent, words, unit, read, write, slider) {
 }
 const has = (name) => name in about.parameters;
 
-for (const { body, what, origin, moves } of about.lengths.slice(0, 60)) {
-  const span = () => {
-    const a = motion.get(origin), b = motion.get(moves);
-    return Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-  };
-  const at = about.values[origin], drawn = about.values[moves];
-  const away = Math.hypot(...drawn.map((x, i) => x - at[i]));
-  const set = (x) => {
-    if (!(x > 0)) return `${body}: ${what} must be above 0.`;
-    const a = motion.get(origin);
-    return motion.change({ [moves]: a.map((c, i) => c + (x * (drawn[i] - at[i])) / away) });
-  };
-  field($("lengths"), `${body}: ${what}`, "m", span, set, [0.3 * away, 2 * away]);
+for (const one of about.lengths.slice(0, 60)) {
+  const words = `${one.body}: ${one.what}`;
+  const set = (x) => (x > 0 ? motion.change(motion.lengthened(one, x)) : `${words} must be above 0.`);
+  field($("lengths"), words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
 }
 if (about.lengths.length === 0) $("lengths").textContent = "No body has two joints that turn.";
 const scalar = (parent, name, words, unit, positive) => {

@@ -455,12 +455,12 @@ function makeMotion(program, about) {
   }
   const EXCHANGE = 0.7;
   let exchanges = 0;
-  function choose(always) {
+  function choose() {
     if (!measure()) {
       throw new Fault(`Singular position at t = ${t.toPrecision(5)} s: the loops lose rank, and branches meet here.`);
     }
     const best = span(null);
-    if (!always && independent.length === k) {
+    if (dependent.length === m && independent.length === k) {
       if (span(independent).volume >= EXCHANGE * best.volume) return;
       exchanges += 1;
     }
@@ -470,7 +470,7 @@ function makeMotion(program, about) {
   // rates that satisfy S4 next to v, in the independent coordinates
   function settle() {
     position(t, q);
-    choose(false);
+    choose();
     tangent();
     for (let i = 0; i < nq; i++) y[i] = q[i];
     for (let j = 0; j < k; j++) y[nq + j] = v[independent[j]];
@@ -560,8 +560,33 @@ function makeMotion(program, about) {
     const [at, count] = about.parameters[name];
     return Array.from(w.subarray(at, at + count));
   }
+  // a length of a body: the distance of two points along the line on which they were drawn, and what changes it
+  function lengthOf(one) {
+    const a = get(one.origin), b = get(one.moves);
+    return one.along.reduce((z, e, i) => z + e * (b[i] - a[i]), 0);
+  }
+  function lengthened(one, x) {
+    const more = x - lengthOf(one);
+    return { [one.moves]: get(one.moves).map((c, i) => c + more * one.along[i]) };
+  }
+  // a planar mechanism keeps to its plane: the sides of a joint may not miss each other across it
+  function leavesPlane(values) {
+    if (!about.normal) return "";
+    for (const { name } of about.joints) {
+      const sides = [`${name}.point`, `${name}.child_point`];
+      if (!sides.every((s) => s in about.parameters) || !sides.some((s) => s in values)) continue;
+      const [p, r] = sides.map((s) => values[s] || get(s));
+      const off = about.normal.reduce((z, e, i) => z + e * (p[i] - r[i]), 0);
+      if (Math.abs(off) > 1e-9 * about.length) {
+        return `It cannot be assembled with this: joint "${name}" opens by ${digits(Math.abs(off))} m across the plane.`;
+      }
+    }
+    return "";
+  }
   // other parameters: the way there in parts, so that the mechanism stays on its branch
   function change(values) {
+    const across = leavesPlane(values);
+    if (across) return across;
     const names = Object.keys(values), old = names.map(get), oldQ = Float64Array.from(q), oldV = Float64Array.from(v);
     let done = 0, part = 1;
     const at = Float64Array.from(q);
@@ -613,7 +638,7 @@ function makeMotion(program, about) {
     q.set(start.q);
     v.set(start.v);
     for (const d of rates) { d.clock = t; d.since = t; }
-    independent = [];
+    independent = dependent = [];
     h = 0;
     exchanges = 0;
     const open = closeAll(t, q);
@@ -624,7 +649,7 @@ function makeMotion(program, about) {
   for (const [name, values] of Object.entries(about.values)) put(name, values);
   run.prepare();
   return {
-    Fault, q, v, rho, accuracy, put, get, change, reset, advance, rates,
+    Fault, q, v, rho, accuracy, put, get, change, lengthOf, lengthened, reset, advance, rates,
     get t() { return t; },
     get steps() { return steps; },
     get exchanges() { return exchanges; },

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..builder.records import Description, SpringRecord
@@ -91,6 +92,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         _refuse("mechanism", str(model.summary["name"]), f"{', '.join(functions)} cannot be computed by a page")
     drawn = json.loads(model.description)
     known = model.core.parameters()
+    normal = plane_of(model.summary, drawn)
     massless = {body["name"] for body in drawn["bodies"] if body["mass"] == 0.0}
     names = [name for name, _ in known]
     chosen = [
@@ -106,7 +108,8 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "drives": drives,
         "values": {name: list(values) for name, values in chosen},
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
-        "lengths": lengths(drawn),
+        "lengths": lengths(drawn, normal),
+        "normal": None if normal is None else normal.tolist(),
         "bodies": [body["name"] for body in drawn["bodies"]],
         "joints": [
             {key: joint.get(key) for key in ("name", "kind", "parent", "child", "axis")} for joint in drawn["joints"]
@@ -135,9 +138,19 @@ def _calls(x: Any) -> bool:
     return isinstance(x, list) and any(_calls(value) for value in x)
 
 
-def lengths(drawn: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Lengths of bodies between their joints: from the first joint of a body to each other one of it. `moves` is the
-    parameter that goes along the line from the point `origin` when the length changes."""
+def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Unit normal of the plane of a planar mechanism; None where it moves in space or does not turn."""
+    axes = [joint["axis"] for joint in drawn["joints"] if joint["kind"] == "revolute" and joint.get("axis") is not None]
+    if not summary.get("planar") or not axes:
+        return None
+    axis = np.array(axes[0], dtype=float)
+    normal: NDArray[np.float64] = axis / np.linalg.norm(axis)
+    return normal
+
+
+def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:
+    """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to each
+    other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from the point `origin`."""
     found = []
     for body in ("ground", *(b["name"] for b in drawn["bodies"])):
         sites = []
@@ -150,9 +163,16 @@ def lengths(drawn: Mapping[str, Any]) -> list[dict[str, Any]]:
             elif joint["parent"] == body:
                 sites.append((joint["name"], f"{joint['name']}.point", joint["point"]))
         for name, parameter, point in sites[1:]:
-            if float(np.linalg.norm(np.subtract(point, sites[0][2]))) > 0.0:
+            line = np.subtract(point, sites[0][2])
+            if normal is not None:
+                line = line - (line @ normal) * normal
+            size = float(np.linalg.norm(line))
+            if size > 1e-12 * float(np.abs([point, sites[0][2]]).max()):
                 what = "length" if len(sites) == 2 else f"{sites[0][0]} to {name}"
-                found.append({"body": body, "what": what, "origin": sites[0][1], "moves": parameter})
+                along = (line / size).tolist()
+                found.append(
+                    {"body": body, "what": what, "origin": sites[0][1], "moves": parameter, "along": along, "drawn": size}
+                )
     return found
 
 
