@@ -542,6 +542,10 @@ def asked() -> dict[str, Callable[[], Call]]:
         "plots.plot_joint": (plots.plot_joint, {"result": run, "name": "A", "axes": "world"}),
         "plots.plot": (lambda result: plots.plot(result, "energy"), {"result": run}),
         "viewer.html": (viewer.html, {"result": run, "title": "t"}),
+        "Mechanism.to_playground": (
+            loop().to_playground,
+            {"path": "none/x.html", "initial": None, "title": "t", "speed": 1.0},
+        ),
         "Mechanism.to_fmu": (
             loop().to_fmu,
             {

@@ -67,13 +67,14 @@ def agree(mechanism: pt.Mechanism, found: Any, duration: float, parameters: dict
 
 
 CHANGES = {
-    # the part that a length changes by, how long it runs: Andrews' mechanism turns ever faster
+    # the part that a length changes by, how long it runs: Andrews' mechanism turns ever faster. (Five-bars are
+    # chaotic: with a left crank longer by a tenth even round-off grows to 1e-9 in 10 s.)
     "four-bar": (1.1, 10.0),
     "slider-crank": (0.9, 10.0),
     "engine-inline-two": (1.1, 1.0),
     "andrews-squeezer": (1.05, 0.05),
     "double-wishbone": (1.05, 10.0),
-    "five-bar": (1.1, 10.0),
+    "five-bar": (0.95, 10.0),
 }
 
 
@@ -130,8 +131,8 @@ def four_bar() -> pt.Mechanism:
 def test_a_length_that_cannot_close_is_told_by_how_much(tmp_path: Path) -> None:
     """A crank of 2.9 m beside a ground of 1 m, a coupler of 0.9 and a rocker of 0.7 m: 0.3 m are missing at the least."""
     script = """
-        const before = state(), a = m.get("A.child_point"), b = m.get("B.point"), l = Math.hypot(...b.map((x, i) => x - a[i]));
-        const words = m.change({ "B.point": a.map((x, i) => x + 2.9 / l * (b[i] - x)) });
+        const before = state(), b = m.get("B.point");
+        const words = m.change(m.lengthened(about.lengths.find((x) => x.body === "crank"), 2.9));
         const after = state();
         m.advance(0.1);
         return { words, same: before.q.every((x, i) => Math.abs(x - after.q[i]) < 1e-14), point: m.get("B.point"), b };
@@ -249,10 +250,10 @@ def test_the_page_runs_in_a_browser(tmp_path: Path) -> None:
           const fault = document.getElementById("fault").hidden ? "" : document.getElementById("fault").textContent;
           const before = p.motion.look().energy[0];
           p.grasp({ body: 1, point: [0.4, 0, 0], to: [0.5, 2, 0] });
-          setTimeout(() => {
-            document.title = JSON.stringify({ fault, t: p.motion.t, moves: before !== p.motion.look().energy[0],
-                                              length: field.value });
-          }, 300);
+          const t = p.motion.t;
+          p.motion.advance(t + 0.05);
+          const moves = before !== p.motion.look().energy[0];
+          document.title = JSON.stringify({ fault, t, moves, length: field.value });
         }, 300);
     """
     opened = page.read_text("utf-8").replace("</body>", f"<script>{inside}</script></body>")

@@ -1,8 +1,7 @@
 //! A mechanism's equations as a program for a page, with what the page must know of them.
 
 use crate::failure;
-use crate::model::Inner;
-use partita_model::DescriptionError;
+use partita_model::{DescriptionError, Model};
 use partita_system::{start, ConstrainedSystem, SystemError};
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value};
@@ -24,7 +23,7 @@ pub(crate) fn raised(py: Python<'_>, e: Refused) -> PyErr {
 }
 
 /// The script, and the rest as JSON.
-pub(crate) fn recorded(model: &Inner, names: &[String], t: f64, q: &[f64]) -> Result<(String, String), Refused> {
+pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Result<(String, String), Refused> {
     let made = model.recorded(names).map_err(Refused::Description)?;
     let size = model.size();
     let dropped = start::analyse(model, t, q).map_err(Refused::System)?.dropped;
@@ -41,7 +40,8 @@ pub(crate) fn recorded(model: &Inner, names: &[String], t: f64, q: &[f64]) -> Re
         list.into_iter().map(|(name, at, n)| (name.to_string(), json!([at, n]))).collect::<Map<_, _>>()
     };
     let parameters = made.parameters.iter().map(|(name, at, n)| (name.as_str(), *at, *n)).collect();
-    let coordinates: Vec<[usize; 2]> = (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
+    let coordinates: Vec<[usize; 2]> =
+        (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
     let told = json!({
         "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
         "work": made.script.work, "operations": made.script.operations,

@@ -104,6 +104,8 @@ def _view(self: Modelled) -> dict[str, Any]:
     gravity = np.array(description.gravity, dtype=float)
     normal = None
     if model.summary.get("planar"):
-        axes = [j.geometry["axis"] for j in description.joints.values() if j.kind == "revolute" and "axis" in j.geometry]
+        axes = [
+            j.geometry["axis"] for j in description.joints.values() if j.kind == "revolute" and "axis" in j.geometry
+        ]
         normal = np.array(axes[0], dtype=float) if axes else np.array([0.0, 0.0, 1.0])
     return view(cloud, gravity if np.any(gravity) else None, normal)

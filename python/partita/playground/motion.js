@@ -271,23 +271,26 @@ function makeMotion(program, about) {
   }
   // Newton's method on the dependent coordinates; conditions on rates close nothing, so there the least move does
   function closeDependent(s, at) {
+    let before = Infinity;
     for (let step = 0; step < 12; step++) {
       position(s, at);
       const open = openness(closing);
       if (!(open < 1e3)) return open;
       dv.fill(0);
       if (mh === m) {
-        if (!(loadDependent() > 1e-13)) return open;
+        // the factors of the first step serve as long as it closes quickly
+        if (!(open < 0.05 * before) && !(loadDependent() > 1e-13)) return open;
         for (let r = 0; r < m; r++) right[r] = -phi[kept[r]];
         solve(right);
         for (let r = 0; r < m; r++) dv[dependent[r]] = right[r];
       } else if (!least(dependent, 0)) {
         return open;
       }
+      before = open;
       let far = 0;
       for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
       move(at, dv);
-      if (far < 1e-9) {
+      if (far < 1e-11) {
         position(s, at);
         return openness(closing);
       }
@@ -405,12 +408,10 @@ function makeMotion(program, about) {
       let whole = 0;
       for (let j = 0; j < n; j++) whole += column[j] * column[j];
       if (regular) {
-        for (let twice = 0; twice < 2; twice++) {
-          for (let r = 0; r < m; r++) {
-            let z = 0;
-            for (let j = 0; j < n; j++) z += wide[r * n + j] * column[j];
-            if (z !== 0) for (let j = 0; j < n; j++) column[j] -= z * wide[r * n + j];
-          }
+        for (let r = 0; r < m; r++) {
+          let z = 0;
+          for (let j = 0; j < n; j++) z += wide[r * n + j] * column[j];
+          if (z !== 0) for (let j = 0; j < n; j++) column[j] -= z * wide[r * n + j];
         }
       }
       let left = 0;
@@ -528,7 +529,7 @@ function makeMotion(program, about) {
       if (!(open < 1e-8)) {
         throw new Fault(`The loops cannot be kept closed at t = ${t.toPrecision(5)} s: ${told(gaps())}.`);
       }
-      if (openness(about.dropped) > 1e-6) {
+      if (openness(about.dropped) > about.loose) {
         throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${told(gaps())}.`);
       }
       t = step === rest ? until : t + step;
@@ -599,7 +600,7 @@ function makeMotion(program, about) {
       const dropped = openness(about.dropped);
       let far = 0;
       for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / reach[j]);
-      if (open < 1e-10 && dropped < 1e-6 && (far < 0.3 || part < 1e-3)) {
+      if (open < 1e-10 && dropped < about.loose && (far < 0.3 || part < 1e-3)) {
         at.set(tried);
         done = next;
         part *= 2;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,12 @@ def changeable(description: Description) -> Description:
     from the pointer to a point of it, without stiffness."""
     changed = description.copy()
     for name, joint in description.joints.items():
-        if joint.kind in MOVABLE and joint.point is not None and joint.child_point is None and joint.child_frame is None:
+        if (
+            joint.kind in MOVABLE
+            and joint.point is not None
+            and joint.child_point is None
+            and joint.child_frame is None
+        ):
             changed.joints[name] = replace(joint, child_point=np.array(joint.point, dtype=float))
     for name in description.bodies:
         spring = f"{PULL}{name}"
@@ -61,7 +66,9 @@ def held(description: Description, compiled: CompiledModel, t: float) -> tuple[D
     for number, drive in enumerate(drawn["drives"]):
         name, motion = drive["name"], drive.get("motion", {})
         if "constant" not in motion and "table" not in motion:
-            _refuse("drive", name, "it is a Python function or a turn in space, which a page cannot compute; use a table")
+            _refuse(
+                "drive", name, "it is a Python function or a turn in space, which a page cannot compute; use a table"
+            )
         joint = next((j for j in compiled.summary["joints"] if j["name"] == drive["measure"].get("joint")), None)
         if drive["level"] == "position" and joint is not None and not joint["tree"]:
             _refuse("drive", name, "its joint closes a loop, where whole turns are not known; drive another joint")
@@ -70,9 +77,7 @@ def held(description: Description, compiled: CompiledModel, t: float) -> tuple[D
         recorded = value if drive["level"] == "position" else 0.0
         if table["breaks"] and drive["level"] == "position":
             recorded = _cubic(table, t)
-        changed.drives[name] = replace(
-            changed.drives[name], motion=Constant(recorded), level=drive["level"], rate=0.0
-        )
+        changed.drives[name] = replace(changed.drives[name], motion=Constant(recorded), level=drive["level"], rate=0.0)
         found.append(
             {
                 "name": name,
@@ -109,6 +114,8 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "values": {name: list(values) for name, values in chosen},
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
+        # what redundant conditions may open by: rounding, or the misfit of a drawing that is bridged
+        "loose": max(1e-6, 10.0 * float(model.summary.get("misfit", 0.0))),
         "normal": None if normal is None else normal.tolist(),
         "bodies": [body["name"] for body in drawn["bodies"]],
         "joints": [
@@ -153,7 +160,7 @@ def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> lis
     other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from the point `origin`."""
     found = []
     for body in ("ground", *(b["name"] for b in drawn["bodies"])):
-        sites = []
+        sites = list[tuple[str, str, list[float]]]()
         for joint in drawn["joints"]:
             if joint["kind"] not in SITED or joint["child_point"] is None:
                 continue
@@ -171,7 +178,14 @@ def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> lis
                 what = "length" if len(sites) == 2 else f"{sites[0][0]} to {name}"
                 along = (line / size).tolist()
                 found.append(
-                    {"body": body, "what": what, "origin": sites[0][1], "moves": parameter, "along": along, "drawn": size}
+                    {
+                        "body": body,
+                        "what": what,
+                        "origin": sites[0][1],
+                        "moves": parameter,
+                        "along": along,
+                        "drawn": size,
+                    }
                 )
     return found
 
@@ -182,5 +196,5 @@ def _cubic(table: Mapping[str, Any], t: float) -> float:
     return float(np.polyval(table["coefficients"][i], t - table["breaks"][i]))
 
 
-def _refuse(element: str, name: str, why: str) -> None:
+def _refuse(element: str, name: str, why: str) -> NoReturn:
     raise DescriptionError(f'{element} "{name}": {why}', element=element, name=name)
