@@ -129,7 +129,7 @@ def four_bar() -> pt.Mechanism:
 
 @needs_node
 def test_a_length_that_cannot_close_is_told_by_how_much(tmp_path: Path) -> None:
-    """A crank of 2.9 m beside a ground of 1 m, a coupler of 0.9 and a rocker of 0.7 m: 0.3 m are missing at the least."""
+    """A crank of 2.9 m beside 1 m of ground, 0.9 m of coupler and 0.7 m of rocker: 0.3 m are missing at the least."""
     script = """
         const before = state(), b = m.get("B.point");
         const words = m.change(m.lengthened(about.lengths.find((x) => x.body === "crank"), 2.9));
@@ -226,6 +226,33 @@ def test_bad_arguments_are_refused(tmp_path: Path) -> None:
         four_bar().to_playground(tmp_path / "x.html", title=3)  # type: ignore[arg-type]
     with pytest.raises(pt.errors.MissingFileError):
         four_bar().to_playground(tmp_path / "none" / "x.html")
+
+
+@needs_node
+@pytest.mark.parametrize("scale", [1e-6, 1e3])
+def test_micrometres_and_kilometres(scale: float, tmp_path: Path) -> None:
+    """The same slider-crank however large: with gravity in the same proportion the motion is the same, scaled."""
+    mechanism = pt.Mechanism("slider-crank", gravity=(0.0, -9.81 * scale, 0.0))
+    crank = mechanism.add_rod("crank", start=(0, 0, 0), end=(0.3 * scale, 0.1 * scale, 0), mass=1.0)
+    rod = mechanism.add_rod("rod", start=(0.3 * scale, 0.1 * scale, 0), end=(1.2 * scale, 0, 0), mass=2.0)
+    inertia = (0.1 * scale**2,) * 3
+    slider = mechanism.add_body("slider", mass=1.0, inertia=inertia, position=(1.2 * scale, 0, 0))
+    mechanism.add_revolute("A", mechanism.ground, crank, point=(0, 0, 0))
+    mechanism.add_revolute("B", crank, rod, point=(0.3 * scale, 0.1 * scale, 0))
+    mechanism.add_revolute("C", rod, slider, point=(1.2 * scale, 0, 0))
+    mechanism.add_prismatic("D", mechanism.ground, slider, point=(1.2 * scale, 0, 0), axis=(1, 0, 0))
+    script = """
+        const from = state(), parameters = m.lengthened(about.lengths.find((x) => x.body === "crank"), %r);
+        const words = m.change(parameters), closed = state();
+        m.advance(2);
+        return { words, from: closed, to: state(), bodies: bodies(), parameters };
+    """ % (0.4 * scale)
+    found = page_runs(mechanism, None, script, tmp_path)
+    assert found["words"] == ""
+    poses, _ = native(mechanism, found, 2.0, found["parameters"])
+    own = np.reshape(found["bodies"], (-1, 12))
+    assert np.abs(poses - own)[:, :3].max() < 1e-9 * scale
+    assert np.abs(poses - own)[:, 3:].max() < 1e-9
 
 
 def test_names_carry_no_markup(tmp_path: Path) -> None:

@@ -3,8 +3,7 @@
 function makeDrawing(canvas, about, motion) {
   const pen = canvas.getContext("2d");
   const { view } = about;
-  const start = { azimuth: view.azimuth, elevation: view.elevation };
-  const eye = { ...start, zoom: 1, right: 0, up: 0 };
+  const eye = { azimuth: view.azimuth, elevation: view.elevation, zoom: 1, right: 0, up: 0 };
   const number = new Map(about.bodies.map((name, i) => [name, i]));
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   let axes = [view.right, view.up, view.back], centre = [0, 0, 0], scale = 1, width = 1, height = 1;
@@ -54,7 +53,7 @@ function makeDrawing(canvas, about, motion) {
   const slides = (j) => ["prismatic", "cylindrical"].includes(about.joints[j].kind);
   const bodyPoints = (i) => {
     const points = shapes[i].map(jointPoint);
-    const com = motion.get ? about.parameters[`${about.bodies[i]}.com`] && onBody(i, motion.get(`${about.bodies[i]}.com`)) : null;
+    const com = about.parameters[`${about.bodies[i]}.com`] && onBody(i, motion.get(`${about.bodies[i]}.com`));
     if (points.length < 2 && com) points.push(com);
     if (points.length === 0) points.push(onBody(i, [0, 0, 0]));
     return points;
@@ -70,8 +69,7 @@ function makeDrawing(canvas, about, motion) {
     points.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
     if (closed) pen.closePath();
   }
-  const trace = [];
-  function draw(pull, marked) {
+  function draw(pull) {
     const ratio = window.devicePixelRatio || 1;
     width = canvas.clientWidth;
     height = canvas.clientHeight;
@@ -87,10 +85,6 @@ function makeDrawing(canvas, about, motion) {
     turned();
     places = motion.look();
     pen.lineCap = pen.lineJoin = "round";
-    if (marked && marked.body >= 0) {
-      trace.push(onBody(marked.body, marked.point));
-      if (trace.length > 600) trace.shift();
-    }
     for (const joint of ground) {
       const [x, y] = screen(jointPoint(joint));
       if (slides(joint)) {
@@ -204,5 +198,5 @@ function makeDrawing(canvas, about, motion) {
   }
   restyle();
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
-  return { draw, pick, world, eye, start, screen, refit: () => { frame = null; }, onBody: (i, p) => { places = motion.look(); return onBody(i, p); } };
+  return { draw, pick, world, eye };
 }

@@ -488,6 +488,10 @@ function makeMotion(program, about) {
   ];
   const errors = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
   let h = 0, steps = 0;
+  // a large move of an entry of the state: 1 for an angle, a length for a slide
+  const sizes = new Float64Array(nq).fill(1);
+  for (const [i, j] of plain) sizes[i] = reach[j];
+  const typical = (j) => (j < nq ? sizes[j] : reach[independent[j - nq]]);
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
   // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
   function advance(until, deadline = Infinity) {
@@ -511,7 +515,7 @@ function makeMotion(program, about) {
       for (let j = 0; j < ny; j++) {
         let z = 0;
         for (let l = 0; l < 7; l++) z += errors[l] * stage[l][j];
-        const scale = accuracy.absolute + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
+        const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
         error = Math.max(error, Math.abs(step * z) / scale);
       }
       if (!(error <= 1)) {

@@ -156,13 +156,13 @@ def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np
 
 
 def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:
-    """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to each
-    other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from the point `origin`."""
+    """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to
+    each other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from `origin`."""
     found = []
     for body in ("ground", *(b["name"] for b in drawn["bodies"])):
         sites = list[tuple[str, str, list[float]]]()
         for joint in drawn["joints"]:
-            if joint["kind"] not in SITED or joint["child_point"] is None:
+            if joint["kind"] not in SITED or joint.get("child_point") is None:
                 continue
             # a joint is born by its child: that is where a body's own frame begins
             if joint["child"] == body:
