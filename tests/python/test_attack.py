@@ -551,6 +551,10 @@ def asked() -> dict[str, Callable[[], Call]]:
             lambda shapes, points: viewer.html(run, shapes=shapes, points=points),
             {"shapes": {"ground": {"kind": "ball", "radius": 1.0}}, "points": {"P": ("ground", X)}},
         ),
+        "Mechanism.to_playground": (
+            loop().to_playground,
+            {"path": "none/x.html", "initial": None, "title": "t", "speed": 1.0},
+        ),
         "Mechanism.to_fmu": (
             loop().to_fmu,
             {

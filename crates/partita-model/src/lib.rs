@@ -29,6 +29,7 @@ pub mod parameters;
 mod part;
 pub mod place;
 pub mod reaction;
+pub mod recorded;
 pub mod reduced;
 pub mod rows;
 pub mod shown;

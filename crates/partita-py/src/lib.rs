@@ -9,6 +9,7 @@ mod model;
 mod outputs;
 mod partition;
 mod poses;
+mod program;
 mod run;
 mod state;
 mod stepper;

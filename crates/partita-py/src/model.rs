@@ -5,6 +5,7 @@ use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::outputs::{self, Acting, Flags, Motion};
 use crate::poses;
+use crate::program;
 use crate::run::{self, read_options, Places};
 use crate::state::{self, Array};
 use crate::summary::summary;
@@ -141,6 +142,23 @@ impl Model {
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         self.inner.parameters()
     }
+    /// The equations as JavaScript with these parameters as inputs, and what a page needs to know of them (JSON): sizes,
+    /// places of numbers, pattern of C, the rows that are redundant at the closed position q.
+    fn recorded(
+        slf: &Bound<'_, Self>,
+        parameters: Vec<String>,
+        t: f64,
+        q: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<(String, String)> {
+        let py = slf.py();
+        guarded(py, || {
+            let (model, own) = (slf.get(), slf.clone().unbind());
+            let q = vector(&q, model.nq(), "q")?;
+            heard(py, model.is_large(), move || program::recorded(&own.get().inner, &parameters, t, &q))?
+                .map_err(|e| program::raised(py, e))
+        })
+    }
+
     #[getter]
     fn description(&self, py: Python<'_>) -> PyResult<String> {
         guarded(py, || serde_json::to_string(&*self.inner.spec).map_err(|e| failure::unexpected(e.to_string())))

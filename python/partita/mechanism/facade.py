@@ -14,6 +14,7 @@ from . import stepper as stepping
 from .assemblies import assemblies
 from .fmu import to_fmu
 from .models import Modelled
+from .playground import to_playground
 from .poses import assemble_many
 from .report import report
 
@@ -73,6 +74,7 @@ class Mechanism(Modelled):
     compare = compare_mechanism
     report = report
     to_fmu = to_fmu
+    to_playground = to_playground
 
     def save(self, path: str | PathLike[str], *, strict: bool = False) -> Writing:
         """Write a model file; the suffix says which kind: .toml, which holds all of it and which `partita.load` reads

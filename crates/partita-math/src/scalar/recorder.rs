@@ -6,6 +6,11 @@
 //!
 //! The tape belongs to the thread and to one recording: numbers that outlive it, or meet another one, are NaN.
 
+mod lean;
+mod script;
+
+pub use script::Script;
+
 use super::{Arguments, Scalar};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

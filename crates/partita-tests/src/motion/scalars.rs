@@ -345,6 +345,8 @@ fn a_recording_is_the_evaluation() {
         let x = layout.input(rng, m);
         let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &ways, x)))).unwrap();
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
+        let (lean, mut less) = (made.lean(), vec![0.0; made.outputs()]);
+        assert!(lean.len() < made.len());
         for _ in 0..3 {
             // both intervals of the tables
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
@@ -352,6 +354,9 @@ fn a_recording_is_the_evaluation() {
             made.evaluate(&x, &mut work, &mut out);
             let expected = flat(layout.everything(model, &ways, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
+            // the same but for the sign of a zero
+            lean.evaluate(&x, &mut work, &mut less);
+            assert!(less.iter().zip(&out).all(|(x, y)| x == y));
         }
     });
 }

@@ -1,0 +1,131 @@
+//! The equations of a mechanism as a program to run elsewhere, with its parameters as inputs.
+//!
+//! ```text
+//! inputs    t | q | v | parameters
+//! position  Φ, values of C in pattern order, a                                                (S3, S4)
+//! velocity  b, lower triangle of M, h                                                         (S5, S1)
+//! metric    lower triangle of M with what light links count with
+//! look      of each body position and axes (row by row), of each joint its point; kinetic, potential energy
+//! ```
+
+use crate::error::DescriptionError;
+use crate::evaluator::{with_engine, Evaluator, Scratch};
+use crate::model::Model;
+use partita_math::scalar::{Recorder, Recording, Scalar, Script};
+use partita_math::spatial::Mat3;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::ops::Range;
+
+/// A mechanism's equations as a script, and where its numbers are.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// The script.
+    pub script: Script,
+    /// Each parameter with the place of its first number and their count.
+    pub parameters: Vec<(String, usize, usize)>,
+    /// Each output with the place of its first number and their count.
+    pub outputs: Vec<(&'static str, usize, usize)>,
+}
+
+/// Stages, and their outputs.
+const STAGES: [(&str, &[&str]); 4] = [
+    ("position", &["phi", "c", "a"]),
+    ("velocity", &["b", "mass", "h"]),
+    ("metric", &["metric"]),
+    ("look", &["bodies", "joints", "energy"]),
+];
+
+/// Of a dense symmetric matrix.
+fn lower<S: Scalar>(full: &[S], n: usize) -> impl Iterator<Item = S> + '_ {
+    (0..n).flat_map(move |i| (0..=i).map(move |j| full[i * n + j]))
+}
+
+impl<S: Scalar> Evaluator<S> {
+    /// Poses of bodies and points of joints in the world, after [`look`](Self::look).
+    fn places(&self, s: &Scratch<S>) -> (Vec<S>, Vec<S>) {
+        let out = Mat3::<S>::from_f64(self.placed.basis.transpose().0);
+        let (mut bodies, mut joints) = (Vec::new(), Vec::new());
+        for (body, n) in self.placed.bodies.iter().zip(&self.numbers.bodies) {
+            let arm = self.arm_now(s, body.link, n.origin);
+            let position = out.apply(self.full.place(body.link, &s.full) + arm);
+            let turned = out.mul(&s.full.links[body.link].rot).mul(&Mat3::from_f64(body.rot.0));
+            bodies.extend(position.0);
+            bodies.extend(turned.0.as_flattened());
+        }
+        for (joint, points) in self.placed.joints.iter().zip(&self.numbers.joints) {
+            let arm = self.arm_now(s, self.placed.link_of(joint.child), points.1);
+            joints.extend(out.apply(self.node_state(s, joint.child).centre + arm).0);
+        }
+        (bodies, joints)
+    }
+}
+
+impl Model {
+    /// The equations as a program whose inputs are time, state and these parameters (see
+    /// [`parameters`](crate::parameters)).
+    ///
+    /// # Errors
+    /// Parameters that do not exist or are given twice; elements that call functions of the user's, and frictions that
+    /// follow reactions: they cannot be recorded.
+    pub fn recorded(&self, names: &[String]) -> Result<Recorded, DescriptionError> {
+        // refuses frictions whose levels follow reactions
+        self.over::<Recorder>()?;
+        let present = self.parameters();
+        let (nq, nv) = (self.placed.nq, self.placed.nv);
+        let mut next = 1 + nq + nv;
+        let mut parameters = Vec::with_capacity(names.len());
+        for name in names {
+            // unknown names are refused below, with those that there are
+            let count = present.iter().find(|p| p.0 == *name).map_or(0, |p| p.1.len());
+            parameters.push((name.clone(), next, count));
+            next += count;
+        }
+        let mut sizes: Vec<usize> = Vec::new();
+        let made = Recording::new(next, |x| {
+            let changes: Vec<(&str, &[Recorder])> =
+                parameters.iter().map(|(name, from, n)| (name.as_str(), &x[*from..from + n])).collect();
+            let evaluator = self.over_with::<Recorder>(&changes)?;
+            let groups = self.everything(&evaluator, x).map_err(|e| {
+                DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
+            })?;
+            sizes = groups.iter().map(Vec::len).collect();
+            Ok::<_, DescriptionError>(groups.concat())
+        })?
+        .lean();
+        let (mut outputs, mut stages) = (Vec::new(), Vec::new());
+        let (mut place, mut size) = (0, sizes.iter());
+        for (stage, names) in STAGES {
+            let start = place;
+            for name in names {
+                let count = size.next().copied().unwrap_or(0);
+                outputs.push((*name, next + place, count));
+                place += count;
+            }
+            stages.push((stage, Range { start, end: place }));
+        }
+        Ok(Recorded { script: made.script(1 + nq + nv..next, &stages), parameters, outputs })
+    }
+
+    /// All outputs, in the order of [`STAGES`].
+    fn everything(&self, e: &Evaluator<Recorder>, x: &[Recorder]) -> Result<Vec<Vec<Recorder>>, SystemError> {
+        let (nq, nv) = (self.placed.nq, self.placed.nv);
+        let zeros = |n: usize| vec![Recorder::zero(); n];
+        let (t, q, v) = (x[0], &x[1..1 + nq], &x[1 + nq..1 + nq + nv]);
+        let (rows, holonomic) = (self.row_names.len(), self.size().holonomic);
+        let mut s = e.scratch();
+        let (mut phi, mut c, mut a) = (zeros(holonomic), zeros(self.pattern().col_idx.len()), zeros(rows));
+        let (mut b, mut mass, mut h) = (zeros(rows), zeros(nv * nv), zeros(nv));
+        e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
+        e.velocity(t, q, v, &mut s, &mut b)?;
+        e.dynamics(t, q, v, &mut s, &mut mass, &mut h)?;
+        let mut metric = mass.clone();
+        if self.lacks_mass() {
+            with_engine!(e, s, |tree, x| tree.add_light(x, &mut metric));
+        }
+        e.look(q, v, &mut s);
+        let (bodies, joints) = e.places(&s);
+        let [kinetic, potential, _] = e.energies(t, q, v, &s)?;
+        let lower = |m: &[Recorder]| lower(m, nv).collect::<Vec<_>>();
+        Ok(vec![phi, c, a, b, lower(&mass), h, lower(&metric), bodies, joints, vec![kinetic, potential]])
+    }
+}

@@ -1,0 +1,56 @@
+//! A mechanism's equations as a program for a page, with what the page must know of them.
+
+use crate::failure;
+use partita_model::{DescriptionError, Model};
+use partita_system::{start, ConstrainedSystem, SystemError};
+use pyo3::prelude::*;
+use serde_json::{json, Map, Value};
+
+/// Why there is no program.
+pub(crate) enum Refused {
+    /// Something that acts cannot be recorded.
+    Description(DescriptionError),
+    /// The rank of the conditions cannot be told.
+    System(SystemError),
+}
+
+/// As an exception.
+pub(crate) fn raised(py: Python<'_>, e: Refused) -> PyErr {
+    match e {
+        Refused::Description(e) => failure::description(py, &e),
+        Refused::System(e) => failure::system(py, e),
+    }
+}
+
+/// The script, and the rest as JSON.
+pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Result<(String, String), Refused> {
+    let made = model.recorded(names).map_err(Refused::Description)?;
+    let size = model.size();
+    let dropped = start::analyse(model, t, q).map_err(Refused::System)?.dropped;
+    let pattern = model.pattern();
+    let rows: Vec<Value> = (0..size.rows)
+        .map(|i| {
+            json!({
+                "words": model.row_words(i), "owner": model.row_owner(i), "angle": model.row_is_angle(i),
+                "drive": model.row_is_drive(i), "reach": model.row_reach(i),
+            })
+        })
+        .collect();
+    let places = |list: Vec<(&str, usize, usize)>| {
+        list.into_iter().map(|(name, at, n)| (name.to_string(), json!([at, n]))).collect::<Map<_, _>>()
+    };
+    let parameters = made.parameters.iter().map(|(name, at, n)| (name.as_str(), *at, *n)).collect();
+    let coordinates: Vec<[usize; 2]> =
+        (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
+    let told = json!({
+        "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
+        "work": made.script.work, "operations": made.script.operations,
+        "parameters": places(parameters), "outputs": places(made.outputs.clone()),
+        "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
+        "coordinates_of": coordinates,
+        "reach": (0..size.nv).map(|i| model.reach(i)).collect::<Vec<_>>(),
+        "names": (0..size.nv).map(|i| model.velocity_name(i)).collect::<Vec<_>>(),
+        "length": model.placed.length,
+    });
+    Ok((made.script.text, told.to_string()))
+}

@@ -1,0 +1,200 @@
+"""What a page computes with: the recorded equations of a mechanism, its numbers, what people may change of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..builder.compiled import CompiledModel
+from ..builder.records import Description, SpringRecord
+from ..builder.values import Constant
+from ..errors import DescriptionError
+from ..state import State
+
+PULL = "pull "
+"""The springs of the pointer, one for each body, are named by this and the body."""
+
+SITED = ("revolute", "spherical", "universal", "constant_velocity")
+"""Joints whose point is the same place on both bodies: lengths are measured between these."""
+MOVABLE = (*SITED, "prismatic", "cylindrical")
+MOST_NUMBERS = 9
+
+
+@dataclass(frozen=True)
+class Program:
+    """The recorded equations: `script` is the body of a JavaScript function, `about` all else that the page needs."""
+
+    script: str
+    about: dict[str, Any]
+
+
+def changeable(description: Description) -> Description:
+    """The description with what a page may change: where each joint sits on its child, and a spring for each body,
+    from the pointer to a point of it, without stiffness."""
+    changed = description.copy()
+    for name, joint in description.joints.items():
+        if (
+            joint.kind in MOVABLE
+            and joint.point is not None
+            and joint.child_point is None
+            and joint.child_frame is None
+        ):
+            changed.joints[name] = replace(joint, child_point=np.array(joint.point, dtype=float))
+    for name in description.bodies:
+        spring = f"{PULL}{name}"
+        if spring in description.forces:
+            raise DescriptionError(
+                f'force "{spring}": a playground gives this name to the spring of the pointer; choose another',
+                element="force",
+                name=spring,
+            )
+        origin = np.zeros(3)
+        changed.store(changed.forces, SpringRecord(spring, "ground", origin, name, origin, 0.0, 0.0, 0.0))
+    return changed
+
+
+def held(description: Description, compiled: CompiledModel, t: float) -> tuple[Description, list[dict[str, Any]]]:
+    """The description with its drives held where they are at t, and what they prescribe, for the page to do."""
+    drawn = json.loads(compiled.description)
+    rows = list(compiled.summary["drive_rows"])
+    changed, found = description.copy(), list[dict[str, Any]]()
+    for number, drive in enumerate(drawn["drives"]):
+        name, motion = drive["name"], drive.get("motion", {})
+        if "constant" not in motion and "table" not in motion:
+            _refuse(
+                "drive", name, "it is a Python function or a turn in space, which a page cannot compute; use a table"
+            )
+        joint = next((j for j in compiled.summary["joints"] if j["name"] == drive["measure"].get("joint")), None)
+        if drive["level"] == "position" and joint is not None and not joint["tree"]:
+            _refuse("drive", name, "its joint closes a loop, where whole turns are not known; drive another joint")
+        table = motion.get("table", {"breaks": [], "coefficients": []})
+        value = float(motion.get("constant", 0.0))
+        recorded = value if drive["level"] == "position" else 0.0
+        if table["breaks"] and drive["level"] == "position":
+            recorded = _cubic(table, t)
+        changed.drives[name] = replace(changed.drives[name], motion=Constant(recorded), level=drive["level"], rate=0.0)
+        found.append(
+            {
+                "name": name,
+                "row": rows[number],
+                "level": drive["level"],
+                "value": value,
+                "recorded": recorded,
+                **table,
+            }
+        )
+    return changed, found
+
+
+def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], functions: list[str]) -> Program:
+    """Record the equations of a model that has been made `changeable` and `held`, from a closed state."""
+    if functions:
+        _refuse("mechanism", str(model.summary["name"]), f"{', '.join(functions)} cannot be computed by a page")
+    drawn = json.loads(model.description)
+    known = model.core.parameters()
+    normal = plane_of(model.summary, drawn)
+    massless = {body["name"] for body in drawn["bodies"] if body["mass"] == 0.0}
+    names = [name for name, _ in known]
+    chosen = [
+        (name, values)
+        for name, values in known
+        if len(values) <= MOST_NUMBERS
+        and names.count(name) == 1
+        and not (name.rpartition(".")[0] in massless and name.rpartition(".")[2] in ("mass", "com", "inertia"))
+    ]
+    script, told = model.core.recorded([name for name, _ in chosen], state.t, state.q)
+    about = json.loads(told)
+    about |= {
+        "drives": drives,
+        "values": {name: list(values) for name, values in chosen},
+        "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
+        "lengths": lengths(drawn, normal),
+        # what redundant conditions may open by: rounding, or the misfit of a drawing that is bridged
+        "loose": max(1e-6, 10.0 * float(model.summary.get("misfit", 0.0))),
+        "normal": None if normal is None else normal.tolist(),
+        "bodies": [body["name"] for body in drawn["bodies"]],
+        "joints": [
+            {key: joint.get(key) for key in ("name", "kind", "parent", "child", "axis")} for joint in drawn["joints"]
+        ],
+        "springs": [
+            {key: force[key] for key in ("name", "body1", "body2")}
+            for force in drawn["forces"]
+            if force["kind"] == "spring" and not force["name"].startswith(PULL)
+        ],
+    }
+    return Program(script, about)
+
+
+def functions_of(compiled: CompiledModel) -> list[str]:
+    """What calls Python functions, in words: a page cannot."""
+    drawn = json.loads(compiled.description)
+    found = []
+    for table, word in (("forces", "force"), ("drives", "drive"), ("couplings", "coupling")):
+        found += [f'{word} "{x.get("name", "")}"' for x in drawn.get(table, ()) if _calls(x)]
+    return found
+
+
+def _calls(x: Any) -> bool:
+    if isinstance(x, Mapping):
+        return any((key == "function" and value is not None) or _calls(value) for key, value in x.items())
+    return isinstance(x, list) and any(_calls(value) for value in x)
+
+
+def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Unit normal of the plane of a planar mechanism; None where it moves in space or does not turn."""
+    axes = [joint["axis"] for joint in drawn["joints"] if joint["kind"] == "revolute" and joint.get("axis") is not None]
+    if not summary.get("planar") or not axes:
+        return None
+    axis = np.array(axes[0], dtype=float)
+    normal: NDArray[np.float64] = axis / np.linalg.norm(axis)
+    return normal
+
+
+def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:
+    """Lengths of bodies between their joints, in the plane of a planar mechanism: from the first joint of a body to
+    each other one of it. `moves` is the parameter that goes by `along` for each metre more, seen from `origin`."""
+    found = []
+    for body in ("ground", *(b["name"] for b in drawn["bodies"])):
+        sites = list[tuple[str, str, list[float]]]()
+        for joint in drawn["joints"]:
+            if joint["kind"] not in SITED or joint.get("child_point") is None:
+                continue
+            # a joint is born by its child: that is where a body's own frame begins
+            if joint["child"] == body:
+                sites.insert(0, (joint["name"], f"{joint['name']}.child_point", joint["child_point"]))
+            elif joint["parent"] == body:
+                sites.append((joint["name"], f"{joint['name']}.point", joint["point"]))
+        for name, parameter, point in sites[1:]:
+            line = np.subtract(point, sites[0][2])
+            if normal is not None:
+                line = line - (line @ normal) * normal
+            size = float(np.linalg.norm(line))
+            if size > 1e-12 * float(np.abs([point, sites[0][2]]).max()):
+                what = "length" if len(sites) == 2 else f"{sites[0][0]} to {name}"
+                along = (line / size).tolist()
+                found.append(
+                    {
+                        "body": body,
+                        "what": what,
+                        "origin": sites[0][1],
+                        "moves": parameter,
+                        "along": along,
+                        "drawn": size,
+                    }
+                )
+    return found
+
+
+def _cubic(table: Mapping[str, Any], t: float) -> float:
+    """A piecewise cubic at t; its outer pieces go on outside."""
+    i = int(np.clip(np.searchsorted(table["breaks"], t, side="right") - 1, 0, len(table["coefficients"]) - 1))
+    return float(np.polyval(table["coefficients"][i], t - table["breaks"][i]))
+
+
+def _refuse(element: str, name: str, why: str) -> NoReturn:
+    raise DescriptionError(f'{element} "{name}": {why}', element=element, name=name)
