@@ -31,6 +31,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "model-files",
         "robots",
         "fmu",
+        "pictures",
+        "playground",
         "messages",
         "trust",
     ),
