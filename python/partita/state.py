@@ -32,11 +32,13 @@ class Layout:
     def fill(self, summary: dict[str, Any]) -> None:
         """Take names and spans from a model's summary."""
         self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
+        first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
             count = joint["v"][1]
             if joint["state_v"] is None and 0 < count == joint["q"][1]:
-                self._beyond[joint["name"]] = sum(n for _, n in self._beyond.values()), count
+                self._beyond[joint["name"]] = first, count
+                first += count
 
     @property
     def tree_joints(self) -> list[str]:

@@ -52,9 +52,23 @@ fn all_round(m: f64) -> Mat3<f64> {
     Mat3([[m, 0.0, 0.0], [0.0, m, 0.0], [0.0, 0.0, m]])
 }
 
+/// The joints of each body, in their order: looked for once, whatever the number of bodies.
+fn around(placed: &Placed) -> Vec<Vec<usize>> {
+    let mut found = vec![Vec::new(); placed.bodies.len()];
+    for (j, p) in placed.joints.iter().enumerate() {
+        if p.parent > 0 {
+            found[p.parent - 1].push(j);
+        }
+        if p.child > 0 && p.child != p.parent {
+            found[p.child - 1].push(j);
+        }
+    }
+    found
+}
+
 /// The points of a body's joints.
-fn points(placed: &Placed, body: usize) -> impl Iterator<Item = Vec3<f64>> + '_ {
-    placed.joints.iter().flat_map(move |p| {
+fn points<'a>(placed: &'a Placed, around: &'a [Vec<usize>], body: usize) -> impl Iterator<Item = Vec3<f64>> + 'a {
+    around[body].iter().map(|&j| &placed.joints[j]).flat_map(move |p| {
         let on = |node: usize, point: Vec3<f64>| (node == body + 1).then_some(point);
         on(p.parent, p.parent_point).into_iter().chain(on(p.child, p.child_point))
     })
@@ -85,18 +99,22 @@ pub fn light(placed: &Placed) -> Vec<Light> {
         mass[b.link] += b.mass;
         first[b.link] += b.com.times(b.mass);
     }
+    let (around, mut carried) = (around(placed), vec![Vec::new(); count]);
+    for (i, b) in placed.bodies.iter().enumerate() {
+        carried[b.link].push(i);
+    }
     let centre = |l: usize| if mass[l] > 0.0 { first[l].times(1.0 / mass[l]) } else { placed.links[l].point };
     let mut found = Vec::new();
     for link in 1..count {
-        let on: Vec<usize> = (0..placed.bodies.len()).filter(|&i| placed.bodies[i].link == link).collect();
+        let on = &carried[link];
         if on.is_empty() {
             continue; // a step of a joint with several motions
         }
         let (at, mut inertia, mut reach) = (centre(link), Mat3::zero(), 0.0f64);
-        for &i in &on {
+        for &i in on {
             let b = &placed.bodies[i];
             inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
-            reach = points(placed, i).fold(reach, |r, p| r.max((p - at).norm()));
+            reach = points(placed, &around, i).fold(reach, |r, p| r.max((p - at).norm()));
         }
         if reach <= ON_LINE * placed.size {
             reach = placed.length;
@@ -134,19 +152,17 @@ fn line_through(at: &[Vec3<f64>], placed: &Placed) -> Option<Option<Vec3<f64>>> 
 }
 
 /// The joints of a body, if all of them are balls.
-fn balls(spec: &Spec, placed: &Placed, body: usize) -> Option<Vec<usize>> {
-    let joints: Vec<usize> = (0..placed.joints.len())
-        .filter(|&j| [placed.joints[j].parent, placed.joints[j].child].contains(&(body + 1)))
-        .filter(|&j| spec.joints[j].kind != JointKind::Free)
-        .collect();
+fn balls(spec: &Spec, around: &[Vec<usize>], body: usize) -> Option<Vec<usize>> {
+    let joints: Vec<usize> = around[body].iter().copied().filter(|&j| spec.joints[j].kind != JointKind::Free).collect();
     joints.iter().all(|&j| spec.joints[j].kind == JointKind::Spherical).then_some(joints)
 }
 
 /// Bodies held by ball joints in one line alone.
 pub fn idle(spec: &Spec, placed: &Placed) -> Vec<Idle> {
+    let around = around(placed);
     let of = |body: usize| {
-        let joints = balls(spec, placed, body).filter(|x| x.len() > 1)?;
-        let at: Vec<Vec3<f64>> = points(placed, body).collect();
+        let joints = balls(spec, &around, body).filter(|x| x.len() > 1)?;
+        let at: Vec<Vec3<f64>> = points(placed, &around, body).collect();
         let line = line_through(&at, placed)??;
         Some(Idle { body, joints, line })
     };
@@ -158,9 +174,9 @@ pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
     if placed.planar {
         return Vec::new();
     }
-    let heaviest = heaviest(placed);
+    let (heaviest, around) = (heaviest(placed), around(placed));
     let of = |body: usize| {
-        let joints = balls(spec, placed, body)?;
+        let joints = balls(spec, &around, body)?;
         let b = &placed.bodies[body];
         // a free joint holds nothing, but gives the point where others count from
         let mut at: Vec<Vec3<f64>> =
