@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -30,12 +31,12 @@ Tree = Any
 """A sensor's name, a number, or a list of an operation and its operands."""
 
 
-class Reading:
+class Reading(ABC):
     """Something that expressions are made of: sums, differences, products, quotients, components, norms."""
 
+    @abstractmethod
     def tree(self) -> Tree:
         """As plain data."""
-        raise NotImplementedError
 
     def __add__(self, other: Any) -> Expression:
         return _made("sum", self, other)
