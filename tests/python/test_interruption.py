@@ -4,40 +4,17 @@ from __future__ import annotations
 
 import io
 import pickle
-import signal
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from pressing import pressed_after
 
 import partita as pt
 from partita.cli import main
 
 MONTHS = 1e7
-
-
-@contextmanager
-def pressed_after(delay: float) -> Iterator[list[float]]:
-    """Ctrl-C, once, some time after; the list holds when."""
-    when: list[float] = []
-
-    def press() -> None:
-        when.append(time.monotonic())
-        signal.raise_signal(signal.SIGINT)
-
-    timer = threading.Timer(delay, press)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer.start()
-    try:
-        yield when
-    finally:
-        timer.cancel()
-        timer.join()
-        signal.signal(signal.SIGINT, before)
 
 
 def pendulum() -> pt.Mechanism:

@@ -1,15 +1,13 @@
 """Mechanisms of many loops: names are looked up, not searched for, and Ctrl-C is heard while the core works."""
 
 import json
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pressing import pressed_after
 
 import partita as pt
 from partita import _core
@@ -88,27 +86,6 @@ def large(tmp_path_factory: pytest.TempPathFactory) -> tuple[pt.Mechanism, str, 
     path = tmp_path_factory.mktemp("large") / "chain.toml"
     m.save(path)
     return m, Writer(m._description, Layout()).text(), path
-
-
-@contextmanager
-def pressed_after(delay: float) -> Iterator[list[float]]:
-    """Ctrl-C, some time after; the list holds when."""
-    when: list[float] = []
-
-    def press() -> None:
-        when.append(time.monotonic())
-        signal.raise_signal(signal.SIGINT)
-
-    timer = threading.Timer(delay, press)
-    # where the tests run in the background the signal may come ignored, as no terminal's would
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer.start()
-    try:
-        yield when
-    finally:
-        timer.cancel()
-        timer.join()
-        signal.signal(signal.SIGINT, before)
 
 
 def work(what: str, large: tuple[pt.Mechanism, str, Path]) -> Callable[[], Any]:
