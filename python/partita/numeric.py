@@ -81,3 +81,21 @@ def shown(value: Any) -> str:
     except Exception:
         text = f"<{type(value).__name__}>"
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """(w, x, y, z) of a rotation, by the largest of the four."""
+    r = rotation
+    squares = np.array([1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],
+                        1 - r[0, 0] + r[1, 1] - r[2, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2]])  # fmt: skip
+    k = int(np.argmax(squares))
+    w, x, y = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    rows = (
+        (squares[0], w, x, y),
+        (w, squares[1], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]),
+        (x, r[0, 1] + r[1, 0], squares[2], r[1, 2] + r[2, 1]),
+        (y, r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[3]),
+    )
+    found = np.array(rows[k])
+    w, x, y, z = (found / np.linalg.norm(found)).tolist()
+    return w, x, y, z

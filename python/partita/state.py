@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ArgumentError, UnknownNameError
-from .numeric import floats, real, shown
+from .numeric import floats, quaternion, real, shown
 from .sensing import Senses
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]
+
+# Numbers by which the core shows a turn about all axes: nine cosines and three rates. No joint has as many coordinates.
+TURN = 12
 
 
 class Layout:
@@ -25,6 +28,7 @@ class Layout:
         self.velocity_names: list[str] = []
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
+        self._drawn: dict[str, Array] = {}
         self.senses = Senses({}, {})
         if summary is not None:
             self.fill(summary)
@@ -35,15 +39,26 @@ class Layout:
         first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
+            if joint.get("drawn"):
+                self._drawn[joint["name"]] = np.array(joint["drawn"], dtype=float)
             count = joint["v"][1]
-            if joint["state_v"] is None and 0 < count == joint["q"][1]:
-                self._beyond[joint["name"]] = first, count
-                first += count
+            if joint["state_v"] is None and count > 0:
+                # a turn about all axes is shown by nine cosines and three rates
+                shown = count if count == joint["q"][1] else count + 9
+                self._beyond[joint["name"]] = first, shown
+                first += shown
 
     @property
     def tree_joints(self) -> list[str]:
         """Names of the joints whose coordinates are part of the state."""
         return [name for name, (q, _) in self._spans.items() if q is not None]
+
+    def part(self, values: Array, span: Span, joint: Any) -> Any:
+        """The coordinates or velocities of a joint in the state, a turn about all axes in the axes of the drawing."""
+        found = _part(values, span)
+        if (axes := self._drawn.get(str(joint))) is not None:
+            found = np.concatenate([found[:-3], axes.T @ found[-3:]])
+        return found
 
     def beyond(self, joint: Any) -> Span | None:
         """First index and number of a joint that closes a loop among what functions see besides q, and besides v."""
@@ -81,7 +96,7 @@ class Layout:
 class StateView:
     """A state as handed to a user's function: time `t`, coordinates `q`, velocities `v`, and both by joint
     name, those of joints that close loops or stand in absolute coordinates among them (their angles, in space, within
-    half a turn either way; turns about all axes are not)."""
+    half a turn either way; of turns about all axes the quaternion whose first number is not negative)."""
 
     __slots__ = ("_beyond", "_layout", "_seen", "q", "t", "v")
 
@@ -101,14 +116,14 @@ class StateView:
         """Coordinate of a joint by name or handle [rad or m]: a float if it has one, else an array; see
         `State.position`."""
         if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
-            return _part(self._beyond[0], span)
-        return _part(self.q, self._layout.q(joint))
+            return _turned(self._beyond[0], span) if span[1] >= TURN else _part(self._beyond[0], span)
+        return self._layout.part(self.q, self._layout.q(joint), joint)
 
     def velocity(self, joint: Any) -> Any:
         """Velocity of a joint by name or handle [rad/s or m/s]: a float if it has one, else an array."""
         if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
-            return _part(self._beyond[1], span)
-        return _part(self.v, self._layout.v(joint))
+            return _turning(self._beyond[1], span) if span[1] >= TURN else _part(self._beyond[1], span)
+        return self._layout.part(self.v, self._layout.v(joint), joint)
 
     def sensor(self, name: Any) -> Any:
         """What a sensor of positions or velocities reads: a float or an array, see `Mechanism.add_sensor`.
@@ -253,3 +268,17 @@ def _flat(what: str, values: ArrayLike, names: list[str]) -> Array:
             argument=what,
         )
     return array
+
+
+def _turned(values: Array, span: Span) -> Array:
+    """Slides, and behind them the quaternion of a turn that is shown by its cosines."""
+    first, last = span[0], sum(span)
+    slides, cosines = values[first : last - TURN], values[last - TURN : last - 3].reshape(3, 3)
+    turn = np.array(quaternion(cosines))
+    return np.concatenate([slides, turn if turn[0] >= 0.0 else -turn])
+
+
+def _turning(values: Array, span: Span) -> Array:
+    """Their rates, and those of the turn about the axes of the child."""
+    first, last = span[0], sum(span)
+    return np.concatenate([values[first : last - TURN], values[last - 3 : last]])

@@ -113,6 +113,72 @@ def moving(kind: str, where: str) -> pt.Mechanism:
     return m
 
 
+def turning(coordinate: int, name: str) -> Callable[[float, Any], float]:
+    """An effort that looks at slides and turns; the sign of a quaternion says nothing."""
+
+    def law(t: float, state: Any) -> float:
+        x, v = state.position(name), state.velocity(name)
+        slide = np.sin(x[coordinate]) if len(v) == 6 and coordinate < 3 else 0.0
+        return float(0.3 * x[-4] * x[-3 + coordinate % 3] - 0.1 * v[coordinate] + 0.1 * slide + 0.2 * t)
+
+    return law
+
+
+@pytest.mark.parametrize(("kind", "count"), [("spherical", 3), ("free", 6)])
+def test_efforts_on_turns_about_all_axes(kind: str, count: int) -> None:
+    """About the axes of the child, wherever the joint stands; so do functions see it."""
+    for coordinate in range(count):
+        seen_at = []
+        for where in ("tree", "cut", "absolute"):
+            m = moving(kind, where)
+            m.add_torque("J", turning(coordinate, "J"), coordinate=coordinate, name="law")
+            m.add_torque("J", 0.3, coordinate=(coordinate + 1) % count, name="constant")
+            seen_at.append(seen(m, where))
+        for where, found in zip(("cut", "absolute"), seen_at[1:], strict=True):
+            for x, y in zip(seen_at[0][1:], found[1:], strict=True):
+                assert np.abs(x - y).max() < 1e-8, (kind, coordinate, where)
+
+
+def test_quaternions_do_not_jump() -> None:
+    """A body that turns more than once: the same quaternions in the tree and read off the pose."""
+    for kind in ("spherical", "free"):
+        turns = []
+        for where in ("tree", "cut", "absolute"):
+            m = moving(kind, where)
+            m.add_drive("J", velocity=lambda t: 7.0 * t, coordinate=ALL_KINDS[kind][2] - 1)
+            coordinates = "absolute" if where == "absolute" else "relative"
+            run = m.simulate(3.0, t_eval=np.linspace(0.0, 3.0, 121), coordinates=coordinates, rtol=1e-8)
+            assert run.success, run.message
+            turns.append(run.joint("J").position[:, -4:])
+        steps = np.abs(np.diff(turns[1], axis=0)).max()
+        assert steps < 0.4, "half a turn of 21 rad/s over 25 ms"
+        for found in turns[1:]:
+            assert np.abs(found - turns[0]).max() < 1e-5
+
+
+@pytest.mark.parametrize("where", ["tree", "cut", "absolute", "backwards"])
+def test_functions_see_every_joint_as_the_run_tells_it(where: str) -> None:
+    for kind in ALL_KINDS:
+        m = moving(kind, where)
+        views: dict[float, list[Any]] = {}
+
+        def look(t: float, state: Any, views: dict[float, list[Any]] = views) -> float:
+            views[t] = [np.atleast_1d(part("J")).copy() for part in (state.position, state.velocity)]
+            return 0.0
+
+        m.add_torque("hinge", look)
+        coordinates = "absolute" if where == "absolute" else "relative"
+        start = m.assemble(rates={"hinge": 1.5}, coordinates=coordinates)
+        run = m.simulate(0.3, initial=start, t_eval=[0.0, 0.3], coordinates=coordinates)
+        joint = run.joint("J")
+        for i, t in enumerate(run.t):
+            position, velocity = views[t]
+            if kind in ("spherical", "free"):
+                position = np.append(position[:-4], position[-4:] * np.sign(position[-4:] @ joint.position[i][-4:]))
+            assert np.abs(position - joint.position[i]).max() < 1e-12, (kind, where)
+            assert np.abs(velocity - joint.velocity[i]).max() < 1e-12, (kind, where)
+
+
 @pytest.mark.parametrize("where", ["tree", "cut", "absolute", "backwards"])
 def test_accelerations_are_the_derivatives_of_velocities(where: str) -> None:
     """Differences of order 4 of the velocities that the run returns, of every kind of joint."""

@@ -1,7 +1,7 @@
 //! The tree in one space with everything that acts on it: what an evaluation needs.
 
 use crate::coupling::Condition;
-use crate::force::{At, Element, Reading, Room, Seen};
+use crate::force::{At, CutSight, Element, Room, Seen};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::Instant;
 use partita_math::scalar::Scalar;
@@ -19,7 +19,7 @@ pub struct Mechanics<G: Space> {
     pub conditions: Vec<Condition<G>>,
     /// Coordinates of joints that close loops, in the order of the joints: functions of the state see them behind those of
     /// the tree. None where there is no such function.
-    pub(crate) sights: Vec<Reading<G>>,
+    pub(crate) sights: Vec<CutSight<G>>,
     /// What sensors look at, which the same functions see behind those coordinates; none where there is no function.
     pub(crate) sensed: Vec<Seen<G>>,
     /// World axes from mechanism axes.
@@ -39,7 +39,7 @@ impl<G: Space> Mechanics<G> {
         mut tree: Tree<G>,
         conditions: Vec<Condition<G>>,
         elements: Vec<Element<G>>,
-        sights: Vec<Reading<G>>,
+        sights: Vec<CutSight<G>>,
         massive: &[bool],
     ) -> Self {
         tree.idle = massive.iter().map(|m| !m).collect();
@@ -142,9 +142,7 @@ impl<G: Space> Mechanics<G> {
             let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
             let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
             for sight in &self.sights {
-                let read = sight.read(&at);
-                q.push(read.value);
-                v.push(read.rate);
+                sight.show(&at, &mut q, &mut v);
             }
             self.sensed.iter().for_each(|sight| sight.show(&at, &self.out, &mut q));
         }

@@ -163,10 +163,13 @@ impl Model {
 ///
 /// Their angles are read off the pose and so are known up to full turns; of the candidates the one nearest to what the
 /// mean of the two speeds predicts is taken. That is safe while outputs are closer than about half a turn of unforeseen
-/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted.
+/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted. A quaternion and its
+/// negative are one turn; of the two the one next to the last is taken.
 #[derive(Clone, Debug)]
 pub struct TurnCounter {
     turns: Vec<Vec<bool>>,
+    /// Where the quaternion of each joint begins, if it is read off the pose.
+    quaternions: Vec<Option<usize>>,
     last: Vec<Option<(f64, JointState)>>,
 }
 
@@ -183,21 +186,37 @@ impl TurnCounter {
                 p.shape.motions.iter().map(|m| wrapped && plain && matches!(m, Motion::Turn(_))).collect()
             })
             .collect();
-        Self { turns, last: vec![None; model.placed.joints.len()] }
+        let quaternions = model
+            .placed
+            .joints
+            .iter()
+            .map(|p| {
+                let read = p.links.is_none() && p.shape.motions.contains(&Motion::Ball);
+                // slides come before it
+                read.then_some(p.shape.freedoms().saturating_sub(3))
+            })
+            .collect();
+        Self { turns, quaternions, last: vec![None; model.placed.joints.len()] }
     }
 
-    /// Does joint `j` have angles whose turns are counted?
+    /// Does joint `j` have turns of which more than one reading is right?
     pub fn counts(&self, j: usize) -> bool {
-        self.turns[j].contains(&true)
+        self.turns[j].contains(&true) || self.quaternions[j].is_some()
     }
 
     /// Add full turns to the angles of joint `j` at `t`; calls go forward in time.
     pub fn unwrap(&mut self, j: usize, t: f64, state: &mut JointState) {
-        if !self.turns[j].contains(&true) {
+        if !self.counts(j) {
             return;
         }
+        if let (Some((_, last)), Some(first)) = (&self.last[j], self.quaternions[j]) {
+            let turned: f64 = last.position[first..].iter().zip(&state.position[first..]).map(|(a, b)| a * b).sum();
+            if turned < 0.0 {
+                state.position[first..].iter_mut().for_each(|x| *x = -*x);
+            }
+        }
         if let Some((before, last)) = &self.last[j] {
-            for i in (0..state.position.len()).filter(|&i| self.turns[j][i]) {
+            for i in (0..self.turns[j].len()).filter(|&i| self.turns[j][i]) {
                 let expected = last.position[i] + 0.5 * (last.velocity[i] + state.velocity[i]) * (t - before);
                 let turn = 2.0 * std::f64::consts::PI;
                 state.position[i] += ((expected - state.position[i]) / turn).round() * turn;

@@ -4,7 +4,7 @@
 //! outboard of it and what acts on them; that of a cut joint its multipliers and its two sides alone.        (R3)
 
 use crate::evaluator::{Engine, Evaluator, Scratch};
-use crate::force::Seen;
+use crate::force::{CutSight, Seen};
 use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
@@ -82,7 +82,7 @@ fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Ve
 
 /// Links that functions of the state look at.
 fn seen<S: Scalar>(model: &Evaluator<S>) -> impl Iterator<Item = usize> + '_ {
-    let coordinates = model.full.sights.iter().flat_map(|r| r.touches().1);
+    let coordinates = model.full.sights.iter().flat_map(CutSight::links);
     coordinates.chain(model.full.sensed.iter().flat_map(Seen::links))
 }
 

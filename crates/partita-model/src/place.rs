@@ -91,6 +91,14 @@ pub struct PlacedJoint {
     pub reversed: bool,
 }
 
+impl PlacedJoint {
+    /// Its links, if its coordinates are those of the state, side by side: not of a joint that closes a loop, nor of one of
+    /// several freedoms that is walked backwards.
+    pub fn in_state(&self) -> Option<&[usize]> {
+        self.links.as_deref().filter(|links| !(links.is_empty() || self.reversed && self.shape.freedoms() > 1))
+    }
+}
+
 /// What a link lacks.
 #[derive(Clone, Debug)]
 pub struct Light {

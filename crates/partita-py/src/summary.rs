@@ -1,6 +1,7 @@
 //! Names, sizes and layout of a model as one text of plain data.
 
 use partita_analysis::mobility::Mobility;
+use partita_math::spatial::Mat3;
 use partita_model::joint::Motion;
 use partita_model::rows::Owner;
 use partita_model::spec::JointKind;
@@ -56,6 +57,8 @@ struct Joint<'m> {
     /// In the state; none for a joint that closes a loop.
     state_q: Option<Span>,
     state_v: Option<Span>,
+    /// Axes of the drawing on the child, where a turn about all axes is counted in others.
+    drawn: Option<[[f64; 3]; 3]>,
     axes: Vec<&'m str>,
 }
 
@@ -119,8 +122,8 @@ fn joints(m: &Model) -> Vec<Joint<'_>> {
     for (p, j) in m.placed.joints.iter().zip(&m.spec.joints) {
         let nq: usize = p.shape.motions.iter().map(|x| x.coordinates()).sum();
         let nv = p.shape.freedoms();
-        // coordinates of a joint lie side by side in the state unless it was walked backwards
-        let first = p.links.as_ref().filter(|l| !(l.is_empty() || p.reversed && nv > 1)).map(|l| &m.placed.links[l[0]]);
+        let first = p.in_state().map(|l| &m.placed.links[l[0]]);
+        let turns = p.shape.motions.contains(&Motion::Ball) && p.on_child.0 != Mat3::<f64>::identity().0;
         let mut axes: Vec<&str> = Vec::with_capacity(nv);
         for (motion, name) in p.shape.motions.iter().zip(&p.shape.names) {
             match motion {
@@ -138,6 +141,7 @@ fn joints(m: &Model) -> Vec<Joint<'_>> {
             v: [first_v, nv],
             state_q: first.map(|l| [l.q, nq]),
             state_v: first.map(|l| [l.v, nv]),
+            drawn: first.filter(|_| turns).map(|_| p.on_child.0),
             axes,
         });
         first_q += nq;

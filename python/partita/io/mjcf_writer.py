@@ -17,6 +17,7 @@ from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecord, TorsionSpringRecord
 from ..errors import FileFormatError
 from ..files import put
+from ..numeric import quaternion
 from .skeleton import (
     Branch,
     Closure,
@@ -286,21 +287,3 @@ class _Writer:
         law = f'stiffness="{text(record.stiffness)}" damping="{text(record.damping)}" springlength="{text(length)}"'
         sites = [f"      <site site={quoted(end)}/>" for end in ends]
         return [f"    <spatial name={quoted(record.name)} {law}>", *sites, "    </spatial>"]
-
-
-def quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """(w, x, y, z) of a rotation, by the largest of the four."""
-    r = rotation
-    squares = np.array([1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],
-                        1 - r[0, 0] + r[1, 1] - r[2, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2]])  # fmt: skip
-    k = int(np.argmax(squares))
-    w, x, y = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    rows = (
-        (squares[0], w, x, y),
-        (w, squares[1], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]),
-        (x, r[0, 1] + r[1, 0], squares[2], r[1, 2] + r[2, 1]),
-        (y, r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[3]),
-    )
-    found = np.array(rows[k])
-    w, x, y, z = (found / np.linalg.norm(found)).tolist()
-    return w, x, y, z

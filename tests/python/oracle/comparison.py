@@ -10,7 +10,7 @@ import numpy as np
 
 import partita as pt
 
-from .drawing import GROUND, Array, Drawing, Torsion
+from .drawing import GROUND, Array, Drawing
 from .maximal import Maximal, Motion, Pose
 
 # Two programs on matrices of conditions up to some 1e5; multipliers are one inverse further off than accelerations.
@@ -47,8 +47,6 @@ def compare(drawing: Drawing) -> Verdict:
         verdict.counts["contradiction"] += contradictory_as_drawn(drawing)
         return verdict
     for coordinates in ("relative", "absolute"):
-        if coordinates == "absolute" and needs_coordinates(drawing):
-            continue
         try:
             run = short_run(mechanism, drawing, state, coordinates)
         except pt.errors.PartitaError as error:
@@ -88,11 +86,6 @@ def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:
         carried = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
         found[j.name] = carried.T @ run.reactions["joint_rotation"][0, k]
     return found
-
-
-def needs_coordinates(drawing: Drawing) -> bool:
-    """Drives and torsion springs act along coordinates, which joints have in relative coordinates alone."""
-    return bool(drawing.drives) or any(isinstance(f, Torsion) for f in drawing.forces)
 
 
 def moving(mechanism: pt.Mechanism, drawing: Drawing, rng: Any) -> pt.State:

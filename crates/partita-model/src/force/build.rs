@@ -2,7 +2,8 @@
 
 use super::loads;
 use super::{
-    CutEffort, CutTorsion, Effort, EffortOver, Element, Place, PointForce, Reading, Seen, Spring, Torsion, Unit,
+    CutEffort, CutSight, CutTorsion, Effort, EffortOver, Element, Place, PointForce, Reading, Seen, Spring, Torsion,
+    Unit,
 };
 use crate::compile;
 use crate::error::DescriptionError;
@@ -25,26 +26,20 @@ struct Maker<'a, S> {
 }
 
 impl<G: Space> Element<G> {
-    /// What functions of the state see besides the coordinates of the tree: those of joints that close loops, but for turns
-    /// in space.
+    /// What functions of the state see besides the coordinates of the tree: those of joints that close loops.
     pub(crate) fn sights(
         placed: &Placed,
         numbers: &Numbers<G::S>,
         elements: &[Self],
-    ) -> Result<Vec<Reading<G>>, DescriptionError> {
+    ) -> Result<Vec<CutSight<G>>, DescriptionError> {
         if !elements.iter().any(Self::sees_state) {
             return Ok(Vec::new());
         }
         let mut names: Vec<(&String, usize)> = placed.joint_numbers.iter().map(|(name, j)| (name, *j)).collect();
         names.sort_unstable_by_key(|(_, j)| *j);
         let mut sights = Vec::new();
-        for (name, j) in names {
-            let p = &placed.joints[j];
-            if p.links.is_none() && !p.shape.motions.contains(&Motion::Ball) {
-                for i in 0..p.shape.freedoms() {
-                    sights.push(Reading::new(placed, numbers, name, (name, i), G::S::zero())?);
-                }
-            }
+        for (name, _) in names {
+            sights.extend(CutSight::all(placed, numbers, name)?);
         }
         Ok(sights)
     }
@@ -217,10 +212,6 @@ impl<S: Scalar> Maker<'_, S> {
         if p.links.is_some() && (own || !in_space) {
             let (q, v) = tree_coordinate(placed, "force", name, joint, coordinate)?;
             return Ok(Element::Effort(Effort { name: name.into(), q, v, value }));
-        }
-        if p.links.is_none() && in_space {
-            let m = format!("joint \"{joint}\" closes a loop and turns in space; use a force on its bodies");
-            return Err(DescriptionError::new("force", name, m));
         }
         Ok(Element::CutEffort(CutEffort {
             name: name.into(),

@@ -1,0 +1,73 @@
+//! What functions of the state see of a joint that is not in it by itself.
+
+use super::build::joint_index;
+use super::{At, Reading};
+use crate::error::DescriptionError;
+use crate::joint::Motion;
+use crate::numbers::Numbers;
+use crate::place::Placed;
+use partita_math::scalar::Scalar;
+use partita_math::spatial::{Mat3, Space};
+
+/// One motion of a joint that closes a loop, stands in absolute coordinates or is walked backwards.
+#[derive(Clone, Debug)]
+pub enum CutSight<G: Space> {
+    /// A slide or an angle, and its rate.
+    Coordinate(Reading<G>),
+    /// A turn about all axes.
+    Turn {
+        /// Links of parent and child.
+        links: [usize; 2],
+        /// Axes of the drawing as the two carry them.
+        axes: [Mat3<G::S>; 2],
+    },
+}
+
+impl<G: Space> CutSight<G> {
+    /// The motions of a joint in their order; none of one whose coordinates are in the state.
+    pub(crate) fn all(placed: &Placed, numbers: &Numbers<G::S>, joint: &str) -> Result<Vec<Self>, DescriptionError> {
+        let p = &placed.joints[joint_index(placed, joint)];
+        if p.in_state().is_some() {
+            return Ok(Vec::new());
+        }
+        let turns = p.shape.motions.contains(&Motion::Ball);
+        let plain = p.shape.freedoms() - if turns { 3 } else { 0 };
+        let mut found = Vec::with_capacity(plain + usize::from(turns));
+        for i in 0..plain {
+            found.push(Self::Coordinate(Reading::new(placed, numbers, joint, (joint, i), G::S::zero())?));
+        }
+        if turns {
+            let axes = [&p.on_parent, &p.on_child].map(|r| Mat3::from_f64(r.0));
+            found.push(Self::Turn { links: [placed.link_of(p.parent), placed.link_of(p.child)], axes });
+        }
+        Ok(found)
+    }
+
+    /// Links that are looked at.
+    pub(crate) fn links(&self) -> Vec<usize> {
+        match self {
+            Self::Coordinate(reading) => reading.touches().1,
+            Self::Turn { links, .. } => links.to_vec(),
+        }
+    }
+
+    /// Positions and rates behind the numbers that are there, as many of one as of the other. Of a turn: the cosines between
+    /// the axes, row by row, with no rates, and behind them the rates about the axes of the child, with no positions.
+    pub(crate) fn show(&self, at: &At<G>, q: &mut Vec<G::S>, v: &mut Vec<G::S>) {
+        let none = [G::S::zero(); 9];
+        match self {
+            Self::Coordinate(reading) => {
+                let read = reading.read(at);
+                q.push(read.value);
+                v.push(read.rate);
+            }
+            Self::Turn { links: [parent, child], axes: [on_parent, on_child] } => {
+                let (rp, rc) = (at.axes(*parent).mul(on_parent), at.axes(*child).mul(on_child));
+                q.extend(rp.transpose().mul(&rc).0.into_iter().flatten());
+                v.extend(none);
+                q.extend_from_slice(&none[..3]);
+                v.extend(rc.apply_transposed(at.spinning(*child) - at.spinning(*parent)).0);
+            }
+        }
+    }
+}
