@@ -110,6 +110,24 @@ def test_a_result_of_steps_has_reactions_and_sensors_with_the_inputs_held() -> N
     assert np.abs(one.joint("C").force[0] - run.sensor("felt").values[5]).max() < 1e-9
 
 
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_loads_drawn_as_numbers_act_until_they_are_told_otherwise(coordinates: str) -> None:
+    m = five_bar()
+    m.forces["left"].value, m.forces["right"].value = 3.0, -2.0
+    m.add_force("bar 1", (1.0, lambda t, state: 2.0, 0.0), name="push")
+    start = m.assemble(coordinates=coordinates)
+    for parameters in (None, {"left.value": 5.0}):
+        run = m.simulate(0.2, initial=start, coordinates=coordinates, rtol=1e-11, parameters=parameters)
+        sim = m.stepper(1e-2, initial=start, coordinates=coordinates, parameters=parameters, substeps=10)
+        for _ in range(20):
+            sim.step()
+        assert np.abs(sim.state.q - run.state().q).max() < 1e-9
+        sim.reset()
+        for _ in range(20):
+            sim.step({"push.x": 1.0})
+        assert np.abs(sim.state.q - run.state().q).max() < 1e-9
+
+
 def test_refused_inputs_change_nothing() -> None:
     sim = five_bar().stepper(DT)
     sim.step((1.0, 2.0))

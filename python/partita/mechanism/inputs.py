@@ -68,6 +68,11 @@ def chosen(known: Mapping[str, Input], wanted: Any) -> dict[str, Input]:
     return {name: known[name] for name in names}
 
 
+def _constant(value: Any, component: int) -> float:
+    """The number that was drawn, of a torque or of a component of a force."""
+    return float((value[component] if isinstance(value, list) else value)["constant"])
+
+
 class Courses:
     """What the inputs hold over a step. Efforts: a number. Drives: since when, and a cubic of the time since then that
     goes on from where the motion is: the position, or of velocities and accelerations the rate.
@@ -83,21 +88,21 @@ class Courses:
 
     def __init__(self, inputs: Mapping[str, Input], model: CompiledModel) -> None:
         self._inputs = list(inputs.values())
-        numbers = {
-            kind: {one["name"]: i for i, one in enumerate(json.loads(model.description)[kind])}
-            for kind in ("forces", "drives")
-        }
+        described = json.loads(model.description)
+        numbers = {kind: {one["name"]: i for i, one in enumerate(described[kind])} for kind in ("forces", "drives")}
         self.places: list[tuple[int, int | None]] = [
             (numbers["drives" if one.component is None else "forces"][one.name], one.component) for one in self._inputs
         ]
+        self._drawn = [0.0 if k is None else _constant(described["forces"][at]["value"], k) for at, k in self.places]
 
     def first(self, signals: Signals) -> tuple[Array, Array]:
-        """Where everything stands: the numbers held and the inputs they belong to. Drives go on at their rates."""
+        """Where everything stands: the numbers held and the inputs they belong to. Efforts are as drawn, drives go on
+        at their rates."""
         held, u = list[float](), list[float]()
-        for one in self._inputs:
+        for one, drawn in zip(self._inputs, self._drawn, strict=True):
             if one.component is not None:
-                held.append(0.0)
-                u.append(0.0)
+                held.append(drawn)
+                u.append(drawn)
                 continue
             rate = float(measured(signals, one.measure, "velocity"))
             if one.level == "position":

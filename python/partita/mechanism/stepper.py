@@ -146,8 +146,8 @@ class Stepper:
 
         Args:
             u: a number for each of `inputs`, in their order [N, N m; of drives what they prescribe: m, rad, m/s, ...];
-                or a dict of some of them, the others stay as they are held; None: all stay. At the start efforts and
-                accelerations are 0, positions and velocities those of the start.
+                or a dict of some of them, the others stay as they are held; None: all stay. At the start efforts are
+                as drawn, accelerations 0, positions and velocities those of the start.
 
         Raises:
             ArgumentError: another number of inputs, NaN or infinity. UnknownNameError: no input has that name.
