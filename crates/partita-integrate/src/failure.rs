@@ -7,9 +7,9 @@ use std::fmt::Display;
 pub enum StepFailure<E: Display> {
     /// The step became shorter than the time can resolve.
     #[error(
-        "the step size fell to {h:.3e} at t = {t} without an acceptable step{}; \
+        "the step size fell to {} at t = {t} without an acceptable step{}; \
          look for a singular configuration or a jump in the forces near this time, or loosen rtol and atol",
-        reason(.last)
+        partita_math::told(*h), reason(.last)
     )]
     TooSmall {
         /// Time reached.

@@ -9,4 +9,7 @@ pub mod least_norm;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;
+mod told;
 mod wide;
+
+pub use told::told;

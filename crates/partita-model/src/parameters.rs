@@ -228,7 +228,10 @@ impl Model {
                 let off = (p.child_point - p.parent_point).0[2];
                 // as when the plane was found
                 if off.abs() >= 1e-9 * placed.size {
-                    let m = format!("its sides would miss each other by {off:.3e} m out of the plane; compile anew");
+                    let m = format!(
+                        "its sides would miss each other by {} m out of the plane; compile anew",
+                        partita_math::told(off)
+                    );
                     return Err(DescriptionError::new("joint", &spec.joints[j].name, m));
                 }
             }

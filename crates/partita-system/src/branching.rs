@@ -11,6 +11,7 @@ use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
+use partita_math::told;
 
 /// Velocities beyond which nothing is looked at: dense decompositions would take minutes.
 const LARGEST: usize = 200;
@@ -428,7 +429,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
     }
     let way = |(n, b): (usize, &Branch)| {
         let list = |x: &[(String, f64)]| -> String {
-            x.iter().map(|(name, x)| format!("\"{name}\": {}", digits(*x))).collect::<Vec<_>>().join(", ")
+            x.iter().map(|(name, x)| format!("\"{name}\": {}", told(*x))).collect::<Vec<_>>().join(", ")
         };
         let (rates, guess) = (rates(system, b, &found.branches), guess(system, q, b));
         match rates.len().max(guess.len()) <= WRITTEN {
@@ -453,12 +454,3 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
 
 /// Branches written out.
 const WAYS: usize = 4;
-
-/// A number as people write it.
-fn digits(x: f64) -> String {
-    let text = format!("{x:.5}");
-    match text.parse::<f64>() {
-        Ok(y) if (y - x).abs() <= 1e-3 * x.abs() => format!("{y}"),
-        _ => format!("{x:.3e}"),
-    }
-}

@@ -1,5 +1,6 @@
 //! What can go wrong with a system, in sentences.
 
+use partita_math::told;
 use thiserror::Error;
 
 /// What was asked of a system, or why it could not be evaluated.
@@ -261,10 +262,10 @@ pub enum SystemError {
     },
     /// What the drawing tolerance bridges opens by more than it allows.
     #[error(
-        "the drawing misfits at t = {}: {what} stands open by {by:.3e} {}, {part:.1e} of its size, where the drawing \
+        "the drawing misfits at t = {}: {what} stands open by {} {}, {part:.1e} of its size, where the drawing \
          tolerance of {tolerance:.0e} bridges up to {:.0e}; draw that joint more exactly, or give a larger \
          drawing_tolerance if it has that much play",
-        six_digits(*t), if *angle { "rad" } else { "m" }, allowed
+        six_digits(*t), told(*by), if *angle { "rad" } else { "m" }, allowed
     )]
     Misfit {
         /// When it was seen.
@@ -284,8 +285,8 @@ pub enum SystemError {
     },
     /// A condition is left in a step, however short.
     #[error(
-        "{what} jumps by {by:.3e} at t = {}: no body follows a step; give it a motion that is continuous with its rate",
-        six_digits(*t)
+        "{what} jumps by {} at t = {}: no body follows a step; give it a motion that is continuous with its rate",
+        told(*by), six_digits(*t)
     )]
     Jump {
         /// What the condition belongs to.
@@ -367,9 +368,9 @@ fn entry(function: &str, row: usize, column: Option<usize>) -> String {
 
 fn gap(shortfall: f64, angle: f64) -> String {
     match (shortfall > 0.0, angle > 0.0) {
-        (true, false) => format!("{shortfall:.6e} m"),
-        (false, true) => format!("{angle:.6e} rad"),
-        _ => format!("{shortfall:.6e} m and {angle:.6e} rad"),
+        (true, false) => format!("{} m", told(shortfall)),
+        (false, true) => format!("{} rad", told(angle)),
+        _ => format!("{} m and {} rad", told(shortfall), told(angle)),
     }
 }
 
@@ -384,9 +385,10 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
         false => "take one of them away, or give lengths and directions that agree",
     };
     format!(
-        "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {gap:.3e} {unit} where the others \
+        "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {} {unit} where the others \
          hold; {advice}",
-        six_digits(t)
+        six_digits(t),
+        told(gap)
     )
 }
 
@@ -413,8 +415,9 @@ fn limit(block: &str, t: f64, shortfall: f64) -> String {
         return format!("{block} cannot close beyond the limit position it has come to at t = {t}; {advice}");
     }
     format!(
-        "{block} cannot close at t = {t}: its lengths miss each other by {shortfall:.6e} m (a limit position of the \
-         mechanism); {advice}"
+        "{block} cannot close at t = {t}: its lengths miss each other by {} m (a limit position of the \
+         mechanism); {advice}",
+        told(shortfall)
     )
 }
 

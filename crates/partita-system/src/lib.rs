@@ -20,6 +20,7 @@ pub mod start;
 pub mod system;
 pub mod tangent;
 pub mod weight;
+pub mod words;
 
 pub use partition::Partition;
 pub use system::{ConstrainedSystem, Fit, Size, SystemError};

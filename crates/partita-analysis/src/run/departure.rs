@@ -25,10 +25,10 @@ pub(super) fn depart<'s, S: ConstrainedSystem>(
     let ways = ways::along(system, (t, q, v), singular)?;
     let launch = launch(system, ways.rank, (t, q, v), ways.acceleration(q, v)?.as_deref(), (end, tolerance))?;
     let mut note = format!(
-        "the run starts in a singular position and leaves it along the branch with the rates {}; its first {:.3e} s are one \
+        "the run starts in a singular position and leaves it along the branch with the rates {}; its first {} s are one \
          step of Gauss collocation on that branch, in the start itself accelerations and reactions are not determined",
         ways.told(v),
-        launch.length()
+        partita_math::told(launch.length())
     );
     if launch.moved > 0.0 {
         note = format!(

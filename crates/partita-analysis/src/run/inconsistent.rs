@@ -1,6 +1,7 @@
 //! A start that does not satisfy the constraints: told, with what became of it.
 
 use crate::error::AnalysisError;
+use partita_math::told;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::start::choose_partition;
@@ -29,9 +30,9 @@ pub(super) fn refuse<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &
     Err(AnalysisError::Argument {
         argument: "initial",
         message: format!(
-            "the start does not satisfy the constraints: {} is open by {:.3e}; start from what assemble() makes of it",
+            "the start does not satisfy the constraints: {} is open by {}; start from what assemble() makes of it",
             system.row_name(row),
-            r.phi[row].abs()
+            told(r.phi[row].abs())
         ),
     })
 }
@@ -54,7 +55,7 @@ pub(super) fn note<S: ConstrainedSystem>(
     let (open, row) = r.openness();
     let mut said = Vec::new();
     if open > OPEN {
-        said.push(format!("{} is open by {:.3e}", system.row_name(row), r.phi[row].abs()));
+        said.push(format!("{} is open by {}", system.row_name(row), told(r.phi[row].abs())));
     }
     let pattern = system.pattern();
     let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
@@ -70,7 +71,7 @@ pub(super) fn note<S: ConstrainedSystem>(
         }
     }
     if worst.0 > 0.0 {
-        said.push(format!("{} opens by {:.3e} a second", system.row_name(worst.1), worst.2));
+        said.push(format!("{} opens by {} a second", system.row_name(worst.1), told(worst.2)));
     }
     if said.is_empty() {
         return Ok(None);
@@ -81,8 +82,8 @@ pub(super) fn note<S: ConstrainedSystem>(
             let names = (0..v.len()).map(|i| system.velocity_name(i));
             let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
-            let position = if open > OPEN { format!("positions by up to {far:.3e}, ") } else { String::new() };
-            format!("the first output is moved from it: {position}velocities by up to {:.3e} ({})", by.1, by.0)
+            let position = if open > OPEN { format!("positions by up to {}, ", told(far)) } else { String::new() };
+            format!("the first output is moved from it: {position}velocities by up to {} ({})", told(by.1), by.0)
         }
     };
     Ok(Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", "))))

@@ -51,9 +51,9 @@ impl<'m> Instant<'m> {
             }
             if open > NEARLY_CLOSED {
                 let message = format!(
-                    "{} is open by {:.3e}: explicit closing starts from a closed position, assemble first",
+                    "{} is open by {}: explicit closing starts from a closed position, assemble first",
                     model.row_words(i),
-                    x.abs()
+                    partita_math::told(x.abs())
                 );
                 return Err(SystemError::argument("q", message));
             }

@@ -10,6 +10,7 @@ use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Mat3, Quaternion};
+use partita_math::told;
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::knots::{Knots, Reading};
@@ -318,9 +319,10 @@ impl ConstrainedSystem for Model {
                 let name = &self.spec.bodies[x.body].name;
                 let about = if x.line.is_some() { "about its own line" } else { "about itself" };
                 let message = format!(
-                    "body \"{name}\" starts with a spin of {spin:.3e} rad/s {about}, and has no inertia in that: nothing says \
+                    "body \"{name}\" starts with a spin of {} rad/s {about}, and has no inertia in that: nothing says \
                      how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
-                     it is held then"
+                     it is held then",
+                    told(spin)
                 );
                 return Err(SystemError::argument("rates", message));
             }

@@ -4,6 +4,7 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
+use partita_math::told;
 
 /// Rates that hold together are met to this part of the largest velocity asked for or forced (in reaches a second): what
 /// solutions with a condition up to a million leave of sixteen digits.
@@ -198,14 +199,17 @@ fn unlocked<S: ConstrainedSystem>(
         return Ok(v);
     }
     let asked: Vec<String> = rates.iter().map(|&(i, rate)| format!("{} = {rate}", system.velocity_name(i))).collect();
-    Err(SystemError::argument("rates", format!(
-        "the rates {} cannot be had at t = {t}: {} would have to go at {:.3e}, {:.1e} times as fast, for what is asked is \
+    Err(SystemError::argument(
+        "rates",
+        format!(
+        "the rates {} cannot be had at t = {t}: {} would have to go at {}, {:.1e} times as fast, for what is asked is \
          locked here but for round-off (a dead point, or a singular position); give the rate of {} instead, or start a \
          little away from here",
         asked.join(", "),
         system.velocity_name(top),
-        v[top],
+        told(v[top]),
         speed(top) / fastest,
         system.velocity_name(top),
-    )))
+    ),
+    ))
 }

@@ -16,6 +16,7 @@ use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::told;
 
 /// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no
 /// part of the cost of so many steps.
@@ -96,9 +97,10 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument("closing", format!(
-                "the explicit closing leaves {} open by {phi:.3e} at t = {t}; check the function that closes the loops, and that it \
+                "the explicit closing leaves {} open by {} at t = {t}; check the function that closes the loops, and that it \
                  takes the branch of the start",
-                r.system.row_words(row)
+                r.system.row_words(row),
+                told(*phi)
             ))),
         }
     }

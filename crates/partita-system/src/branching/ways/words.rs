@@ -1,13 +1,14 @@
 //! What rates single out, and why they do not, in words.
 
 use super::{largest, Asked, Ways, BESIDE, ON};
-use crate::branching::{digits, FLAT, WRITTEN};
+use crate::branching::{FLAT, WRITTEN};
 use crate::system::ConstrainedSystem;
 use partita_math::factor::symmetric_eigen;
+use partita_math::told;
 
 impl<S: ConstrainedSystem> Ways<'_, S> {
     pub(super) fn asked_words(&self, asked: &[Asked]) -> String {
-        let all: Vec<String> = asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, digits(x.rate))).collect();
+        let all: Vec<String> = asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, told(x.rate))).collect();
         let more = if asked.len() > WRITTEN { ", ..." } else { "" };
         format!("{}{more}", all.join(", "))
     }
@@ -21,7 +22,7 @@ impl<S: ConstrainedSystem> Ways<'_, S> {
             return "see the report for its rates".into();
         }
         let all: Vec<String> =
-            moving.iter().map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), digits(v[i]))).collect();
+            moving.iter().map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), told(v[i]))).collect();
         format!("assemble(rates={{{}}})", all.join(", "))
     }
 
@@ -49,7 +50,7 @@ impl<S: ConstrainedSystem> Ways<'_, S> {
 
     pub(super) fn none(&self, asked: &[Asked], nearest: &[f64]) -> String {
         let of: Vec<String> =
-            asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, digits(self.read(x, nearest)))).collect();
+            asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, told(self.read(x, nearest)))).collect();
         format!(
             "the rates {} lie on no branch; on the nearest one {}: {}",
             self.asked_words(asked),
@@ -75,7 +76,7 @@ impl<S: ConstrainedSystem> Ways<'_, S> {
         let all: Vec<String> = moving
             .iter()
             .take(WRITTEN)
-            .map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), digits(v[i])))
+            .map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), told(v[i])))
             .collect();
         format!("{{{}{}}}", all.join(", "), if moving.len() > WRITTEN { ", ..." } else { "" })
     }
@@ -118,7 +119,7 @@ impl<S: ConstrainedSystem> Ways<'_, S> {
 
     pub(super) fn drive_speed(&self, row: usize) -> String {
         let unit = if self.system.row_is_angle(row) { "rad/s" } else { "m/s" };
-        format!("{} {unit}", digits(self.forbidden.2))
+        format!("{} {unit}", told(self.forbidden.2))
     }
 }
 

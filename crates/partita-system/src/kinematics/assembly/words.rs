@@ -3,20 +3,14 @@
 use super::descent::{Descent, Ending};
 use super::Assembly;
 use crate::system::{ConstrainedSystem, SystemError};
-
-/// Rows and joints named in one message.
-const NAMED: usize = 6;
-
-fn some(names: &[String]) -> String {
-    let more = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
-    format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
-}
+use crate::words::{loop_of, some};
+use partita_math::told;
 
 fn open_rows<S: ConstrainedSystem>(d: &Descent<S>, tolerance: f64) -> String {
     let s = &d.scaled;
     let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].abs() > tolerance).collect();
     open.sort_by(|&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
-    some(&open.iter().map(|&i| format!("{} by {:.3e}", s.system.row_words(i), s.raw(i).abs())).collect::<Vec<_>>())
+    some(&open.iter().map(|&i| format!("{} by {}", s.system.row_words(i), told(s.raw(i).abs()))).collect::<Vec<_>>())
 }
 
 /// `Assembly` at the position last evaluated.
@@ -55,12 +49,12 @@ pub(super) fn refused<S: ConstrainedSystem>(
             "all of {} starts close {words} the wrong way round, its axes pointing backwards; draw {} nearer to where it \
              closes, or turn its axis on one of its bodies",
             report.restarts + 1,
-            loop_of(d, row)
+            closed_loop(d, row)
         );
         return open(d, report, tolerance, &advice);
     }
     let Some(row) = of(Ending::AtRest) else {
-        let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| loop_of(d, i));
+        let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| closed_loop(d, i));
         let advice = format!(
             "none of {} starts came to rest, so this says nothing of the lengths; draw {farthest} nearer to where it closes, \
              or start from a state in which it does",
@@ -78,7 +72,7 @@ pub(super) fn refused<S: ConstrainedSystem>(
     };
     SystemError::Lengths {
         owner: name.into(),
-        loop_words: loop_of(d, row).into(),
+        loop_words: closed_loop(d, row).into(),
         shortfall: size(false),
         angle: size(true),
         starts: report.restarts + 1,
@@ -88,16 +82,6 @@ pub(super) fn refused<S: ConstrainedSystem>(
     }
 }
 
-/// The loop that row i closes: the joints it runs through.
-fn loop_of<S: ConstrainedSystem>(d: &Descent<S>, i: usize) -> String {
-    let s = &d.scaled;
-    let mut through: Vec<String> = Vec::new();
-    for e in s.pattern.row(i) {
-        let name = s.system.velocity_name(s.pattern.col_idx[e]);
-        let joint = name.rsplit_once('.').map_or(name.as_str(), |x| x.0).to_string();
-        if !through.contains(&joint) {
-            through.push(joint);
-        }
-    }
-    format!("the loop through {} closed by {}", some(&through), s.system.row_words(i))
+fn closed_loop<S: ConstrainedSystem>(d: &Descent<S>, row: usize) -> String {
+    format!("{} closed by {}", loop_of(d.scaled.system, row), d.scaled.system.row_words(row))
 }

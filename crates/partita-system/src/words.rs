@@ -1,0 +1,29 @@
+//! Rows in the words of those who drew them.
+
+use crate::system::ConstrainedSystem;
+
+/// Names that a message lists at most.
+const NAMED: usize = 6;
+
+/// "a, b, c", or the first six and how many more there are.
+pub fn some(names: &[String]) -> String {
+    let more = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
+    format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
+}
+
+/// The loop that row i closes: the joints it runs through, as far as there are any.
+pub fn loop_of<S: ConstrainedSystem>(system: &S, i: usize) -> String {
+    let pattern = system.pattern();
+    let mut through: Vec<String> = Vec::new();
+    for e in pattern.row(i) {
+        let name = system.velocity_name(pattern.col_idx[e]);
+        let joint = name.rsplit_once('.').map_or(name.as_str(), |x| x.0).to_string();
+        if !through.contains(&joint) {
+            through.push(joint);
+        }
+    }
+    match through.as_slice() {
+        [] => "the loop".into(),
+        _ => format!("the loop through {}", some(&through)),
+    }
+}
