@@ -6,7 +6,7 @@
 //! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
 //! ```
 
-use crate::place::Placed;
+use crate::place::{Moved, Placed};
 use crate::spec::{Force, Gravity, Spec, Value, VectorValue};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
@@ -191,31 +191,20 @@ impl<S: Scalar> Numbers<S> {
     pub fn from_parameters(spec: &Spec, placed: &Placed, given: &Described<S>) -> Self {
         let constant = |m: &Mat3<f64>| Mat3::<S>::from_f64(m.0);
         let basis = constant(&placed.basis);
-        let out = placed.basis.transpose();
-        let nodes = placed.bodies.len() + 1;
-        // turn of each node out of the drawing
-        let turns: Vec<Mat3<S>> = std::iter::once(Mat3::identity())
-            .chain(
-                placed
-                    .bodies
-                    .iter()
-                    .zip(&spec.bodies)
-                    .map(|(p, b)| constant(&out.mul(&p.rot).mul(&Mat3(b.orientation).transpose()))),
-            )
-            .collect();
-        let mut shifts = vec![Vec3::<S>::zero(); nodes];
+        let mut motions = vec![Moved::<S>::rest(); placed.turns.len()];
         for e in &placed.topology.tree {
             let Some(j) = e.joint else { continue };
-            shifts[e.to] = shifts[e.from];
+            motions[e.to] = motions[e.from];
             let (point, child_point) = given.joints[j];
             let far = child_point.unwrap_or(point);
             let said = &spec.joints[j];
             if said.child_point.is_some() || said.child_axis.is_some() || said.child_frame.is_some() {
                 let (near, far) = if e.reversed { (far, point) } else { (point, far) };
-                shifts[e.to] = turns[e.from].apply(near) + shifts[e.from] - turns[e.to].apply(far);
+                let to = motions[e.from].point(near);
+                motions[e.to] = Moved { rot: constant(&placed.turns[e.to]), from: far, to };
             }
         }
-        let moved = |node: usize, x: Vec3<S>| basis.apply(turns[node].apply(x) + shifts[node]);
+        let moved = |node: usize, x: Vec3<S>| basis.apply(motions[node].point(x));
         let bodies: Vec<BodyNumbers<S>> = placed
             .bodies
             .iter()

@@ -11,16 +11,18 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from ..errors import MissingDependencyError
-from ..files import get
+from ..errors import FileFormatError, MissingDependencyError
+from ..files import get, other
 from .reading import Remark
 from .robot import Loop, Robot
 from .xmltree import refuse
 
 SIZE = 2**20
 """Bytes of a sidecar."""
+DEPTH = 32
+"""Lists within each other: pairs of frames are three deep."""
 _KINDS = {"6d": "fixed", "3d": "spherical"}
 
 
@@ -29,25 +31,39 @@ def read(robot: Robot) -> bool:
     path = next((p for p in (robot.reading.path.with_suffix(end) for end in (".yaml", ".yml")) if p.is_file()), None)
     if path is None:
         return False
-    said = _loaded(path)
+    said, lines = _loaded(path)
+
+    def wrong(key: str, message: str) -> NoReturn:
+        refuse(path, lines.get(key), message)
+
     pairs, kinds = said.get("closed_loop", []), said.get("type")
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
-        refuse(path, None, f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
+        wrong("closed_loop", f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
     kinds = ["6d"] * len(pairs) if kinds is None else kinds
     if not isinstance(kinds, list) or len(kinds) != len(pairs):
-        refuse(path, None, f"type must be a list of {len(pairs)} words, one for each closed loop, not {kinds!r:.80}")
+        wrong("type", f"type must be a list of {len(pairs)} words, one for each closed loop, not {kinds!r:.80}")
     names = said.get("name")
     names = [f"{pair[0]} = {pair[1]}" for pair in pairs] if names is None else names
     if not isinstance(names, list) or len(names) != len(pairs):
-        refuse(path, None, f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
+        wrong("name", f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
     twice = [name for name, count in Counter(map(str, names)).items() if count > 1]
     if twice:
-        refuse(path, None, f'name: "{twice[0]}" is there twice; loops have names of their own')
-    robot.gravity = _gravity(path, said.get("gravity", robot.gravity))
+        wrong("name", f'name: "{twice[0]}" is there twice; loops have names of their own')
+    gravity = _gravity(said.get("gravity", robot.gravity))
+    if gravity is None:
+        wrong("gravity", f"gravity must be three finite numbers, not {said['gravity']!r:.80}")
+    robot.gravity = gravity
     for number, (pair, kind) in enumerate(zip(pairs, kinds, strict=True), 1):
         if str(kind).lower() not in _KINDS:
-            refuse(path, None, f'type {number} is "{kind}"; known: 6d (welded there), 3d (point on point)')
-        close(robot, f"loop {number}", (str(pair[0]), str(pair[1])), str(kind).lower(), path, str(names[number - 1]))
+            wrong("type", f'type {number} is "{kind}"; known: 6d (welded there), 3d (point on point)')
+        close(
+            robot,
+            f"loop {number}",
+            (str(pair[0]), str(pair[1])),
+            str(kind).lower(),
+            (path, lines.get("closed_loop")),
+            str(names[number - 1]),
+        )
     motors = said.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
@@ -57,18 +73,18 @@ def read(robot: Robot) -> bool:
     return True
 
 
-def _gravity(path: Path, value: Any) -> tuple[float, ...]:
+def _gravity(value: Any) -> tuple[float, ...] | None:
+    """Three finite numbers, or None."""
     fine = isinstance(value, list | tuple) and len(value) == 3
     try:
         found = tuple(float(x) for x in value) if fine else ()
     except (TypeError, ValueError):
         found = ()
-    if len(found) != 3 or not all(abs(x) < float("inf") for x in found):
-        refuse(path, None, f"gravity must be three finite numbers, not {value!r:.80}")
-    return found
+    return found if len(found) == 3 and all(abs(x) < float("inf") for x in found) else None
 
 
-def _loaded(path: Path) -> dict[str, Any]:
+def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """What the file says by its keys, and the line of each."""
     try:
         import yaml
     except ImportError as error:
@@ -78,30 +94,50 @@ def _loaded(path: Path) -> dict[str, Any]:
     content = get(path)
     if len(content) > SIZE:
         refuse(path, None, f"{len(content)} bytes of YAML; more than {SIZE} are not read")
+    if (kind := other(content)) is not None:
+        refuse(path, None, kind)
+    lines: dict[str, int] = {}
     try:
+        depth = 0
         for event in yaml.parse(content, Loader=yaml.SafeLoader):
+            line = event.start_mark.line + 1
             if isinstance(event, yaml.AliasEvent):
-                refuse(path, event.start_mark.line + 1, "an alias (*name) is not read: it may stand for very much")
+                refuse(path, line, "an alias (*name) is not read: it may stand for very much")
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEPTH:
+                refuse(path, line, f"lists nest more than {DEPTH} deep")
+        root = yaml.compose(content, Loader=yaml.SafeLoader)
+        for key, _ in root.value if isinstance(root, yaml.MappingNode) else ():
+            line = key.start_mark.line + 1
+            if lines.setdefault(key.value, line) != line:
+                refuse(path, line, f'"{key.value}" is there twice; the first one stands in line {lines[key.value]}')
         said = yaml.safe_load(content)
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError) as error:
+        if isinstance(error, FileFormatError):
+            raise
         mark = getattr(error, "problem_mark", None)
-        refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {getattr(error, 'problem', error)}")
+        words = " ".join(str(getattr(error, "problem", None) or error).split())
+        refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {words}")
     if not isinstance(said, dict):
         refuse(path, None, "it holds no keys such as closed_loop")
-    return said
+    return said, lines
 
 
 def close(
-    robot: Robot, name: str, pair: tuple[str, str], kind: str, path: Path | None, called: str | None = None
+    robot: Robot,
+    name: str,
+    pair: tuple[str, str],
+    kind: str,
+    place: tuple[Path, int | None] | None,
+    called: str | None = None,
 ) -> None:
     """Two frames become one."""
     frames = []
     for frame in pair:
         found = robot.frame(frame)
         if found is None:
-            refuse(
-                path or robot.reading.path, None, f'"{frame}" closes a loop but is no link, frame or joint of the URDF'
-            )
+            path, line = place or (robot.reading.path, None)
+            refuse(path, line, f'"{frame}" closes a loop but is no link, frame or joint of the URDF')
         frames.append(found)
     robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
     words = "welded" if kind == "6d" else "held point on point"

@@ -53,6 +53,8 @@ def read(path: Path) -> Robot:
                 pass
             case "fixed_frame" | "frame":
                 pass
+            case tag if tag.startswith("xacro:"):
+                item.fail("is to be expanded first: xacro FILE > robot.urdf")
             case tag:
                 left[tag] += 1
                 lines.setdefault(tag, item.line)
