@@ -30,9 +30,14 @@ pub(crate) fn unite(spec: &mut Spec) {
     }
 }
 
+/// What is off by no more than this in each coordinate is one point of these.
+pub(crate) fn near(points: impl Iterator<Item = [f64; 3]>) -> f64 {
+    ROUNDING * points.flatten().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
 /// The points that move, and where to.
 fn moved(mut points: Vec<(Place, [f64; 3])>) -> Vec<(Place, [f64; 3])> {
-    let near = ROUNDING * points.iter().flat_map(|x| x.1).fold(0.0, |m: f64, x| m.max(x.abs()));
+    let near = near(points.iter().map(|x| x.1));
     let mut moved = Vec::new();
     join(&mut points, near, 0, &mut moved);
     moved

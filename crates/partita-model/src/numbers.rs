@@ -216,7 +216,7 @@ impl<S: Scalar> Numbers<S> {
                 BodyNumbers {
                     mass: b.mass,
                     origin,
-                    com: origin + rot.apply(b.com),
+                    com: origin + rot.apply(b.com) + Vec3::from_f64(p.rounding.0),
                     inertia: rot.mul(&b.inertia).mul(&rot.transpose()),
                 }
             })
@@ -250,16 +250,21 @@ impl<S: Scalar> Numbers<S> {
         let mut massive = vec![0.0; placed.links.len()];
         let mut mass = vec![S::zero(); placed.links.len()];
         let mut first = vec![Vec3::<S>::zero(); placed.links.len()];
+        let mut begun: Vec<Option<Vec3<S>>> = vec![None; placed.links.len()];
         for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
             massive[p.link] += p.mass;
             mass[p.link] += b.mass;
-            first[p.link] += b.com.times(b.mass);
+            // from the first one on: where all are in one point, so is theirs
+            let from = *begun[p.link].get_or_insert(b.com);
+            first[p.link] += (b.com - from).times(b.mass);
         }
         numbers.reference = (0..mass.len())
             .map(|i| match i {
                 0 => Vec3::zero(),
-                _ if massive[i] > 0.0 => first[i].times(S::one() / mass[i]),
-                _ => numbers.links[i],
+                _ => match begun[i] {
+                    Some(from) if massive[i] > 0.0 => from + first[i].times(S::one() / mass[i]),
+                    _ => numbers.links[i],
+                },
             })
             .collect();
         self

@@ -4,6 +4,7 @@
 //! In a closed drawing that is the drawing itself. In an open one (a joint that sits elsewhere on its child) the child
 //! and all it carries are moved so that the tree joint fits.
 
+use crate::coincident;
 use crate::error::DescriptionError;
 use crate::flat;
 use crate::joint::{self, Motion, Shape};
@@ -57,6 +58,8 @@ pub struct PlacedBody {
     pub com: Vec3<f64>,
     /// Inertia about it.
     pub inertia: Mat3<f64>,
+    /// What was added to it by which it is in the point of a joint, to the last digit.
+    pub rounding: Vec3<f64>,
     /// Mass.
     pub mass: f64,
 }
@@ -380,12 +383,28 @@ impl Placed {
                 origin,
                 rot,
                 com: origin + rot.apply(Vec3(b.com)),
+                rounding: Vec3::zero(),
                 inertia: rot.mul(&Mat3(b.inertia)).mul(&rot.transpose()),
                 mass: b.mass,
             });
         }
+        placed.unite_centres();
         placed.grow_links(spec, &free);
         Ok(placed)
+    }
+
+    /// A centre of mass that is in the point of a joint but for rounding is there: its weight has no arm.
+    fn unite_centres(&mut self) {
+        let near = coincident::near(self.joints.iter().flat_map(|p| [p.parent_point.0, p.child_point.0]));
+        for p in &self.joints {
+            for (node, point) in [(p.parent, p.parent_point), (p.child, p.child_point)] {
+                let Some(body) = node.checked_sub(1).map(|i| &mut self.bodies[i]) else { continue };
+                let off = point - body.com;
+                if off.0.iter().any(|x| *x != 0.0) && off.0.iter().all(|x| x.abs() <= near) {
+                    (body.com, body.rounding) = (point, body.rounding + off);
+                }
+            }
+        }
     }
 
     /// Where each node goes so that the tree joints fit.
