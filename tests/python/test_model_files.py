@@ -141,7 +141,7 @@ FILES: dict[str, tuple[str | Callable[[], str], str, str | None, str]] = {
     "urdf: loop and mimic": (urdf.tree(urdf.LOOP + second(MIMIC)), ".xml", None, "revolute"),
     "mjcf: connect": (mjcf(CONNECT), ".mjcf", None, "spherical"),
     "mjcf: two of them": (mjcf(CONNECT + BESIDE), ".xml", None, "revolute"),
-    "mjcf: weld": (welded, ".mjcf", None, "fixed"),
+    "mjcf: weld": (welded, ".mjcf", None, "revolute"),
     "mjcf: joint": (mjcf(CONNECT + FOLLOWS, WHEEL), ".mjcf", None, "spherical"),
     "sdf: loop, relative_to": (sdf.model, ".sdf", None, "revolute"),
     "sdf: ball": (lambda: sdf.model(closing='<joint name="C" type="ball"><parent>coupler</parent><child>rocker</child>'

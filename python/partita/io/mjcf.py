@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import MissingDependencyError
 from ..files import get
 from .reading import Reading, Remark
-from .robot import Array, Joint, Link, Loop, Robot, Spring, Tie, placed
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
 _FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
@@ -201,8 +201,9 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, dropped = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), robot.reading.dropped
         if found.kind in ("revolute", "prismatic"):
-            found.damping, found.stiffness = float(m.dof_damping[d].flat[0]), float(m.jnt_stiffness[j].flat[0])
-            found.rest = float(m.qpos_spring[q] - m.qpos0[q])
+            stiffness, damping = float(m.jnt_stiffness[j].flat[0]), float(m.dof_damping[d].flat[0])
+            if stiffness != 0.0 or damping != 0.0:
+                found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
         elif np.any(m.dof_damping[d]) or np.any(m.jnt_stiffness[j]):
             self.said(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
         if m.dof_armature[d] != 0.0:
