@@ -109,6 +109,15 @@ def test_the_balls_do_not_spin() -> None:
         assert abs(turned) < 1e-12 * max(map(abs, found.values()))
 
 
+def test_parameters_that_are_said_again_change_no_digit() -> None:
+    model = delta().compile()
+    start, still = delta().assemble(), np.zeros(len(model.velocity_names))
+    here, _ = model.acceleration(start.q, still)
+    for name in ("C1.point", "D2.point", "ball1.com", "arm0.mass"):
+        there, _ = model.with_parameters({name: model.parameters[name]}).acceleration(start.q, still)
+        assert np.array_equal(here, there), name
+
+
 @pytest.mark.parametrize("suffix", [".urdf", ".mjcf"])
 def test_files_bring_it_back(suffix: str, tmp_path: Path) -> None:
     if suffix == ".mjcf":
