@@ -67,6 +67,20 @@ def get(path: Path) -> bytes:
         raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
 
 
+_OTHERS = (
+    (b"\x1f\x8b", "it is compressed by gzip: unpack it first"),
+    (b"PK\x03\x04", "it is a zip archive: unpack it first"),
+    (b"BZh", "it is compressed by bzip2: unpack it first"),
+    (b"\xfd7zXZ", "it is compressed by xz: unpack it first"),
+    (b"version https://git-lfs", "it is a pointer of Git LFS, not the file itself: git lfs pull fetches that"),
+)
+
+
+def other(content: bytes) -> str | None:
+    """What a file is that cannot be a text of any model, as far as its first bytes tell."""
+    return next((words for begin, words in _OTHERS if content.startswith(begin)), None)
+
+
 def put(path: Path, content: bytes) -> Path:
     """Write `content` beside `path` first and put it in place when it is safely stored: no half file is ever seen, and
     where it cannot be written (no space, no permission) an older file stays as it is. Raises `FileFormatError`."""

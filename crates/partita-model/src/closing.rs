@@ -13,8 +13,7 @@ impl<G: Space> Tree<G> {
 
     fn close_one(&self, k: &Closing<G>, s: &TreeScratch<G>, phi: &mut [G::S], c: &mut [G::S]) {
         let (xa, xb) = (&s.links[k.a.link], &s.links[k.b.link]);
-        let pa = xa.centre + self.arm(&k.a, s);
-        let pb = xb.centre + self.arm(&k.b, s);
+        let (pa, pb) = (self.spot(&k.a, s), self.spot(&k.b, s));
         let gap = pb - pa + k.offset;
         let width = k.slide_columns;
         match &k.slides {

@@ -4,6 +4,7 @@ pub mod articulated;
 mod carry;
 pub mod closing;
 pub mod clusters;
+mod coincident;
 pub mod compile;
 pub mod coupling;
 pub mod dynamics;

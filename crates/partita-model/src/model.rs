@@ -1,6 +1,7 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
 use crate::clusters::{self, Preference};
+use crate::coincident;
 use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
@@ -169,12 +170,13 @@ impl Model {
     }
 
     fn build(
-        spec: Spec,
+        mut spec: Spec,
         functions: Arc<dyn Functions>,
         coordinates: Coordinates,
         allow_plane: bool,
     ) -> Result<Self, DescriptionError> {
         validate::validate(&spec, functions.count())?;
+        coincident::unite(&mut spec);
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
         light::weigh(&mut placed, &spec);
         if placed.nv == 0 || all_welded(&spec) {

@@ -6,7 +6,7 @@
 //! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
 //! ```
 
-use crate::place::Placed;
+use crate::place::{Moved, Placed};
 use crate::spec::{Force, Gravity, Spec, Value, VectorValue};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
@@ -191,31 +191,20 @@ impl<S: Scalar> Numbers<S> {
     pub fn from_parameters(spec: &Spec, placed: &Placed, given: &Described<S>) -> Self {
         let constant = |m: &Mat3<f64>| Mat3::<S>::from_f64(m.0);
         let basis = constant(&placed.basis);
-        let out = placed.basis.transpose();
-        let nodes = placed.bodies.len() + 1;
-        // turn of each node out of the drawing
-        let turns: Vec<Mat3<S>> = std::iter::once(Mat3::identity())
-            .chain(
-                placed
-                    .bodies
-                    .iter()
-                    .zip(&spec.bodies)
-                    .map(|(p, b)| constant(&out.mul(&p.rot).mul(&Mat3(b.orientation).transpose()))),
-            )
-            .collect();
-        let mut shifts = vec![Vec3::<S>::zero(); nodes];
+        let mut motions = vec![Moved::<S>::rest(); placed.turns.len()];
         for e in &placed.topology.tree {
             let Some(j) = e.joint else { continue };
-            shifts[e.to] = shifts[e.from];
+            motions[e.to] = motions[e.from];
             let (point, child_point) = given.joints[j];
             let far = child_point.unwrap_or(point);
             let said = &spec.joints[j];
             if said.child_point.is_some() || said.child_axis.is_some() || said.child_frame.is_some() {
                 let (near, far) = if e.reversed { (far, point) } else { (point, far) };
-                shifts[e.to] = turns[e.from].apply(near) + shifts[e.from] - turns[e.to].apply(far);
+                let to = motions[e.from].point(near);
+                motions[e.to] = Moved { rot: constant(&placed.turns[e.to]), from: far, to };
             }
         }
-        let moved = |node: usize, x: Vec3<S>| basis.apply(turns[node].apply(x) + shifts[node]);
+        let moved = |node: usize, x: Vec3<S>| basis.apply(motions[node].point(x));
         let bodies: Vec<BodyNumbers<S>> = placed
             .bodies
             .iter()
@@ -227,7 +216,7 @@ impl<S: Scalar> Numbers<S> {
                 BodyNumbers {
                     mass: b.mass,
                     origin,
-                    com: origin + rot.apply(b.com),
+                    com: origin + rot.apply(b.com) + Vec3::from_f64(p.rounding.0),
                     inertia: rot.mul(&b.inertia).mul(&rot.transpose()),
                 }
             })
@@ -261,16 +250,21 @@ impl<S: Scalar> Numbers<S> {
         let mut massive = vec![0.0; placed.links.len()];
         let mut mass = vec![S::zero(); placed.links.len()];
         let mut first = vec![Vec3::<S>::zero(); placed.links.len()];
+        let mut begun: Vec<Option<Vec3<S>>> = vec![None; placed.links.len()];
         for (p, b) in placed.bodies.iter().zip(&numbers.bodies) {
             massive[p.link] += p.mass;
             mass[p.link] += b.mass;
-            first[p.link] += b.com.times(b.mass);
+            // from the first one on: where all are in one point, so is theirs
+            let from = *begun[p.link].get_or_insert(b.com);
+            first[p.link] += (b.com - from).times(b.mass);
         }
         numbers.reference = (0..mass.len())
             .map(|i| match i {
                 0 => Vec3::zero(),
-                _ if massive[i] > 0.0 => first[i].times(S::one() / mass[i]),
-                _ => numbers.links[i],
+                _ => match begun[i] {
+                    Some(from) if massive[i] > 0.0 => from + first[i].times(S::one() / mass[i]),
+                    _ => numbers.links[i],
+                },
             })
             .collect();
         self

@@ -11,6 +11,7 @@
 //! BUSHING.stiffness  .damping                36, row by row; other forces: their numbers by the names of their fields
 //! ```
 
+use crate::coincident;
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::light;
@@ -215,9 +216,11 @@ impl Model {
     /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a planar
     /// mechanism whose joints no longer meet in the plane. Cost: that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
-        let (described, _) = changed(&self.spec, changes)?;
-        let spec = rewritten(&self.spec, &described);
+        let (mut described, _) = changed(&self.spec, changes)?;
+        let mut spec = rewritten(&self.spec, &described);
         validate::validate(&spec, self.callers.functions.count())?;
+        coincident::unite(&mut spec);
+        described.joints = Described::new(&spec).joints;
         let mut numbers = Numbers::from_parameters(&spec, &self.placed, &described);
         let placed = moved(&self.placed, &spec, &numbers);
         // which links have mass may have changed

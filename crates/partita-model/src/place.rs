@@ -4,12 +4,14 @@
 //! In a closed drawing that is the drawing itself. In an open one (a joint that sits elsewhere on its child) the child
 //! and all it carries are moved so that the tree joint fits.
 
+use crate::coincident;
 use crate::error::DescriptionError;
 use crate::flat;
 use crate::joint::{self, Motion, Shape};
 use crate::spec::{Body, Coupling, Cut, Force, Joint, Measure, Spec};
 use crate::topology::{Edge, Topology, TreeEdge, CUT};
 use crate::validate;
+use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 use std::collections::{HashMap, HashSet};
 
@@ -23,16 +25,23 @@ pub enum Coordinates {
     Absolute,
 }
 
-/// A rigid motion of the drawing: `x → rot x + shift`.
+/// A rigid motion of the drawing: `x → to + rot (x - from)`. A joint that was drawn in the point `from` is in `to` to the last
+/// digit: points that coincide in the drawing coincide here, and a body between two joints in one point has no arm by rounding.
 #[derive(Clone, Copy, Debug)]
-struct Moved {
-    rot: Mat3<f64>,
-    shift: Vec3<f64>,
+pub(crate) struct Moved<S> {
+    pub rot: Mat3<S>,
+    pub from: Vec3<S>,
+    pub to: Vec3<S>,
 }
 
-impl Moved {
-    fn point(&self, x: [f64; 3]) -> Vec3<f64> {
-        self.rot.apply(Vec3(x)) + self.shift
+impl<S: Scalar> Moved<S> {
+    /// The drawing itself.
+    pub fn rest() -> Self {
+        Self { rot: Mat3::identity(), from: Vec3::zero(), to: Vec3::zero() }
+    }
+
+    pub fn point(&self, x: Vec3<S>) -> Vec3<S> {
+        self.to + self.rot.apply(x - self.from)
     }
 }
 
@@ -49,6 +58,8 @@ pub struct PlacedBody {
     pub com: Vec3<f64>,
     /// Inertia about it.
     pub inertia: Mat3<f64>,
+    /// What was added to it by which it is in the point of a joint, to the last digit.
+    pub rounding: Vec3<f64>,
     /// Mass.
     pub mass: f64,
 }
@@ -134,6 +145,8 @@ pub struct Placed {
     pub links: Vec<PlacedLink>,
     /// Joints.
     pub joints: Vec<PlacedJoint>,
+    /// How each node is turned out of the drawing.
+    pub turns: Vec<Mat3<f64>>,
     /// Number of each joint by its name.
     pub joint_numbers: HashMap<String, usize>,
     /// Tree and cuts.
@@ -343,6 +356,7 @@ impl Placed {
             bodies: Vec::with_capacity(count - 1),
             links: vec![PlacedLink { parent: 0, motion: Motion::Ball, point: Vec3::zero(), q: 0, v: 0 }],
             joints: Vec::with_capacity(shapes.len()),
+            turns: moved.iter().map(|m| m.rot).collect(),
             joint_numbers: spec.joints.iter().enumerate().map(|(i, j)| (j.name.clone(), i)).collect(),
             carrying: if absolute && plane.is_some() { of_joints } else { topology.tree.clone() },
             topology,
@@ -371,18 +385,34 @@ impl Placed {
         }
         for (b, m) in spec.bodies.iter().zip(&moved[1..]) {
             let rot = basis.mul(&m.rot).mul(&Mat3(b.orientation));
-            let origin = basis.apply(m.point(b.position));
+            let origin = basis.apply(m.point(Vec3(b.position)));
             placed.bodies.push(PlacedBody {
                 link: 0,
                 origin,
                 rot,
                 com: origin + rot.apply(Vec3(b.com)),
+                rounding: Vec3::zero(),
                 inertia: rot.mul(&Mat3(b.inertia)).mul(&rot.transpose()),
                 mass: b.mass,
             });
         }
+        placed.unite_centres();
         placed.grow_links(spec, &free);
         Ok(placed)
+    }
+
+    /// A centre of mass that is in the point of a joint but for rounding is there: its weight has no arm.
+    fn unite_centres(&mut self) {
+        let near = coincident::near(self.joints.iter().flat_map(|p| [p.parent_point.0, p.child_point.0]));
+        for p in &self.joints {
+            for (node, point) in [(p.parent, p.parent_point), (p.child, p.child_point)] {
+                let Some(body) = node.checked_sub(1).map(|i| &mut self.bodies[i]) else { continue };
+                let off = point - body.com;
+                if off.0.iter().any(|x| *x != 0.0) && off.0.iter().all(|x| x.abs() <= near) {
+                    (body.com, body.rounding) = (point, body.rounding + off);
+                }
+            }
+        }
     }
 
     /// Where each node goes so that the tree joints fit.
@@ -391,9 +421,8 @@ impl Placed {
         edges: &[Edge],
         topology: &Topology,
         count: usize,
-    ) -> Result<Vec<Moved>, DescriptionError> {
-        let rest = Moved { rot: Mat3::identity(), shift: Vec3::zero() };
-        let mut moved = vec![rest; count];
+    ) -> Result<Vec<Moved<f64>>, DescriptionError> {
+        let mut moved = vec![Moved::rest(); count];
         for e in &topology.tree {
             let Some(j) = e.joint else { continue };
             let joint = &spec.joints[j];
@@ -410,7 +439,7 @@ impl Placed {
                 continue;
             }
             let rot = moved[e.from].rot.mul(&align);
-            moved[e.to] = Moved { rot, shift: moved[e.from].point(near) - rot.apply(Vec3(far)) };
+            moved[e.to] = Moved { rot, from: Vec3(far), to: moved[e.from].point(Vec3(near)) };
         }
         Ok(moved)
     }
@@ -488,8 +517,9 @@ fn floating(spec: &Spec, node: usize) -> Joint {
     Joint::new(name, crate::spec::JointKind::Free, validate::GROUND, name, [0.0; 3])
 }
 
-fn closing_points(joint: &Joint, edge: &Edge, moved: &[Moved]) -> (Vec3<f64>, Vec3<f64>) {
-    (moved[edge.parent].point(joint.point), moved[edge.child].point(joint.child_point.unwrap_or(joint.point)))
+fn closing_points(joint: &Joint, edge: &Edge, moved: &[Moved<f64>]) -> (Vec3<f64>, Vec3<f64>) {
+    let on_child = joint.child_point.unwrap_or(joint.point);
+    (moved[edge.parent].point(Vec3(joint.point)), moved[edge.child].point(Vec3(on_child)))
 }
 
 fn turned(m: &Motion, r: &Mat3<f64>) -> Motion {

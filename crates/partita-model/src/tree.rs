@@ -301,6 +301,14 @@ impl<G: Space> Tree<G> {
         G::rotate(&s.links[anchor.link].rot, anchor.at)
     }
 
+    /// Where an anchor is, from the origin of its branch. Counted from the joint that carries its link: where it sits in that
+    /// joint it is there to the last digit. An arm by rounding would turn a small body by all that passes through it.
+    #[inline(always)]
+    pub fn spot(&self, anchor: &Anchor<G>, s: &TreeScratch<G>) -> G::Vec {
+        let x = &s.links[anchor.link];
+        x.joint + (x.arm_out + self.arm(anchor, s))
+    }
+
     /// Twists and bias accelerations (v' = 0) of all links at v.
     pub fn twists(&self, v: &[G::S], s: &mut TreeScratch<G>) {
         for i in 1..self.links.len() {

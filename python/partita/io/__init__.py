@@ -24,7 +24,8 @@ def _robot(of: Callable[[Path], robot.Robot]) -> Callable[[Path, Maker, str], An
 
     def read(path: Path, make: Maker, base: str) -> Any:
         found = of(path)
-        mechanism: Any = make(found.name, found.gravity)
+        more = {} if found.drawing_tolerance is None else {"drawing_tolerance": found.drawing_tolerance}
+        mechanism: Any = make(found.name, found.gravity, **more)
         robot.build(found, mechanism, base)
         mechanism.reading = found.reading
         return mechanism

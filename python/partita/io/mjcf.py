@@ -6,18 +6,20 @@ Files that the model names must lie in its own folder or below: they are looked 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 
 from ..errors import MissingDependencyError
+from ..files import get
 from .reading import Reading, Remark
-from .robot import Array, Joint, Link, Loop, Robot, Spring, Tie, placed
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed
 from .xmltree import Element, parse, refuse
 
 _FILES = ("file", "meshdir", "texturedir", "assetdir", "content_type")
+_NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
 """Files included in each other, at most."""
 SAME = 1e-6
@@ -26,7 +28,9 @@ SAME = 1e-6
 
 def read(path: Path) -> Robot:
     """The robot in a file. Raises `FileFormatError` with the line of what is wrong."""
-    found = _looked_at(path, path.parent, [])
+    named = _Named()
+    found = _looked_at(path, path.parent, (), named)
+    named.stay(path.parent)
     if found.tag != "mujoco":
         found.fail("is no <mujoco>: this is not MJCF")
     try:
@@ -43,29 +47,63 @@ def read(path: Path) -> Robot:
     return _Reader(mujoco, model, found, path).robot()
 
 
-def _looked_at(path: Path, folder: Path, seen: list[Path]) -> Element:
-    """The root of a file, once neither it nor what it includes leads out of the folder."""
-    seen.append(path)
-    if len(seen) > _INCLUDES:
-        refuse(path, None, f"more than {_INCLUDES} files are included")
+@dataclass
+class _Named:
+    """Files that a model names, and the folders in which they may lie."""
+
+    files: list[tuple[Element, str]] = field(default_factory=list)
+    folders: list[str] = field(default_factory=lambda: [""])
+    included: int = 0
+
+    def stay(self, folder: Path) -> None:
+        """Refuse links that lead out of the folder of the model."""
+        for element, name in self.files:
+            if not all((folder / inner / name).resolve().is_relative_to(folder.resolve()) for inner in self.folders):
+                element.fail(f'names the file "{name}", a link that leads out of the folder of the model')
+
+
+def _looked_at(path: Path, folder: Path, way: tuple[Path, ...], named: _Named) -> Element:
+    """The root of a file, once neither it nor what it includes leads out of the folder; `way` are the files that
+    include it."""
     root = parse(path)
+    try:
+        get(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        refuse(path, None, f"it is not UTF-8, which is what MuJoCo reads: {error.reason}")
     waiting = [root]
     while waiting:
         element = waiting.pop()
         waiting += element.children
+        for key, value in element.attributes.items():
+            # MuJoCo says so in a log of its own, and goes on
+            if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
+                element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
         for key in _FILES[:4]:
             name = element.get(key)
             parts = (*PurePosixPath(name).parts, *PureWindowsPath(name).parts)
             absolute = PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != ""
             if absolute or ".." in parts:
                 element.fail(f'names the file "{name}", which leads out of the folder of the model')
+            if name:
+                named.files.append((element, name))
+                named.folders += [name] if key != "file" else []
         if element.tag == "include":
-            _looked_at(folder / element.must("file"), folder, seen)
+            name = element.must("file")
+            inner = folder / name
+            named.included += 1
+            named.stay(folder)
+            if inner in (*way, path):
+                element.fail(f'includes "{name}", which includes this file: they go in a circle')
+            if named.included > _INCLUDES:
+                element.fail(f"is one of more than {_INCLUDES} files that are included")
+            if not inner.is_file():
+                element.fail(f'includes "{name}", which does not exist')
+            _looked_at(inner, folder, (*way, path), named)
     return root
 
 
 def _line(said: str) -> int | None:
-    words = said.replace(",", " ").split()
+    words = said.replace(",", " ").replace("Line number=", "line ").split()
     at = next((i for i, word in enumerate(words[:-1]) if word.lower() == "line"), None)
     return int(words[at + 1]) if at is not None and words[at + 1].isdigit() else None
 
@@ -163,8 +201,9 @@ class _Reader:
             found.point = m.jnt_pos[j].copy()
         d, q, dropped = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j]), robot.reading.dropped
         if found.kind in ("revolute", "prismatic"):
-            found.damping, found.stiffness = float(m.dof_damping[d].flat[0]), float(m.jnt_stiffness[j].flat[0])
-            found.rest = float(m.qpos_spring[q] - m.qpos0[q])
+            stiffness, damping = float(m.jnt_stiffness[j].flat[0]), float(m.dof_damping[d].flat[0])
+            if stiffness != 0.0 or damping != 0.0:
+                found.efforts = [Effort(stiffness, damping, float(m.qpos_spring[q] - m.qpos0[q]))]
         elif np.any(m.dof_damping[d]) or np.any(m.jnt_stiffness[j]):
             self.said(dropped, at, f"spring and damper of joint {name}, which has no single coordinate")
         if m.dof_armature[d] != 0.0:

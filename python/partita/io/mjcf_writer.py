@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from ..builder import Builder
-from ..builder.bodies import to_world
 from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, BodyRecord, SpringRecord, TorsionSpringRecord
 from ..errors import FileFormatError
@@ -23,6 +22,7 @@ from .skeleton import (
     Closure,
     Motion,
     Spring,
+    free_length,
     inverse,
     leftovers,
     quoted,
@@ -272,11 +272,8 @@ class _Writer:
         if record.stiffness < 0.0 or record.damping < 0.0:
             self.report.dropped.append(f"spring {record.name}, whose stiffness or damping is negative")
             return []
-        d, length, ends = self.mechanism._description, record.length, []
+        length, ends = free_length(self.mechanism._description, record), []
         points = ((record.body1, record.point1), (record.body2, record.point2))
-        if length is None:
-            one, other = (to_world(d, body, point) for body, point in points)
-            length = float(np.linalg.norm(other - one))
         if length < 0.0:
             self.report.dropped.append(f"spring {record.name}, whose free length is negative")
             return []

@@ -6,7 +6,7 @@ The readers of URDF, SDFormat and MJCF fill it; `build` draws it. Frames are 4 x
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,17 @@ class Spring:
     length: float
 
 
+@dataclass(frozen=True)
+class Effort:
+    """Spring and damper along one coordinate of a joint; without a name it is that of the joint."""
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest: float = 0.0
+    coordinate: int = 0
+    name: str = ""
+
+
 @dataclass
 class Joint:
     """A joint of the tree; `place` is the frame of its child in that of its parent; where it sits (`point`) and its
@@ -64,12 +75,14 @@ class Joint:
     place: Array
     axis: Array
     at: Element
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
+    efforts: list[Effort] = field(default_factory=list)
     pitch: float = 0.0
     second: Array | None = None
     point: Array = field(default_factory=lambda: np.zeros(3))
+
+    def along(self, coordinate: int) -> list[Effort]:
+        """Its springs and dampers as those of a coordinate of the joint that takes its place."""
+        return [replace(e, coordinate=coordinate, name=e.name or f"spring of {self.name}") for e in self.efforts]
 
 
 @dataclass
@@ -83,6 +96,7 @@ class Loop:
     at: Element | None
     axis: Array | None = None
     second_axis: Array | None = None
+    efforts: list[Effort] = field(default_factory=list)
 
 
 @dataclass
@@ -109,6 +123,7 @@ class Robot:
     springs: list[Spring] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    drawing_tolerance: float | None = None
     gimbals: bool = False
     poses: dict[str, Array] | None = None
 
@@ -212,7 +227,7 @@ def fold_hinges(robot: Robot) -> None:
     """Two or three hinges through one point with nothing of mass between them are a universal or a ball joint."""
     tied = {name for tie in robot.ties for name in tie.joints}
     held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    held |= {link for link, _ in robot.frames.values()}
+    held |= {link for link, _ in robot.frames.values()} | _sprung(robot)
     carrying = {joint.child: joint for joint in robot.joints.values()}
     carried: dict[str, list[Joint]] = {}
     for joint in robot.joints.values():
@@ -245,9 +260,21 @@ def fold_hinges(robot: Robot) -> None:
         if apart < 1e-3 or not square:
             continue
         kind = "spherical" if len(chain) == 3 else "universal"
+        efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
+        if kind == "spherical" and efforts:
+            continue  # a ball has no angles for springs to act along
         first, second = (place[:3, :3].T @ axis for axis in axes[:2])
         folded = Joint(
-            last.name, kind, chain[0].parent, last.child, place, first, last.at, second=second, point=last.point
+            last.name,
+            kind,
+            chain[0].parent,
+            last.child,
+            place,
+            first,
+            last.at,
+            efforts,
+            second=second,
+            point=last.point,
         )
         for joint in chain[:-1]:
             del robot.links[joint.child], robot.joints[joint.name]
@@ -260,7 +287,9 @@ def fold_sleeves(robot: Robot) -> None:
     """A slide and a hinge along one line with nothing of mass between them are a cylindrical joint."""
     carried = Counter(joint.parent for joint in robot.joints.values())
     carrying = {joint.child: joint for joint in robot.joints.values()}
-    used = _used(robot)
+    used = {name for tie in robot.ties for name in tie.joints}
+    used |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
+    used |= {link for link, _ in robot.frames.values()} | _sprung(robot)
     for turn in list(robot.joints.values()):
         slide = carrying.get(turn.parent)
         if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
@@ -272,7 +301,15 @@ def fold_sleeves(robot: Robot) -> None:
             continue
         place = slide.place @ turn.place
         robot.joints[turn.name] = Joint(
-            turn.name, "cylindrical", slide.parent, turn.child, place, turn.axis, turn.at, point=turn.point
+            turn.name,
+            "cylindrical",
+            slide.parent,
+            turn.child,
+            place,
+            turn.axis,
+            turn.at,
+            [*slide.along(0), *turn.along(1)],
+            point=turn.point,
         )
         del robot.joints[slide.name], robot.links[turn.parent]
         said = f"{slide.name} and {turn.name} with no mass between them are one cylindrical joint, {turn.name}"
@@ -285,20 +322,21 @@ def fold_ends(robot: Robot) -> None:
     carrying = {joint.child: joint for joint in robot.joints.values()}
     ends = Counter(link for loop in robot.loops for link, _ in (loop.first, loop.second))
     tied = {name for tie in robot.ties for name in tie.joints}
-    marked = {link for link, _ in robot.frames.values()}
+    marked = {link for link, _ in robot.frames.values()} | _sprung(robot)
     for loop in robot.loops:
         for one, other in ((loop.first, loop.second), (loop.second, loop.first)):
             joint = carrying.get(one[0])
             if loop.kind != "fixed" or joint is None or joint.kind in ("fixed", "free") or joint.name in tied:
                 continue
             alone = ends[one[0]] == 1 and carried[one[0]] == 0 and one[0] not in marked
-            if not alone or not _nothing(robot, one[0]) or joint.damping > 0.0 or other[0] == joint.parent:
+            if not alone or not _nothing(robot, one[0]) or other[0] == joint.parent:
                 continue
             point = placed(joint.point, np.eye(3))
             back = np.eye(4)
             back[:3, :3] = one[1][:3, :3].T
             back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
             loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
+            loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
             loop.first, loop.second = (joint.parent, joint.place @ point), (other[0], other[1] @ back @ point)
             said = f'link "{one[0]}" of no mass is left out: {joint.name} closes the loop {loop.name} itself'
             robot.reading.changed.append(Remark(robot.links[one[0]].at.line, said))
@@ -315,12 +353,9 @@ def _nothing(robot: Robot, link: str) -> bool:
     return robot.links[link].mass == 0.0 and not np.any(robot.links[link].inertia)
 
 
-def _used(robot: Robot) -> set[str]:
-    """Names of what is referred to: joints that follow each other or are damped, links with frames or in loops."""
-    found = {name for tie in robot.ties for name in tie.joints}
-    found |= {joint.name for joint in robot.joints.values() if joint.damping > 0.0 or joint.stiffness > 0.0}
-    found |= {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
-    return found | {link for link, _ in robot.frames.values()}
+def _sprung(robot: Robot) -> set[str]:
+    """Links that springs between points hold."""
+    return {link for spring in robot.springs for link, _ in (spring.first, spring.second)}
 
 
 def build(robot: Robot, mechanism: Builder, base: str) -> None:
@@ -353,7 +388,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
-        _spring(mechanism, joint)
+        _springs(mechanism, joint.name, joint.efforts)
     for loop in robot.loops:
         (link1, frame1), (link2, frame2) = loop.first, loop.second
         if body[link1] == body[link2]:
@@ -364,6 +399,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         axis = np.array([1.0, 0.0, 0.0]) if loop.axis is None else loop.axis
         ends = (body[link1], body[link2])
         _joint(mechanism, loop.name, loop.kind, ends, frames, (axis, loop.second_axis), loop.at)
+        _springs(mechanism, loop.name, loop.efforts)
     for tie in robot.ties:
         mechanism.add_coupler(tie.name, tie.joints, tie.factors, tie.offset)
     for spring in robot.springs:
@@ -389,15 +425,17 @@ def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     for joint in robot.joints.values():
         ends, frames = (body[joint.parent], body[joint.child]), (joint.place, joint.place)
         _joint(mechanism, joint.name, joint.kind, ends, frames, (joint.axis, joint.second), joint.at, joint.pitch)
-        _spring(mechanism, joint)
+        _springs(mechanism, joint.name, joint.efforts)
 
 
-def _spring(mechanism: Builder, joint: Joint) -> None:
-    """Spring and damper of a joint."""
-    if joint.damping > 0.0 or joint.stiffness > 0.0:
-        data = (joint.stiffness, joint.damping, joint.rest)
-        name = f"spring of {joint.name}"
-        mechanism.add_torsion_spring(joint.name, stiffness=data[0], damping=data[1], angle=data[2], name=name)
+def _springs(mechanism: Builder, joint: str, efforts: list[Effort]) -> None:
+    """Springs and dampers of a joint."""
+    for effort in efforts:
+        name = effort.name or f"spring of {joint}"
+        while name in mechanism._description.forces:
+            name = f"{name} of {joint}"
+        law = {"stiffness": effort.stiffness, "damping": effort.damping, "angle": effort.rest}
+        mechanism.add_torsion_spring(joint, **law, coordinate=effort.coordinate, name=name)
 
 
 def _body(robot: Robot, mechanism: Builder, link: Link, pose: Array) -> Any:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from .reading import Reading, Remark
-from .robot import Array, Joint, Link, Robot, placed, turned
+from .robot import Array, Effort, Joint, Link, Robot, placed, turned
 from .xmltree import Element, numbers, parse
 
 _KINDS = {
@@ -178,9 +178,11 @@ class _Reader:
                 continue
             dynamics, limit = found.first("dynamics"), found.first("limit")
             of = {x.tag: numbers(x, "the text", x.text, 1)[0] for x in (dynamics.children if dynamics else ())}
-            if number == 0 and made.kind in ("revolute", "prismatic"):
-                made.damping, made.stiffness = of.pop("damping", 0.0), of.pop("spring_stiffness", 0.0)
-                made.rest = of.pop("spring_reference", 0.0)
+            if made.kind == "universal" or (number == 0 and made.kind in ("revolute", "prismatic")):
+                called = f"spring of {name}" + (f" {tag}" if made.kind == "universal" else "")
+                stiffness, damping = of.pop("spring_stiffness", 0.0), of.pop("damping", 0.0)
+                law = Effort(stiffness, damping, of.pop("spring_reference", 0.0), number, called)
+                made.efforts += [law] if stiffness != 0.0 or damping != 0.0 else []
             dropped += [
                 Remark(found.line, f"{key} {value:g} of joint {name}") for key, value in of.items() if value != 0.0
             ]

@@ -5,70 +5,176 @@ type: ["6d", "3d", ...]                    the two links are welded there, or he
 name: [knee closes, ...]                   what the loops are called; else "frame_A = frame_B"
 name_mot: [knee, ...]                      joints that are driven; told, not used
 gravity: [0.0, 0.0, -9.81]                 in the axes of the root, where it is another one
+springs:                                   what URDF has no words for
+  - {name: s, joint: knee, stiffness: 3.0, damping: 0.1, angle: 0.2}
+  - {name: t, from: [hip, 0.0, 0.0, 0.1], to: [foot, 0.0, 0.0, 0.0], stiffness: 200.0, damping: 1.0, length: 0.3}
+weightless: [float, ...]                   links that gravity leaves alone
+drawing_tolerance: 1.0e-4                  of the mechanism, where it is another one
+
+Dampers of joints stand in the URDF too, as the sum of what is listed here; where the two do not agree, the URDF is
+followed, for other programs read that.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from ..errors import MissingDependencyError
-from ..files import get
+import numpy as np
+
+from ..errors import FileFormatError, MissingDependencyError
+from ..files import get, other
 from .reading import Remark
-from .robot import Loop, Robot
+from .robot import Array, Effort, Loop, Robot, Spring
 from .xmltree import refuse
 
 SIZE = 2**20
 """Bytes of a sidecar."""
+_SAME = 1e-12
+"""Part of a damping by which a sum may be off."""
+DEPTH = 32
+"""Lists within each other: pairs of frames are three deep."""
+_KEYS = {"closed_loop", "type", "name", "name_mot", "gravity", "springs", "weightless", "drawing_tolerance"}
 _KINDS = {"6d": "fixed", "3d": "spherical"}
 
 
 def read(robot: Robot) -> bool:
-    """Close the loops that the sidecar lists; False where there is none."""
+    """Take what the sidecar says; False where it does not list what closes loops, or there is none."""
     path = next((p for p in (robot.reading.path.with_suffix(end) for end in (".yaml", ".yml")) if p.is_file()), None)
     if path is None:
         return False
-    said = _loaded(path)
+    said, lines = _loaded(path)
+
+    def wrong(key: str, message: str) -> NoReturn:
+        refuse(path, lines.get(key), message)
+
     pairs, kinds = said.get("closed_loop", []), said.get("type")
     if not isinstance(pairs, list) or not all(isinstance(p, list) and len(p) == 2 for p in pairs):
-        refuse(path, None, f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
+        wrong("closed_loop", f"closed_loop must be a list of pairs of frames, not {pairs!r:.80}")
     kinds = ["6d"] * len(pairs) if kinds is None else kinds
     if not isinstance(kinds, list) or len(kinds) != len(pairs):
-        refuse(path, None, f"type must be a list of {len(pairs)} words, one for each closed loop, not {kinds!r:.80}")
+        wrong("type", f"type must be a list of {len(pairs)} words, one for each closed loop, not {kinds!r:.80}")
     names = said.get("name")
     names = [f"{pair[0]} = {pair[1]}" for pair in pairs] if names is None else names
     if not isinstance(names, list) or len(names) != len(pairs):
-        refuse(path, None, f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
+        wrong("name", f"name must be a list of {len(pairs)} names, one for each closed loop, not {names!r:.80}")
     twice = [name for name, count in Counter(map(str, names)).items() if count > 1]
     if twice:
-        refuse(path, None, f'name: "{twice[0]}" is there twice; loops have names of their own')
-    robot.gravity = _gravity(path, said.get("gravity", robot.gravity))
+        wrong("name", f'name: "{twice[0]}" is there twice; loops have names of their own')
+    gravity = _gravity(said.get("gravity", robot.gravity))
+    if gravity is None:
+        wrong("gravity", f"gravity must be three finite numbers, not {said['gravity']!r:.80}")
+    robot.gravity = gravity
     for number, (pair, kind) in enumerate(zip(pairs, kinds, strict=True), 1):
         if str(kind).lower() not in _KINDS:
-            refuse(path, None, f'type {number} is "{kind}"; known: 6d (welded there), 3d (point on point)')
-        close(robot, f"loop {number}", (str(pair[0]), str(pair[1])), str(kind).lower(), path, str(names[number - 1]))
+            wrong("type", f'type {number} is "{kind}"; known: 6d (welded there), 3d (point on point)')
+        close(
+            robot,
+            f"loop {number}",
+            (str(pair[0]), str(pair[1])),
+            str(kind).lower(),
+            (path, lines.get("closed_loop")),
+            str(names[number - 1]),
+        )
+    _springs(robot, said.get("springs", []), wrong)
+    light = said.get("weightless", [])
+    if not isinstance(light, list) or not all(str(name) in robot.links for name in light):
+        wrong("weightless", f"weightless must be a list of links of the URDF, not {light!r:.80}")
+    for name in light:
+        robot.links[str(name)].gravity = False
+    if "drawing_tolerance" in said:
+        robot.drawing_tolerance = _number(said["drawing_tolerance"])
+        if robot.drawing_tolerance is None:
+            wrong("drawing_tolerance", f"drawing_tolerance must be a number, not {said['drawing_tolerance']!r:.80}")
     motors = said.get("name_mot")
     if motors:
         words = motors if isinstance(motors, list) else [motors]
         robot.reading.dropped.append(Remark(None, f"motors {', '.join(map(str, words))} of {path.name}: add_drive"))
-    for key in sorted(set(said) - {"closed_loop", "type", "name", "name_mot", "gravity"}, key=str):
+    for key in sorted(set(said) - _KEYS, key=str):
         robot.reading.dropped.append(Remark(None, f'"{key}" of {path.name} is not known'))
-    return True
+    return "closed_loop" in said
 
 
-def _gravity(path: Path, value: Any) -> tuple[float, ...]:
+def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) -> None:
+    """Springs and dampers at joints and between points."""
+    if not isinstance(items, list):
+        wrong("springs", f"springs must be a list, not {items!r:.80}")
+    listed: dict[str, list[Effort]] = {}
+    named: set[str] = set()
+    for number, item in enumerate(items, 1):
+        if not isinstance(item, dict) or ("joint" in item) == ("from" in item):
+            wrong("springs", f'spring {number} names a joint, or the points "from" and "to": {item!r:.80}')
+        at_joint = "joint" in item
+        words = ("name", "joint") if at_joint else ("name", "from", "to")
+        numbers = ("stiffness", "damping", "angle" if at_joint else "length")
+        unknown = sorted(map(str, set(item) - {*words, *numbers}))
+        if unknown or "name" not in item:
+            wrong(
+                "springs",
+                f"spring {number} has {', '.join(unknown) or 'no name'}; it knows {', '.join((*words, *numbers))}",
+            )
+        if str(item["name"]) in named:
+            wrong("springs", f'spring "{item["name"]}" is there twice; springs have names of their own')
+        named.add(str(item["name"]))
+        law = [_number(item.get(key, 0.0)) for key in numbers]
+        if None in law:
+            wrong("springs", f'spring "{item["name"]}" has a number that is none: {item!r:.80}')
+        stiffness, damping, rest = (x or 0.0 for x in law)
+        if at_joint:
+            joint = robot.joints.get(str(item["joint"]))
+            if joint is None or joint.kind not in ("revolute", "prismatic"):
+                wrong(
+                    "springs", f'spring "{item["name"]}" acts at "{item["joint"]}", which is no hinge and no slide here'
+                )
+            listed.setdefault(joint.name, []).append(Effort(stiffness, damping, rest, 0, str(item["name"])))
+            continue
+        ends = [_end(robot, item.get(key)) for key in ("from", "to")]
+        if ends[0] is None or ends[1] is None:
+            wrong("springs", f'spring "{item["name"]}" goes from [link, x, y, z] to [link, x, y, z], links of the URDF')
+        robot.springs.append(Spring(str(item["name"]), ends[0], ends[1], stiffness, damping, rest))
+    for name, efforts in listed.items():
+        joint = robot.joints[name]
+        own, told = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
+        if joint.efforts and abs(own - told) > _SAME * max(abs(own), abs(told)):
+            said = f"damping {own:g} of joint {name} is the URDF's; the {told:g} of the file beside it are not used"
+            robot.reading.changed.append(Remark(joint.at.line, said))
+            joint.efforts = [replace(e, name=f"damper of {name}") for e in joint.efforts]
+            joint.efforts += [replace(e, damping=0.0) for e in efforts if e.stiffness != 0.0]
+        else:
+            joint.efforts = efforts
+    if items:
+        robot.reading.used.append(Remark(None, f"{len(items)} springs and dampers of the file beside it"))
+
+
+def _end(robot: Robot, value: Any) -> tuple[str, Array] | None:
+    """A link and a point in its axes."""
+    if not isinstance(value, list) or len(value) != 4 or str(value[0]) not in robot.links:
+        return None
+    place = [_number(x) for x in value[1:]]
+    return None if None in place else (str(value[0]), np.array(place, dtype=float))
+
+
+def _number(value: Any) -> float | None:
+    """A finite number, or None."""
+    fine = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
+    return float(value) if fine else None
+
+
+def _gravity(value: Any) -> tuple[float, ...] | None:
+    """Three finite numbers, or None."""
     fine = isinstance(value, list | tuple) and len(value) == 3
     try:
         found = tuple(float(x) for x in value) if fine else ()
     except (TypeError, ValueError):
         found = ()
-    if len(found) != 3 or not all(abs(x) < float("inf") for x in found):
-        refuse(path, None, f"gravity must be three finite numbers, not {value!r:.80}")
-    return found
+    return found if len(found) == 3 and all(abs(x) < float("inf") for x in found) else None
 
 
-def _loaded(path: Path) -> dict[str, Any]:
+def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """What the file says by its keys, and the line of each."""
     try:
         import yaml
     except ImportError as error:
@@ -78,30 +184,50 @@ def _loaded(path: Path) -> dict[str, Any]:
     content = get(path)
     if len(content) > SIZE:
         refuse(path, None, f"{len(content)} bytes of YAML; more than {SIZE} are not read")
+    if (kind := other(content)) is not None:
+        refuse(path, None, kind)
+    lines: dict[str, int] = {}
     try:
+        depth = 0
         for event in yaml.parse(content, Loader=yaml.SafeLoader):
+            line = event.start_mark.line + 1
             if isinstance(event, yaml.AliasEvent):
-                refuse(path, event.start_mark.line + 1, "an alias (*name) is not read: it may stand for very much")
+                refuse(path, line, "an alias (*name) is not read: it may stand for very much")
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEPTH:
+                refuse(path, line, f"lists nest more than {DEPTH} deep")
+        root = yaml.compose(content, Loader=yaml.SafeLoader)
+        for key, _ in root.value if isinstance(root, yaml.MappingNode) else ():
+            line = key.start_mark.line + 1
+            if lines.setdefault(key.value, line) != line:
+                refuse(path, line, f'"{key.value}" is there twice; the first one stands in line {lines[key.value]}')
         said = yaml.safe_load(content)
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError) as error:
+        if isinstance(error, FileFormatError):
+            raise
         mark = getattr(error, "problem_mark", None)
-        refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {getattr(error, 'problem', error)}")
+        words = " ".join(str(getattr(error, "problem", None) or error).split())
+        refuse(path, None if mark is None else mark.line + 1, f"it is not YAML: {words}")
     if not isinstance(said, dict):
         refuse(path, None, "it holds no keys such as closed_loop")
-    return said
+    return said, lines
 
 
 def close(
-    robot: Robot, name: str, pair: tuple[str, str], kind: str, path: Path | None, called: str | None = None
+    robot: Robot,
+    name: str,
+    pair: tuple[str, str],
+    kind: str,
+    place: tuple[Path, int | None] | None,
+    called: str | None = None,
 ) -> None:
     """Two frames become one."""
     frames = []
     for frame in pair:
         found = robot.frame(frame)
         if found is None:
-            refuse(
-                path or robot.reading.path, None, f'"{frame}" closes a loop but is no link, frame or joint of the URDF'
-            )
+            path, line = place or (robot.reading.path, None)
+            refuse(path, line, f'"{frame}" closes a loop but is no link, frame or joint of the URDF')
         frames.append(found)
     robot.loops.append(Loop(called or f"{pair[0]} = {pair[1]}", _KINDS[kind], frames[0], frames[1], None))
     words = "welded" if kind == "6d" else "held point on point"

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..builder import Builder
+from ..builder.bodies import to_world
 from ..builder.checks import Array
-from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, TorqueRecord
+from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
 from .robot import nearest, placed
 from .writing import Writing
@@ -361,6 +362,15 @@ def springs(d: Description, report: Writing) -> dict[tuple[str, int], Spring]:
             rest = force.angle if one.stiffness == 0.0 else pull / stiffness
         found[force.joint, force.coordinate] = Spring(stiffness, one.damping + force.damping, rest)
     return found
+
+
+def free_length(d: Description, spring: SpringRecord) -> float:
+    """That of a spring between two points, as drawn where it says none."""
+    if spring.length is not None:
+        return spring.length
+    ends = ((spring.body1, spring.point1), (spring.body2, spring.point2))
+    one, other = (to_world(d, body, point) for body, point in ends)
+    return float(np.linalg.norm(other - one))
 
 
 def leftovers(d: Description, report: Writing, kinds: tuple[type, ...]) -> None:

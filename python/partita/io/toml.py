@@ -42,7 +42,7 @@ from ..errors import (
     FileFormatError,
     UnknownNameError,
 )
-from ..files import BLANK, get, intact, put, sealed
+from ..files import BLANK, get, intact, other, put, sealed
 from . import schema
 from .toml_writer import document
 
@@ -67,6 +67,8 @@ _STAGES = (
 def read(path: Path, make: Maker) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
     content = get(path)
+    if (kind := other(content)) is not None:
+        raise FileFormatError(f'"{path}": {kind}', path=str(path), line=None)
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -16,7 +16,7 @@ import numpy as np
 
 from . import sidecar
 from .reading import Reading, Remark
-from .robot import Array, Joint, Link, Loop, Robot, Tie, placed, turned
+from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
 from .xmltree import Element, parse
 
 _KINDS = {
@@ -53,6 +53,8 @@ def read(path: Path) -> Robot:
                 pass
             case "fixed_frame" | "frame":
                 pass
+            case tag if tag.startswith("xacro:"):
+                item.fail("is to be expanded first: xacro FILE > robot.urdf")
             case tag:
                 left[tag] += 1
                 lines.setdefault(tag, item.line)
@@ -135,7 +137,7 @@ def _joint(robot: Robot, item: Element) -> None:
         if damping < 0.0:
             dynamics.fail(f"has the damping {damping:g}; it is 0 or more")
         if damping > 0.0 and joint.kind in ("revolute", "prismatic"):
-            joint.damping = damping
+            joint.efforts = [Effort(damping=damping)]
         if friction != 0.0:
             said = f"friction {friction:g} of joint {name}: add_friction takes it, with the velocity at which it sticks"
             robot.reading.dropped.append(Remark(dynamics.line, said))

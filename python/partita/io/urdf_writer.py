@@ -1,5 +1,8 @@
 """A mechanism as URDF; a YAML file beside it lists what closes its loops, in the words that `sidecar` reads.
 
+Springs, dampers other than those of hinges and slides, links that gravity leaves alone and the drawing tolerance stand
+in that file too: URDF has no words for them, and other programs go without.
+
 A joint of more than one freedom is a chain of slides and turns through links of no mass, which the reader makes one
 joint again. So is a joint that closes a loop: it carries a link of no mass, and that is welded to a frame of its child.
 """
@@ -16,7 +19,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import DRAWING_TOLERANCE, GROUND, TorsionSpringRecord
+from ..builder.records import DRAWING_TOLERANCE, GROUND, SpringRecord, TorsionSpringRecord
 from ..files import put
 from . import sidecar
 from .robot import MASSLESS
@@ -25,12 +28,11 @@ from .skeleton import (
     Closure,
     Motion,
     Names,
-    Spring,
+    free_length,
     inverse,
     leftovers,
     quoted,
     skeleton,
-    springs,
     text,
     ties,
     words,
@@ -70,6 +72,8 @@ class _Writer:
     pairs: list[tuple[str, str]] = field(default_factory=list)
     kinds: list[str] = field(default_factory=list)
     loops: list[str] = field(default_factory=list)
+    beside: list[str] = field(default_factory=list)
+    springs: dict[tuple[str, int], list[TorsionSpringRecord]] = field(default_factory=dict)
 
     def text(self) -> str:
         """The URDF."""
@@ -77,7 +81,9 @@ class _Writer:
         tree = skeleton(self.mechanism, report)
         self.names: Names = tree.names
         self.world = "world" if "world" not in d.bodies else self.names.new("world of the robot")
-        self.springs = springs(d, report)
+        for force in d.forces.values():
+            if isinstance(force, TorsionSpringRecord):
+                self.springs.setdefault((force.joint, force.coordinate), []).append(force)
         self.mimics: dict[str, tuple[str, float, float]] = {}
         self.ties(ties(d, tree, report))
         self.frames = {GROUND: np.eye(4)}  # of links in their bodies
@@ -97,13 +103,17 @@ class _Writer:
         for closure in tree.closures:
             self.closure(closure)
         for joint, coordinate in self.springs:
-            report.dropped.append(f"damper of coordinate {coordinate} of joint {joint}: URDF damps hinges and slides")
-        leftovers(d, report, (TorsionSpringRecord,))
-        weightless = [name for name, body in d.bodies.items() if not body.gravity]
-        if weightless:
-            report.dropped.append(f"gravity is on all bodies, on {', '.join(weightless)} too")
+            report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which is no hinge and no slide")
+        for force in d.forces.values():
+            if isinstance(force, SpringRecord):
+                self.spring(force)
+        leftovers(d, report, (SpringRecord, TorsionSpringRecord))
+        self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
+        if self.weightless:
+            said = f"that gravity leaves {', '.join(self.weightless)} alone stands in the file beside it"
+            report.changed.append(f"{said}; for other programs it is on all bodies")
         if d.drawing_tolerance != DRAWING_TOLERANCE:
-            report.dropped.append(f"the drawing tolerance {d.drawing_tolerance:g}")
+            report.changed.append(f"the drawing tolerance {d.drawing_tolerance:g} stands in the file beside it")
         head = f"<robot name={quoted(d.name)}>"
         return "\n".join(['<?xml version="1.0" encoding="utf-8"?>', head, *self.links, *self.joints, "</robot>", ""])
 
@@ -183,9 +193,9 @@ class _Writer:
             there = ends[1] if i == len(steps) - 1 else self.names.new(f"{name} link {i}")
             if there != ends[1]:
                 self.link(there)
-            spring = self.springs.pop((name, coordinate), None)
+            found = self.springs.pop((name, coordinate), [])
             kind_word = "prismatic" if motion_kind == "slide" else "continuous"
-            self.joint(step, kind_word, (here, there), place if i == 0 else np.eye(4), axis, spring)
+            self.joint(step, kind_word, (here, there), place if i == 0 else np.eye(4), axis, found)
             here = there
 
     def joint(
@@ -195,9 +205,9 @@ class _Writer:
         ends: tuple[str, str],
         place: Array,
         axis: Array | None = None,
-        spring: Spring | None = None,
+        found: Iterable[TorsionSpringRecord] = (),
     ) -> None:
-        """One joint of the file."""
+        """One joint of the file, with the springs at it."""
         lines = [
             f"  <joint name={quoted(name)} type={quoted(kind)}>",
             f'    <origin xyz="{words(place[:3, 3])}" rpy="{words(rpy(place[:3, :3]))}"/>',
@@ -208,10 +218,17 @@ class _Writer:
             lines.append(f'    <axis xyz="{words(axis)}"/>')
         if kind == "prismatic":
             lines.append(f'    <limit lower="{-FAR:g}" upper="{FAR:g}" effort="{FAR:g}" velocity="{FAR:g}"/>')
-        if spring is not None and spring.damping > 0.0:
-            lines.append(f'    <dynamics damping="{text(spring.damping)}"/>')
-        if spring is not None and spring.stiffness > 0.0:
-            self.report.dropped.append(f"stiffness {spring.stiffness:g} of joint {name}")
+        found = list(found)
+        damping = sum(record.damping for record in found)
+        if damping > 0.0:
+            lines.append(f'    <dynamics damping="{text(damping)}"/>')
+        if len(found) > 1 or any(record.stiffness != 0.0 or record.damping < 0.0 for record in found):
+            for record in found:
+                law = _law(record.stiffness, record.damping, "angle", record.angle)
+                self.beside.append(f"{{name: {_scalar(record.name)}, joint: {_scalar(name)}, {law}}}")
+                other = "take its damping alone" if damping > 0.0 else "do not know it"
+                said = f"spring {record.name} of joint {name} stands in the file beside it"
+                self.report.changed.append(f"{said}; other programs {other}")
         if name in self.mimics:
             leader, factor, offset = self.mimics[name]
             said = f'joint={quoted(leader)} multiplier="{text(factor)}" offset="{text(offset)}"'
@@ -238,6 +255,17 @@ class _Writer:
         self.kinds.append("3d" if joint.kind == "spherical" else "6d")
         self.loops.append(joint.name)
 
+    def spring(self, record: SpringRecord) -> None:
+        """A spring between two points, in the file beside it."""
+        ends = []
+        for word, body, point in (("from", record.body1, record.point1), ("to", record.body2, record.point2)):
+            place = point - self.frames[body][:3, 3]
+            ends.append(f"{word}: {_listed([_scalar(self.of(body)), *map(_float, place)])}")
+        law = _law(record.stiffness, record.damping, "length", free_length(self.mechanism._description, record))
+        self.beside.append(f"{{name: {_scalar(record.name)}, {', '.join(ends)}, {law}}}")
+        said = f"spring {record.name} between two points stands in the file beside it"
+        self.report.changed.append(f"{said}; other programs do not know it")
+
     def mark(self, name: str, link: str, place: Array) -> None:
         """A frame of a link."""
         self.link(name)
@@ -251,7 +279,9 @@ class _Writer:
         gravity = tuple(d.gravity.tolist())
         beside = any(_closes(self.report.path.with_suffix(end)) for end in (".yaml", ".yml"))
         misread = any(CLOSING.fullmatch(name) for name in d.bodies)
-        if not (self.pairs or motors or gravity != GRAVITY or beside or misread):
+        tolerance = d.drawing_tolerance != DRAWING_TOLERANCE
+        more = self.beside or self.weightless or tolerance
+        if not (self.pairs or motors or gravity != GRAVITY or beside or misread or more):
             return None
         lines = [
             f"closed_loop: {_listed([_listed(map(_scalar, pair)) for pair in self.pairs])}",
@@ -263,6 +293,12 @@ class _Writer:
             lines.append(f"gravity: {_listed(_float(x) for x in gravity)}")
             said = f"gravity ({', '.join(f'{x:g}' for x in gravity)}) stands in the file beside it"
             self.report.changed.append(f"{said}; other programs take (0, 0, -9.81)")
+        if self.beside:
+            lines += ["springs:", *(f"  - {spring}" for spring in self.beside)]
+        if self.weightless:
+            lines.append(f"weightless: {_listed(_scalar(self.of(name)) for name in self.weightless)}")
+        if tolerance:
+            lines.append(f"drawing_tolerance: {_float(d.drawing_tolerance)}")
         return "\n".join([*lines, ""])
 
 
@@ -283,6 +319,10 @@ def _listed(items: Iterable[str]) -> str:
 def _scalar(name: str) -> str:
     """A text in YAML: quoted as in JSON, which is YAML."""
     return json.dumps(name, ensure_ascii=False)
+
+
+def _law(stiffness: float, damping: float, word: str, rest: float) -> str:
+    return f"stiffness: {_float(stiffness)}, damping: {_float(damping)}, {word}: {_float(rest)}"
 
 
 def _float(value: float) -> str:

@@ -12,7 +12,7 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from ..errors import FileFormatError
-from ..files import get
+from ..files import get, other
 
 SIZE = 64 * 2**20
 """Bytes of a model file: the largest robots come to a few; what is larger is a mesh or a mistake."""
@@ -80,6 +80,9 @@ def refuse(path: Path, line: int | None, message: str) -> NoReturn:
 def numbers(element: Element, what: str, words: str, count: int) -> tuple[float, ...]:
     """So many finite numbers of a text."""
     try:
+        # Python reads 1_000 and digits of other scripts too, other programs do not
+        if "_" in words or not words.isascii():
+            raise ValueError
         found = tuple(float(word) for word in words.split())
     except ValueError:
         element.fail(f"has {what} {_short(words)}, which is not made of numbers")
@@ -97,6 +100,10 @@ def parse(path: Path) -> Element:
     content = get(path)
     if len(content) > SIZE:
         refuse(path, None, f"{len(content) / 2**20:.0f} MiB of XML; more than {SIZE // 2**20} are not read")
+    if not content.strip():
+        refuse(path, None, "it is empty")
+    if (kind := other(content)) is not None:
+        refuse(path, None, kind)
     parser = expat.ParserCreate(namespace_separator=None)
     parser.buffer_text = True
     parser.ordered_attributes = False
@@ -131,6 +138,8 @@ def parse(path: Path) -> Element:
         parser.Parse(content, True)
     except expat.ExpatError as error:
         refuse(path, error.lineno, f"it is not well-formed XML: {expat.ErrorString(error.code)}")
+    except FileFormatError:  # is a ValueError too, and says what is wrong
+        raise
     except (ValueError, LookupError) as error:  # an encoding that is unknown, or that the content does not keep to
         refuse(path, parser.CurrentLineNumber, f"it cannot be decoded: {error}")
     return roots[0]

@@ -409,6 +409,8 @@ def simulate(
         last = raw["q"][-1] if len(raw["q"]) else start.q
         why = model.core.driven_beyond(raw["ended"], last, chosen["t_end"])
         if why is not None:
+            # whether the step or the pivot was the first to give way there is a matter of rounding
+            raw["status"] = "singular"
             raw["message"] = f"stopped at t = {raw['ended']:.6f} s, driven further than the joints allow: {why}"
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
