@@ -227,7 +227,7 @@ fn candidates<S: ConstrainedSystem>(
         }
     }
     let all = (0..system.size().rows).filter(|&i| !drive(i)).count();
-    let clear = candidates.closings > 0 && smallest >= CLEAR * CLEAR * strongest;
+    let clear = smallest >= CLEAR * CLEAR * strongest;
     Ok((clear && candidates.closings < all).then_some(candidates))
 }
 
