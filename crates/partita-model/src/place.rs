@@ -541,14 +541,14 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
 }
 
 /// Twice the largest distance from the mean.
-fn diameter(points: &[Vec3<f64>]) -> f64 {
+pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
     let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
     let middle = sum.times(1.0 / points.len().max(1) as f64);
     2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
 }
 
 /// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
-const POINT: f64 = 1e-9;
+pub(crate) const POINT: f64 = 1e-9;
 
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
 /// their mean. Bodies smaller than `POINT` parts of the whole have none.
