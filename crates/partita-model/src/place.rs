@@ -201,6 +201,10 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
+/// Slides alone that are out of parallel by less (rad) were meant to be parallel, or may have been: twice the largest drawing
+/// tolerance.
+const NEARLY_PARALLEL: f64 = 0.02;
+
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
 fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
     let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < 1e-12;
@@ -211,10 +215,12 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         let slides: Vec<Vec3<f64>> =
             motions.iter().filter_map(|m| if let Motion::Slide(a) = m { Some(*a) } else { None }).collect();
         let first = *slides.first()?;
-        let other = slides.iter().find(|a| !parallel(first, **a));
-        normal = Some(match other {
-            Some(o) => first.cross(*o).unit()?,
-            None => first.complement().0,
+        let across = slides.iter().map(|a| first.cross(*a)).max_by(|x, y| x.norm().total_cmp(&y.norm()))?;
+        normal = Some(match across.norm() {
+            sine if sine < 1e-12 => first.complement().0,
+            // guides that were meant to be parallel say of no plane that it is theirs
+            sine if sine < NEARLY_PARALLEL => return None,
+            _ => across.unit()?,
         });
     }
     let n = normal?;

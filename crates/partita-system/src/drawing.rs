@@ -230,12 +230,7 @@ struct Candidates {
     clear: bool,
 }
 
-fn candidates<S: ConstrainedSystem>(
-    system: &S,
-    t: f64,
-    q: &[f64],
-    limit: f64,
-) -> Result<Candidates, SystemError> {
+fn candidates<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], limit: f64) -> Result<Candidates, SystemError> {
     let drive = |i: usize| system.row_is_drive(i);
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;

@@ -59,12 +59,14 @@ impl Model {
     /// The blocks of this mechanism, standing where it has q; None where one of them cannot be compiled by itself.
     pub(super) fn blocks(&self, q: &[f64]) -> Option<Blocks> {
         let (spec, moved) = (&self.spec, self.moved(q));
-        let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect();
+        let index: HashMap<&str, usize> =
+            spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect();
         let node = |name: &str| index.get(name).copied().unwrap_or(0);
         let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
         for c in &spec.couplings {
             // what a condition ties together is one block: a ring of lines around it
-            let held: Vec<usize> = bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
+            let held: Vec<usize> =
+                bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
             lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
         }
         let taken = taken_apart(spec.bodies.len() + 1, &lines);
@@ -77,12 +79,20 @@ impl Model {
                 continue;
             }
             let own: BTreeSet<usize> = part.lines.iter().flat_map(|&i| lines[i]).collect();
-            let couplings: Vec<Coupling> =
-                spec.couplings.iter().filter(|c| bodies_of(spec, c).iter().all(|x| own.contains(&node(x)))).cloned().collect();
+            let couplings: Vec<Coupling> = spec
+                .couplings
+                .iter()
+                .filter(|c| bodies_of(spec, c).iter().all(|x| own.contains(&node(x))))
+                .cloned()
+                .collect();
             // points of conditions sit on bodies: the ground stands for none of them
             let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
             let mut drawn = Spec {
-                bodies: own.iter().filter(|i| **i != 0 && Some(**i) != base).map(|i| spec.bodies[i - 1].clone()).collect(),
+                bodies: own
+                    .iter()
+                    .filter(|i| **i != 0 && Some(**i) != base)
+                    .map(|i| spec.bodies[i - 1].clone())
+                    .collect(),
                 joints: joints.iter().map(|&j| spec.joints[j].clone()).collect(),
                 couplings,
                 ..(**spec).clone()

@@ -255,12 +255,7 @@ impl Model {
 
     /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how much it
     /// was off.
-    fn alike_too(
-        &self,
-        change: &[f64],
-        q: &[f64],
-        normal: Option<Vec3<f64>>,
-    ) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
+    fn alike_too(&self, change: &[f64], q: &[f64], normal: Option<Vec3<f64>>) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
         let mut numbers = change.to_vec();
         let mut off = 0.0f64;
         let mut add = |more: &[f64]| {
