@@ -1,5 +1,5 @@
-"""What a drawing misfits by is a matter of the loops that misfit: neither what hangs beside them, nor of what size it is, nor
-the coordinates, nor how far guides stand from where they were drawn has a say in it."""
+"""What a drawing misfits by is a matter of the loops that misfit: neither what hangs beside them, nor of what size that is,
+nor the coordinates, nor how far guides stand from where they were drawn has a say in it."""
 
 from __future__ import annotations
 
@@ -145,8 +145,8 @@ def test_of_two_loops_each_has_its_own_tolerance() -> None:
 @pytest.mark.parametrize("pendulum", [False, True])
 @pytest.mark.parametrize("off", [1e-3, 4e-3, 1e-2])
 def test_guides_that_meet_far_from_where_they_were_drawn(off: float, pendulum: bool) -> None:
-    """Of two guides, out of parallel and apart, the carriage can only stand where they meet: there they are as long as that,
-    and out of parallel they lock it."""
+    """Of two guides, out of parallel and apart, the carriage can only stand where they meet: there they are as long as
+    that, and out of parallel they lock it."""
     apart = 0.05
     m = pt.Mechanism("apart", gravity=(0.1, -1.0, 0.2))
     block(m, "carriage", (0.5, 0.2, 0.0), 1.0)
