@@ -60,7 +60,7 @@ fn degrees(angle: f64) -> String {
     }
 }
 
-/// Turning axes that were meant to be parallel, and slides across them.
+/// Turning axes that were meant to be parallel, and slides across them; or slides alone.
 fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let model = pose.model;
     let name = |j: usize| model.spec.joints[j].name.as_str();
@@ -85,6 +85,9 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
         if let ([Motion::Turn(a)], true) = (p.shape.motions.as_slice(), p.links.is_none()) {
             turns.push((j, on_child.apply(*a)));
         }
+    }
+    if turns.is_empty() {
+        std::mem::swap(&mut turns, &mut slides); // guides of one carriage
     }
     let angle = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm().atan2(a.dot(b).abs());
     // the axis that the others are nearest to

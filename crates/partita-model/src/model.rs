@@ -102,6 +102,7 @@ impl Deref for Model {
     }
 }
 
+mod blocks;
 mod fit;
 mod meant;
 mod system;
@@ -175,11 +176,21 @@ impl Model {
         coordinates: Coordinates,
         allow_plane: bool,
     ) -> Result<Self, DescriptionError> {
+        Self::compiled(spec, functions, (coordinates, allow_plane), false)
+    }
+
+    /// The same of a part, which may be welded to the ground as a whole.
+    fn compiled(
+        spec: Spec,
+        functions: Arc<dyn Functions>,
+        (coordinates, allow_plane): (Coordinates, bool),
+        may_be_welded: bool,
+    ) -> Result<Self, DescriptionError> {
         validate::validate(&spec, functions.count())?;
         coincident::unite(&mut spec);
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
         light::weigh(&mut placed, &spec);
-        if placed.nv == 0 || all_welded(&spec) {
+        if placed.nv == 0 || !may_be_welded && all_welded(&spec) {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }

@@ -222,6 +222,10 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
+/// Slides alone that are out of parallel by less (rad) were meant to be parallel, or may have been: twice the largest drawing
+/// tolerance.
+const NEARLY_PARALLEL: f64 = 0.02;
+
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
 fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>> {
     let parallel = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm() < 1e-12;
@@ -232,10 +236,12 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         let slides: Vec<Vec3<f64>> =
             motions.iter().filter_map(|m| if let Motion::Slide(a) = m { Some(*a) } else { None }).collect();
         let first = *slides.first()?;
-        let other = slides.iter().find(|a| !parallel(first, **a));
-        normal = Some(match other {
-            Some(o) => first.cross(*o).unit()?,
-            None => first.complement().0,
+        let across = slides.iter().map(|a| first.cross(*a)).max_by(|x, y| x.norm().total_cmp(&y.norm()))?;
+        normal = Some(match across.norm() {
+            sine if sine < 1e-12 => first.complement().0,
+            // guides that were meant to be parallel say of no plane that it is theirs
+            sine if sine < NEARLY_PARALLEL => return None,
+            _ => across.unit()?,
         });
     }
     let n = normal?;
@@ -579,14 +585,14 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
 }
 
 /// Twice the largest distance from the mean.
-fn diameter(points: &[Vec3<f64>]) -> f64 {
+pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
     let sum = points.iter().fold(Vec3::zero(), |s, p| s + *p);
     let middle = sum.times(1.0 / points.len().max(1) as f64);
     2.0 * points.iter().fold(0.0, |m: f64, p| m.max((*p - middle).norm()))
 }
 
 /// Smaller than this part of the whole mechanism a body is a point: its diameter is the round-off of the drawing.
-const POINT: f64 = 1e-9;
+pub(crate) const POINT: f64 = 1e-9;
 
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
 /// their mean. Bodies smaller than `POINT` parts of the whole have none.

@@ -124,20 +124,14 @@ pub fn fit<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) 
         return Ok(None);
     }
     // what is weak for the largest tolerance may be a closing of its own, and what misfits be weaker by far
-    let mut found = None;
-    for limit in limits(tolerance).into_iter().rev() {
-        found = candidates(system, t, q, limit)?;
-        if found.is_some() {
-            break;
-        }
-    }
-    let Some(found) = found else { return Ok(None) };
-    if found.weak == 0 && fits(system, t, q, &found)? {
+    let largest = limits(tolerance).into_iter().fold(0.0, f64::max);
+    let found = candidates(system, t, q, largest)?;
+    if found.others == 0 || found.weak == 0 && found.clear && fits(system, t, q, &found)? {
         return Ok(None);
     }
     match system.fit(t, q, tolerance)? {
         Some(fit) => Ok((fit.freedoms != fit.drawn || fit.misfit > 0.0).then_some(fit)),
-        None => judged(system, t, q, tolerance),
+        None => Ok(judged(system, t, q, tolerance)?.misfit()),
     }
 }
 
@@ -156,7 +150,8 @@ pub fn redundant<S: ConstrainedSystem>(
         return Ok(None);
     }
     let found = candidates(system, t, q, bridged_row(tolerance))?;
-    Ok(found.filter(|found| found.weak == 0).map(|found| size.nv.saturating_sub(found.closings)))
+    let is_so = found.clear && found.others > 0 && found.weak == 0;
+    Ok(is_so.then(|| size.nv.saturating_sub(found.closings)))
 }
 
 /// What may be weak (squared, in natural sizes), in the order in which it is tried; the last is the largest.
@@ -167,33 +162,60 @@ fn limits(tolerance: f64) -> Vec<f64> {
     limits
 }
 
+/// What a drawing says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Judged {
+    /// It fits; so many degrees of freedom, drives released.
+    Fits(usize),
+    /// It misfits, within the tolerance or beyond it.
+    Misfits(Fit),
+    /// What is weak is no matter of drawing: the position is singular, or nearly so.
+    Unclear,
+}
+
+impl Judged {
+    fn misfit(self) -> Option<Fit> {
+        match self {
+            Self::Misfits(fit) => Some(fit),
+            Self::Fits(_) | Self::Unclear => None,
+        }
+    }
+}
+
 /// The same on this very system, whatever form of the mechanism it is.
 ///
 /// # Errors
 /// Where nothing can be evaluated at (t, q).
-pub fn judged<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
+pub fn judged<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f64) -> Result<Judged, SystemError> {
+    let nv = system.size().nv;
     let mut tried: Vec<usize> = Vec::new();
+    let mut judged = Judged::Unclear;
     for limit in limits(tolerance) {
-        let Some(found) = candidates(system, t, q, limit)? else { continue };
-        if tried.contains(&found.closings) {
-            continue; // the same rows
+        let found = candidates(system, t, q, limit)?;
+        if !found.clear || tried.contains(&found.closings) {
+            continue; // the same rows, or none
         }
         tried.push(found.closings);
+        let freedoms = nv - found.closings;
+        if found.others == 0 {
+            judged = Judged::Fits(freedoms);
+            continue;
+        }
         let Some(seen) = seen(system, (t, q), tolerance, &found)? else { continue };
-        let freedoms = system.size().nv - found.closings;
         let fit = Fit { freedoms, drawn: freedoms - found.weak.min(freedoms), misfit: seen.opened, within: true };
         if seen.opened <= FITS && found.weak == 0 {
+            judged = Judged::Fits(freedoms);
             continue; // what is left out says nothing; what is kept may still be a misfit beyond the tolerance
         }
         let sums = (found.weak.max(1) as f64).sqrt();
         if seen.weak <= EACH * sums * tolerance && seen.opened <= bridged_gap(tolerance) {
-            return Ok(Some(fit));
+            return Ok(Judged::Misfits(fit));
         }
         if found.weak > 0 && seen.opened <= GROWS * seen.weak && seen.stays {
-            return Ok(Some(Fit { within: false, ..fit }));
+            return Ok(Judged::Misfits(Fit { within: false, ..fit }));
         }
     }
-    Ok(None)
+    Ok(judged)
 }
 
 /// What rank alone tells.
@@ -202,33 +224,31 @@ struct Candidates {
     closings: usize,
     /// Closings that add something to them, but little.
     weak: usize,
+    /// All closings that are left out, these included.
+    others: usize,
+    /// Are those kept far stronger than those left out?
+    clear: bool,
 }
 
-fn candidates<S: ConstrainedSystem>(
-    system: &S,
-    t: f64,
-    q: &[f64],
-    limit: f64,
-) -> Result<Option<Candidates>, SystemError> {
+fn candidates<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], limit: f64) -> Result<Candidates, SystemError> {
     let drive = |i: usize| system.row_is_drive(i);
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let found = ranked(&r, EXACT, (limit, &drive));
     let (mut smallest, mut strongest) = (1.0f64, found.largest_dropped);
-    let mut candidates = Candidates { closings: 0, weak: 0 };
+    let (mut closings, mut weak) = (0, 0);
     for (_, &pivot) in found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)) {
         if pivot > limit {
-            candidates.closings += 1;
+            closings += 1;
             smallest = smallest.min(pivot);
         } else {
-            candidates.weak += 1;
+            weak += 1;
             strongest = strongest.max(pivot);
         }
     }
     let all = (0..system.size().rows).filter(|&i| !drive(i)).count();
-    let clear = candidates.closings > 0 && smallest >= CLEAR * CLEAR * strongest;
-    Ok((clear && candidates.closings < all).then_some(candidates))
+    Ok(Candidates { closings, weak, others: all - closings, clear: smallest >= CLEAR * CLEAR * strongest })
 }
 
 /// Rows of the last position by what they add, in natural sizes.

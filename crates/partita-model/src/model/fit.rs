@@ -2,47 +2,36 @@
 //!
 //! Which joints close loops is a matter of the tree, and with it what a row is worth. Between free bodies every joint is a
 //! closing, every point is measured in the same length, and every body by its centre of mass: the verdict is the same in any
-//! coordinates, axes, units and order.
+//! coordinates, axes, units and order, and each [block](super::blocks) has its own.
 
 use super::Model;
-use crate::place::Coordinates;
-use partita_math::spatial::{Mat3, Quaternion};
-use partita_system::drawing::judged;
+use partita_system::drawing::{judged, Judged};
 use partita_system::{Fit, SystemError};
 
 impl Model {
-    /// The same mechanism as free bodies between joints, in space; and its coordinates where this one has q.
-    pub(super) fn by_bodies(&self, q: &[f64]) -> Option<(Self, Vec<f64>)> {
-        // what could be compiled in one kind of coordinates and not in the other is judged as it stands
-        let twin =
-            Self::build((*self.spec).clone(), self.callers.functions.clone(), Coordinates::Absolute, false).ok()?;
-        let mut s = self.full.scratch();
-        self.full.poses(q, &mut s);
-        let out = self.placed.basis;
-        let mut there = twin.initial();
-        for (own, free) in self.placed.bodies.iter().zip(&twin.placed.bodies) {
-            let ball = twin.placed.links[free.link].q;
-            let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
-            let com = self.full.place(own.link, &s) + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
-            let turn = turned.mul(&free.rot.transpose());
-            let reference = twin.reference()[free.link];
-            let shift = out.apply_transposed(com) + turn.apply(reference - free.com) - reference;
-            there.get_mut(ball.checked_sub(3)?..ball)?.copy_from_slice(&shift.0);
-            there.get_mut(ball..ball + 4)?.copy_from_slice(&Quaternion::from_matrix(&turn).0);
+    /// Every block by itself: what else there is, and of what size, is nothing to it.
+    pub(super) fn judged_by_blocks(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        let Some(parts) = self.blocks(q) else { return Ok(None) };
+        let fits = Fit { freedoms: 0, drawn: 0, misfit: 0.0, within: true };
+        let (mut all, mut within, mut beyond) = (parts.freedoms, Vec::new(), Vec::new());
+        let mut is_clear = true;
+        for block in parts.blocks {
+            match judged(&block.twin, t, &block.q, tolerance)? {
+                Judged::Fits(freedoms) => all += freedoms.saturating_sub(block.afloat),
+                Judged::Unclear => is_clear = false,
+                Judged::Misfits(fit) => {
+                    all += fit.drawn.saturating_sub(block.afloat);
+                    if fit.within { &mut within } else { &mut beyond }.push(fit);
+                }
+            }
         }
-        Some((twin, there))
-    }
-
-    pub(super) fn judged_by_bodies(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        if self.coordinates == Coordinates::Absolute && !self.is_planar() {
-            return judged(self, t, q, tolerance).map(|x| Some(x.unwrap_or(self.exact())));
+        // what is within the tolerance is bridged, whatever else there is that is not
+        let misfits = if within.is_empty() { beyond } else { within };
+        if misfits.is_empty() || !is_clear {
+            return Ok(Some(fits));
         }
-        let Some((twin, there)) = self.by_bodies(q) else { return Ok(None) };
-        judged(&twin, t, &there, tolerance).map(|x| Some(x.unwrap_or(self.exact())))
-    }
-
-    /// The verdict on a drawing that fits.
-    fn exact(&self) -> Fit {
-        Fit { freedoms: 0, drawn: 0, misfit: 0.0, within: true }
+        let more: usize = misfits.iter().map(|x| x.freedoms - x.drawn).sum();
+        let misfit = misfits.iter().fold(0.0, |m: f64, x| m.max(x.misfit));
+        Ok(Some(Fit { freedoms: all + more, drawn: all, misfit, within: misfits.iter().all(|x| x.within) }))
     }
 }

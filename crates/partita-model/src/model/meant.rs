@@ -20,7 +20,7 @@ use lengths::{Alike, Condition};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
-use partita_system::drawing::{fit, openings, redundant, Place, Said};
+use partita_system::drawing::{fit, judged, openings, redundant, Judged, Place, Said};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Products of a decomposition beyond which nothing is sought: it would take longer than the run.
@@ -111,9 +111,7 @@ impl Model {
     /// # Errors
     /// Where nothing can be evaluated at (t, q).
     pub fn as_meant(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
-        let spec = &self.spec;
-        if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() || self.held_words().is_some()
-        {
+        if self.held_words().is_some() {
             return Ok(None);
         }
         // the position that was drawn is the same for all runs: one that goes on where another ended is of the same drawing
@@ -128,78 +126,111 @@ impl Model {
 
     fn as_meant_at(&self, t: f64, q: &[f64]) -> Result<Option<Meant>, SystemError> {
         let tolerance = self.spec.drawing_tolerance;
-        let (freedoms, seen) = match fit(self, t, q, tolerance)? {
+        let misfits = match fit(self, t, q, tolerance)? {
             Some(fit) if !fit.within => return Ok(None),
-            Some(fit) => (fit.freedoms, true),
+            None if !self.is_unlike() => return Ok(None),
+            found => found.is_some(),
+        };
+        let Some(parts) = self.blocks(q) else { return Ok(None) };
+        let normal = self.is_planar().then(|| self.placed.basis.apply_transposed(Vec3([0.0, 0.0, 1.0])));
+        // displacements in parts of the whole mechanism: what a block is changed by, a block's own
+        let mut change = vec![0.0; OWN * self.spec.joints.len()];
+        let (mut joint, mut most, mut shift, mut turn) = (0, 0.0, 0.0f64, 0.0f64);
+        for block in &parts.blocks {
+            let Some(own) = block.twin.change_of_block((t, &block.q, normal), misfits)? else { continue };
+            let size = block.twin.placed.size;
+            for (&j, x) in block.joints.iter().zip(own.chunks(OWN)) {
+                if of_joint(x) > most {
+                    (joint, most) = (j, of_joint(x));
+                }
+                for (i, (out, x)) in change[j * OWN..].iter_mut().zip(x).enumerate() {
+                    *out = if i % 6 < 3 { x * size / self.placed.size } else { *x };
+                }
+                let part = |i: usize| Vec3([x[i], x[i + 1], x[i + 2]]).norm();
+                shift = shift.max(part(0).max(part(6)) * size);
+                turn = turn.max(part(3).max(part(9)));
+            }
+        }
+        if most == 0.0 {
+            return Ok(None);
+        }
+        let Some(model) = self.changed_by(&change, (self.coordinates, self.is_planar()), normal) else {
+            return Ok(None);
+        };
+        let tilted = model.placed.basis.mul(&self.placed.basis.transpose());
+        let same = (0..3).all(|i| tilted.0[i][i] > 1.0 - 1e-9);
+        if model.size() != self.size() || model.is_planar() != self.is_planar() || !same {
+            return Ok(None); // coordinates would mean something else
+        }
+        Ok(Some(Meant { joint, shift, turn, model: model.with_recursion(self.preference) }))
+    }
+
+    /// The change of this block by which it fits; None where it fits, or where it does not say what was meant.
+    fn change_of_block(
+        &self,
+        at: (f64, &[f64], Option<Vec3<f64>>),
+        misfits: bool,
+    ) -> Result<Option<Vec<f64>>, SystemError> {
+        let (t, q, normal) = at;
+        let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
+        if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() {
+            return Ok(None);
+        }
+        let found = if misfits { judged(self, t, q, tolerance)? } else { Judged::Unclear };
+        let (freedoms, seen) = match found {
+            Judged::Misfits(fit) if !fit.within => return Ok(None),
+            Judged::Misfits(fit) => (fit.freedoms, true),
             // what opens by the square of a length that is off stays unseen where that is small
-            None if self.is_unlike() => (redundant(self, t, q, tolerance)?.unwrap_or(0), false),
-            None => (0, false),
+            _ if self.is_unlike() => (redundant(self, t, q, tolerance)?.unwrap_or(0), false),
+            _ => (0, false),
         };
         if freedoms == 0 {
             return Ok(None);
         }
-        let Some((twin, there)) = self.by_bodies(q) else { return Ok(None) };
-        let at = (t, there.as_slice());
-        let parallel = twin.parallel(&there);
-        let plain = self.fitting(&twin, at, freedoms, (&parallel, &[]))?;
+        let parallel = self.parallel(q);
+        let plain = self.fitting(at, freedoms, (&parallel, &[]))?;
         let begun = plain.as_ref().map_or(parallel.as_slice(), |x| &x.numbers);
-        let change = match self.alike_too(begun, &there) {
+        let change = match self.alike_too(begun, q, normal) {
             // what opens had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(off)) => {
-                let alike = self.fitting(&twin, at, freedoms, (&numbers, &kept))?;
+                let alike = self.fitting(at, freedoms, (&numbers, &kept))?;
                 alike.filter(|x| x.is_small(tolerance)).or(plain.filter(|_| seen))
             }
             _ => plain.filter(|_| seen),
         };
-        let Some(change) = change.filter(|x| x.is_small(tolerance)).map(|x| x.numbers) else { return Ok(None) };
-        let Some(model) = self.changed_by(&change, self.coordinates, self.is_planar()) else { return Ok(None) };
-        if model.size() != self.size() || model.is_planar() != self.is_planar() {
-            return Ok(None);
-        }
-        let most = change.chunks(OWN).enumerate().max_by(|x, y| of_joint(x.1).total_cmp(&of_joint(y.1)));
-        let largest = |places: [usize; 2]| {
-            let part = |x: &[f64], i: usize| Vec3([x[i], x[i + 1], x[i + 2]]).norm();
-            change.chunks(OWN).flat_map(|x| places.map(|i| part(x, i))).fold(0.0, f64::max)
-        };
-        Ok(Some(Meant {
-            joint: most.map_or(0, |x| x.0),
-            shift: largest([0, 6]) * self.placed.size,
-            turn: largest([3, 9]),
-            model: model.with_recursion(self.preference),
-        }))
+        Ok(change.filter(|x| x.is_small(tolerance)).map(|x| x.numbers))
     }
 
-    /// The change of the drawing by which `twin` fits, next to the one that is `begun`, with what is `kept` of it.
+    /// The change by which this block fits, next to the one that is `begun`, with what is `kept` of it.
     fn fitting(
         &self,
-        twin: &Self,
-        at: (f64, &[f64]),
+        at: (f64, &[f64], Option<Vec3<f64>>),
         freedoms: usize,
         (begun, kept): (&[f64], &[Alike]),
     ) -> Result<Option<Change>, SystemError> {
         for nothing in NOTHING {
-            if let Some(change) = self.change(twin, at, freedoms, (begun, kept, nothing))? {
+            if let Some(change) = self.change(at, freedoms, (begun, kept, nothing))? {
                 return Ok(Some(change));
             }
         }
         Ok(None)
     }
 
-    /// The change of the drawing by which `twin` fits, if singular values below this part of the largest say nothing; None
+    /// The change by which this block fits, if singular values below this part of the largest say nothing; None
     /// where what was meant is not clear then.
     fn change(
         &self,
-        twin: &Self,
-        at: (f64, &[f64]),
+        at: (f64, &[f64], Option<Vec3<f64>>),
         freedoms: usize,
         (begun, kept, nothing): (&[f64], &[Alike], f64),
     ) -> Result<Option<Change>, SystemError> {
+        let (t, q, normal) = at;
         let mut change = begun.to_vec();
         let mut open = f64::INFINITY;
-        let mut now = self.changed_by(&change, Coordinates::Absolute, false);
+        let mut now = self.changed_by(&change, (Coordinates::Absolute, false), normal);
         for round in 0..ROUNDS {
-            let drawing = now.as_ref().unwrap_or(twin);
-            let places = openings(drawing, at, freedoms)?;
+            let drawing = now.as_ref().unwrap_or(self);
+            let places = openings(drawing, (t, q), freedoms)?;
             if places.len() < 3 {
                 return Ok(None);
             }
@@ -214,7 +245,7 @@ impl Model {
                 return Ok(None);
             }
             change.iter_mut().zip(&found.change).for_each(|(x, more)| *x += more);
-            now = self.changed_by(&change, Coordinates::Absolute, false);
+            now = self.changed_by(&change, (Coordinates::Absolute, false), normal);
             if now.is_none() {
                 return Ok(None);
             }
@@ -224,15 +255,15 @@ impl Model {
 
     /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how much it
     /// was off.
-    fn alike_too(&self, change: &[f64], q: &[f64]) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
+    fn alike_too(&self, change: &[f64], q: &[f64], normal: Option<Vec3<f64>>) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
         let mut numbers = change.to_vec();
         let mut off = 0.0f64;
         let mut add = |more: &[f64]| {
             numbers.iter_mut().zip(more).for_each(|(x, more)| *x += more);
             off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
-            self.changed_by(&numbers, Coordinates::Absolute, false)
+            self.changed_by(&numbers, (Coordinates::Absolute, false), normal)
         };
-        let drawing = self.changed_by(change, Coordinates::Absolute, false)?;
+        let drawing = self.changed_by(change, (Coordinates::Absolute, false), normal)?;
         let parallel = add(&drawing.parallel(q))?;
         let alike = parallel.alike();
         add(&parallel.made_alike(&alike)?)?;
@@ -275,13 +306,18 @@ impl Model {
         change
     }
 
-    /// With the frames of the joints changed by so much.
-    fn changed_by(&self, change: &[f64], coordinates: Coordinates, allow_plane: bool) -> Option<Self> {
+    /// With the frames of the joints changed by so much; in a plane it stays the plane across its normal.
+    fn changed_by(
+        &self,
+        change: &[f64],
+        (coordinates, allow_plane): (Coordinates, bool),
+        normal: Option<Vec3<f64>>,
+    ) -> Option<Self> {
         let mut spec: Spec = (*self.spec).clone();
         for (joint, x) in spec.joints.iter_mut().zip(change.chunks(OWN)) {
-            set(joint, x, self.placed.size, self.is_planar());
+            set(joint, x, self.placed.size, normal);
         }
-        Self::build(spec, self.callers.functions.clone(), coordinates, allow_plane).ok()
+        Self::compiled(spec, self.callers.functions.clone(), (coordinates, allow_plane), true).ok()
     }
 
     /// The shortest change of this drawing between free bodies by which all that is said would be nothing, and what is kept
@@ -360,14 +396,17 @@ fn of_joint(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane it stays the
-/// plane it is.
-fn set(joint: &mut Joint, by: &[f64], size: f64, planar: bool) {
+/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane its axes
+/// turn about the normal alone, on both bodies alike.
+fn set(joint: &mut Joint, by: &[f64], size: f64, normal: Option<Vec3<f64>>) {
     let part = |i: usize| Vec3([by[i], by[i + 1], by[i + 2]]);
     let child = Vec3(joint.child_point.unwrap_or(joint.point)) + part(6).times(size);
     joint.child_point = Some(child.0);
     joint.point = (Vec3(joint.point) + part(0).times(size)).0;
-    if planar {
+    if let Some(n) = normal {
+        let turn = Quaternion::exp(n.times(0.5 * n.dot(part(3) + part(9)))).matrix();
+        joint.axis = joint.axis.map(|axis| turn.apply(Vec3(axis)).0);
+        joint.frame = joint.frame.map(|frame| turn.mul(&Mat3(frame)).0);
         return;
     }
     let [on_parent, on_child] = [part(3), part(9)].map(|w| Quaternion::exp(w).matrix());

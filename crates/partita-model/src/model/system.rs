@@ -95,7 +95,7 @@ impl ConstrainedSystem for Model {
         self.spec.drawing_tolerance
     }
     fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        self.judged_by_bodies(t, q, tolerance)
+        self.judged_by_blocks(t, q, tolerance)
     }
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);

@@ -1,0 +1,304 @@
+//! What closes loops together, apart from what does not.
+//!
+//! Bodies are nodes and joints are lines between them. Loops that share no more than one body move against each other as they
+//! like: seen from that body neither knows of the other. So a drawing is judged block by block, each between its own bodies,
+//! measured in lengths of its own, seen from the body by which it hangs on the ground. A joint that closes no loop is in no
+//! block, and neither is what hangs on it.
+
+use super::Model;
+use crate::place::{diameter, Coordinates, POINT};
+use crate::spec::{Coupling, Measure, Spec};
+use crate::tree::LinkMotion;
+use crate::validate::GROUND;
+use partita_math::spatial::{Mat3, Quaternion, Vec3};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// Where a body has gone from where it was drawn: x becomes `turn` x + `shift`.
+#[derive(Clone, Copy)]
+struct Moved {
+    turn: Mat3<f64>,
+    shift: Vec3<f64>,
+}
+
+impl Moved {
+    fn nowhere() -> Self {
+        Self { turn: Mat3::identity(), shift: Vec3::zero() }
+    }
+
+    fn of(&self, point: Vec3<f64>) -> Vec3<f64> {
+        self.turn.apply(point) + self.shift
+    }
+
+    /// The same seen from what has gone to `base`.
+    fn seen_from(&self, base: &Self) -> Self {
+        let back = base.turn.transpose();
+        Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
+    }
+}
+
+/// Loops that share more than a body, as free bodies between joints.
+pub(super) struct Block {
+    /// Its joints, ascending, by their numbers in the whole.
+    pub(super) joints: Vec<usize>,
+    /// The mechanism of these loops alone.
+    pub(super) twin: Model,
+    /// Its coordinates where the whole stands.
+    pub(super) q: Vec<f64>,
+    /// Degrees of freedom that it has as a whole: six where it is not seen from any of its bodies.
+    pub(super) afloat: usize,
+}
+
+/// A mechanism, taken apart.
+pub(super) struct Blocks {
+    pub(super) blocks: Vec<Block>,
+    /// Degrees of freedom of what closes no loop.
+    pub(super) freedoms: usize,
+}
+
+impl Model {
+    /// The blocks of this mechanism, standing where it has q; None where one of them cannot be compiled by itself.
+    pub(super) fn blocks(&self, q: &[f64]) -> Option<Blocks> {
+        let (spec, moved) = (&self.spec, self.moved(q));
+        let index: HashMap<&str, usize> =
+            spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect();
+        let node = |name: &str| index.get(name).copied().unwrap_or(0);
+        let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
+        for c in &spec.couplings {
+            // what a condition ties together is one block: a ring of lines around it
+            let held: Vec<usize> =
+                bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
+            lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
+        }
+        let taken = taken_apart(spec.bodies.len() + 1, &lines);
+        let of_one = if self.is_planar() { 3 } else { 6 };
+        let mut found = Blocks { blocks: Vec::new(), freedoms: taken.afloat * of_one };
+        for part in taken.parts {
+            let joints: Vec<usize> = part.lines.iter().copied().filter(|i| *i < spec.joints.len()).collect();
+            if let ([only], 1) = (joints.as_slice(), part.lines.len()) {
+                found.freedoms += self.placed.joints[*only].shape.freedoms();
+                continue;
+            }
+            let own: BTreeSet<usize> = part.lines.iter().flat_map(|&i| lines[i]).collect();
+            let couplings: Vec<Coupling> = spec
+                .couplings
+                .iter()
+                .filter(|c| bodies_of(spec, c).iter().all(|x| own.contains(&node(x))))
+                .cloned()
+                .collect();
+            // points of conditions sit on bodies: the ground stands for none of them
+            let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
+            let mut drawn = Spec {
+                bodies: own
+                    .iter()
+                    .filter(|i| **i != 0 && Some(**i) != base)
+                    .map(|i| spec.bodies[i - 1].clone())
+                    .collect(),
+                joints: joints.iter().map(|&j| spec.joints[j].clone()).collect(),
+                couplings,
+                ..(**spec).clone()
+            };
+            (drawn.drives, drawn.forces, drawn.sights) = (Vec::new(), Vec::new(), Vec::new());
+            for joint in &mut drawn.joints {
+                for end in [&mut joint.parent, &mut joint.child] {
+                    if Some(node(end)) == base {
+                        *end = GROUND.into();
+                    }
+                }
+            }
+            let from = base.map_or(Moved::nowhere(), |x| moved[x]);
+            let stands: BTreeMap<usize, Moved> = own.iter().map(|&i| (i, moved[i].seen_from(&from))).collect();
+            let length = length(&drawn, |name| stands.get(&node(name)).copied().unwrap_or(Moved::nowhere()));
+            let functions = self.callers.functions.clone();
+            let mut twin = Self::compiled(drawn, functions, (Coordinates::Absolute, false), true).ok()?;
+            let mut there = twin.initial();
+            for (body, placed) in twin.spec.bodies.iter().zip(&twin.placed.bodies) {
+                let (to, ball, reference) =
+                    (&stands[&node(&body.name)], twin.placed.links[placed.link].q, twin.reference()[placed.link]);
+                there.get_mut(ball.checked_sub(3)?..ball)?.copy_from_slice(&(to.of(reference) - reference).0);
+                there.get_mut(ball..ball + 4)?.copy_from_slice(&Quaternion::from_matrix(&to.turn).0);
+            }
+            if let (Some(length), true) = (length, twin.spec.couplings.is_empty()) {
+                twin.measure_in(length);
+            }
+            found.blocks.push(Block { joints, twin, q: there, afloat: if base.is_some() { 0 } else { 6 } });
+        }
+        Some(found)
+    }
+
+    /// Where the ground and every body have gone.
+    fn moved(&self, q: &[f64]) -> Vec<Moved> {
+        let mut s = self.full.scratch();
+        self.full.poses(q, &mut s);
+        let out = self.placed.basis;
+        let mut all = vec![Moved::nowhere()];
+        for (own, body) in self.placed.bodies.iter().zip(&self.spec.bodies) {
+            let rot = Mat3(body.orientation);
+            let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
+            let com = self.full.place(own.link, &s) + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
+            let turn = turned.mul(&rot.transpose());
+            let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
+            all.push(Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
+        }
+        all
+    }
+
+    /// Count displacements in parts of this length.
+    fn measure_in(&mut self, length: f64) {
+        let by = length / self.placed.length;
+        for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
+            self.reach[l.v] *= by;
+        }
+        for (size, _) in self.row_reach.iter_mut().zip(&self.row_is_angle).filter(|x| !x.1) {
+            *size = size.map(|x| x * by);
+        }
+    }
+}
+
+/// The median diameter of bodies, as they stand: what slides reaches from one end of its rail to the other.
+fn length(spec: &Spec, moved: impl Fn(&str) -> Moved) -> Option<f64> {
+    let mut extents: Vec<f64> = Vec::with_capacity(spec.bodies.len());
+    for body in &spec.bodies {
+        let com = Vec3(body.position) + Mat3(body.orientation).apply(Vec3(body.com));
+        let mut points = vec![moved(&body.name).of(com)];
+        for j in spec.joints.iter().filter(|j| j.parent == body.name || j.child == body.name) {
+            points.push(moved(&j.parent).of(Vec3(j.point)));
+            points.push(moved(&j.child).of(Vec3(j.child_point.unwrap_or(j.point))));
+        }
+        extents.push(diameter(&points));
+    }
+    let largest = extents.iter().fold(0.0, |m: f64, x| m.max(*x));
+    extents.retain(|x| *x > POINT * largest && x.is_finite());
+    extents.sort_by(f64::total_cmp);
+    extents.get(extents.len() / 2).copied()
+}
+
+/// Bodies and the ground that a condition ties together.
+fn bodies_of<'x>(spec: &'x Spec, c: &'x Coupling) -> Vec<&'x str> {
+    if let Coupling::Roll { body, on, .. } = c {
+        return vec![body, on];
+    }
+    let mut found: Vec<&str> = Vec::new();
+    for m in c.terms() {
+        match m {
+            Measure::Joint { joint, .. } => {
+                let of = spec.joints.iter().filter(|j| j.name == *joint);
+                found.extend(of.flat_map(|j| [j.parent.as_str(), j.child.as_str()]));
+            }
+            Measure::Distance { body1, body2, .. }
+            | Measure::Along { body1, body2, .. }
+            | Measure::Cosine { body1, body2, .. } => found.extend([body1.as_str(), body2.as_str()]),
+        }
+    }
+    found
+}
+
+/// Lines that lie on common rings.
+struct Part {
+    lines: Vec<usize>,
+    /// The node by which they hang on the ground, if they do.
+    from: Option<usize>,
+}
+
+struct Taken {
+    parts: Vec<Part>,
+    /// How many sets of nodes do not hang on the ground.
+    afloat: usize,
+}
+
+/// A graph, node 0 the ground, by what lies on common rings: a line on none is a part by itself.
+fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
+    let mut at: Vec<Vec<usize>> = vec![Vec::new(); nodes];
+    for (i, ends) in lines.iter().enumerate() {
+        ends.iter().for_each(|&x| at[x].push(i));
+    }
+    let (mut order, mut lowest) = (vec![usize::MAX; nodes], vec![usize::MAX; nodes]);
+    let mut taken = Taken { parts: Vec::new(), afloat: 0 };
+    let mut count = 0;
+    for root in 0..nodes {
+        if order[root] != usize::MAX {
+            continue;
+        }
+        taken.afloat += usize::from(root != 0);
+        (order[root], lowest[root]) = (count, count);
+        count += 1;
+        let mut waiting: Vec<usize> = Vec::new();
+        // node, the line that led there, and which of its lines is next: depth first, without recursion
+        let mut way: Vec<(usize, usize, usize)> = vec![(root, usize::MAX, 0)];
+        while let Some((node, by, next)) = way.pop() {
+            if let Some(&line) = at[node].get(next) {
+                way.push((node, by, next + 1));
+                let [a, b] = lines[line];
+                let other = a + b - node;
+                if line == by || order[other] != usize::MAX && order[other] > order[node] {
+                    continue; // from where it came, or seen from the other end
+                }
+                waiting.push(line);
+                if order[other] != usize::MAX {
+                    lowest[node] = lowest[node].min(order[other]);
+                    continue;
+                }
+                (order[other], lowest[other]) = (count, count);
+                count += 1;
+                way.push((other, line, 0));
+                continue;
+            }
+            let Some(&(above, ..)) = way.last() else { continue };
+            lowest[above] = lowest[above].min(lowest[node]);
+            if lowest[node] < order[above] {
+                continue;
+            }
+            let first = waiting.iter().rposition(|&i| i == by).unwrap_or(0);
+            let mut own = waiting.split_off(first);
+            own.sort_unstable();
+            // what floats is seen from none of its bodies, what hangs on it from the one by which it does
+            let floats = root != 0 && above == root;
+            taken.parts.push(Part { lines: own, from: (!floats).then_some(above) });
+        }
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts(nodes: usize, lines: &[[usize; 2]]) -> (Vec<(Vec<usize>, Option<usize>)>, usize) {
+        let taken = taken_apart(nodes, lines);
+        let mut parts: Vec<_> = taken.parts.into_iter().map(|x| (x.lines, x.from)).collect();
+        parts.sort();
+        (parts, taken.afloat)
+    }
+
+    #[test]
+    fn a_ring_a_tail_and_a_ring_on_it() {
+        // ground 0-1-2-0, a line 2-3, a ring 3-4-5-3, two lines between 5 and 6
+        let lines = [[0, 1], [1, 2], [2, 0], [2, 3], [3, 4], [4, 5], [5, 3], [5, 6], [6, 5]];
+        let (found, afloat) = parts(7, &lines);
+        assert_eq!(afloat, 0);
+        let of = [(vec![0, 1, 2], 0), (vec![3], 2), (vec![4, 5, 6], 3), (vec![7, 8], 5)];
+        assert_eq!(found, of.map(|(x, from)| (x, Some(from))).to_vec());
+    }
+
+    #[test]
+    fn rings_that_share_a_body_are_two_and_rings_that_share_a_bar_are_one() {
+        let eight = [[0, 1], [1, 2], [2, 0], [0, 3], [3, 4], [4, 0]];
+        assert_eq!(parts(5, &eight).0, vec![(vec![0, 1, 2], Some(0)), (vec![3, 4, 5], Some(0))]);
+        let shared = [[0, 1], [1, 2], [2, 0], [1, 3], [3, 2]];
+        assert_eq!(parts(4, &shared).0, vec![(vec![0, 1, 2, 3, 4], Some(0))]);
+    }
+
+    #[test]
+    fn what_floats_is_seen_from_nowhere() {
+        let lines = [[1, 2], [2, 3], [3, 1], [3, 4]];
+        let (found, afloat) = parts(6, &lines);
+        assert_eq!(afloat, 2); // the ring with its tail, and a body alone
+        assert_eq!(found, vec![(vec![0, 1, 2], None), (vec![3], Some(3))]);
+    }
+
+    #[test]
+    fn a_long_chain_is_no_deep_recursion() {
+        let n = 200_000;
+        let lines: Vec<[usize; 2]> = (0..n).map(|i| [i, i + 1]).collect();
+        assert_eq!(taken_apart(n + 1, &lines).parts.len(), n);
+    }
+}

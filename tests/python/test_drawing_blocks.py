@@ -1,0 +1,171 @@
+"""What a drawing misfits by is a matter of the loops that misfit: neither what hangs beside them, nor of what size that is,
+nor the coordinates, nor how far guides stand from where they were drawn has a say in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from test_drawing_tolerance import BOTH, Z, bar
+
+import partita as pt
+
+
+def block(m: pt.Mechanism, name: str, at: tuple[float, float, float], size: float) -> None:
+    m.add_body(name, mass=size**3, inertia=(0.1 * size**5,) * 3, position=size * np.array(at))
+
+
+def guides(m: pt.Mechanism, off: float, size: float) -> str:
+    """One carriage on two guides, out of parallel by `off` rad."""
+    block(m, "carriage", (0.5, 0.2, 0.0), size)
+    m.add_prismatic("s1", m.ground, "carriage", point=(0, 0, 0), axis=(1, 0, 0))
+    axis = (np.cos(off), np.sin(off), 0.0)
+    m.add_prismatic("s2", m.ground, "carriage", point=size * np.array((0.2, 0.7, 0.0)), axis=axis)
+    return "carriage"
+
+
+def table(m: pt.Mechanism, off: float, size: float) -> str:
+    """A carriage on a carriage in space, two guides each."""
+    block(m, "low", (0.5, 0.2, 0.0), size)
+    block(m, "high", (0.7, 0.2, 0.3), size)
+    m.add_prismatic("s1", m.ground, "low", point=(0, 0, 0), axis=(1, 0, 0))
+    axis = (np.cos(off), 0.6 * np.sin(off), 0.8 * np.sin(off))
+    m.add_prismatic("s2", m.ground, "low", point=size * np.array((0.2, 0.7, 0.0)), axis=axis)
+    m.add_prismatic("t1", "low", "high", point=size * np.array((0.2, 0.7, 0.1)), axis=(0.1, 0.2, 1.0))
+    m.add_prismatic("t2", "low", "high", point=size * np.array((0.9, 0.1, 0.1)), axis=(0.1, 0.2, 1.0))
+    return "high"
+
+
+def hinges(m: pt.Mechanism, off: float, size: float, name: str = "") -> str:
+    """A four-bar with one hinge tilted."""
+    a, b, c, d = (size * np.array(p) for p in ((0, 0, 0), (0, 0.3, 0), (0.8, 0.7, 0), (1.0, 0, 0)))
+    bar(m, f"crank{name}", a, b, 0.3 * size**3)
+    bar(m, f"coupler{name}", b, c, 0.9 * size**3)
+    bar(m, f"rocker{name}", d, c, 0.7 * size**3)
+    m.add_revolute(f"A{name}", m.ground, f"crank{name}", point=a, axis=Z)
+    m.add_revolute(f"B{name}", f"crank{name}", f"coupler{name}", point=b, axis=Z)
+    m.add_revolute(f"C{name}", f"coupler{name}", f"rocker{name}", point=c, axis=(np.sin(off), 0, np.cos(off)))
+    m.add_revolute(f"D{name}", m.ground, f"rocker{name}", point=d, axis=Z)
+    return f"coupler{name}"
+
+
+def door(m: pt.Mechanism, off: float, size: float) -> str:
+    """Two hinges of one door."""
+    block(m, "door", (0.5, 0.0, 1.0), size)
+    m.add_revolute("low", m.ground, "door", point=(0, 0, 0), axis=Z)
+    axis = (np.sin(off), 0.0, np.cos(off))
+    m.add_revolute("high", m.ground, "door", point=size * np.array((0, 0, 1.8)), axis=axis)
+    return "door"
+
+
+def chain(m: pt.Mechanism, on: Any, size: float) -> None:
+    """Six loose links."""
+    for i in range(6):
+        m.add_body(
+            f"link{i}", mass=size**3, inertia=(0.1 * size**5,) * 3, position=size * np.array((3.5 + i, 0.1 * i, 0))
+        )
+        m.add_revolute(
+            f"pin{i}", on, f"link{i}", point=size * np.array((3.0 + i, 0.1 * i, 0)), axis=(0.2 * i, 0.1, 1.0)
+        )
+        on = f"link{i}"
+
+
+def beside(m: pt.Mechanism, what: str, size: float, on: str) -> int:
+    """What else there is, and its freedoms."""
+    if what == "a pendulum":
+        block(m, "pendulum", (1.5, 2.2, 0.0), size)
+        m.add_revolute("pivot", m.ground, "pendulum", point=size * np.array((1.5, 3.0, 0.0)), axis=Z)
+        return 1
+    if what == "a huge chain":
+        chain(m, m.ground, 50.0 * size)
+        return 6
+    if what == "a tiny chain on it":
+        chain(m, on, 0.02 * size)
+        return 6
+    if what == "a loop that fits":
+        hinges(m, 0.0, 3.0 * size, " of its own")
+        return 1
+    return 0
+
+
+BESIDE = ["nothing", "a pendulum", "a huge chain", "a tiny chain on it", "a loop that fits"]
+
+
+def drawn(make: Callable[..., str], off: float, what: str = "nothing", size: float = 1.0) -> tuple[pt.Mechanism, int]:
+    m = pt.Mechanism("drawn", gravity=(0.3 * size, -9.81 * size, 0.2 * size))
+    return m, beside(m, what, size, make(m, off, size))
+
+
+@pytest.mark.parametrize(("make", "freedoms"), [(guides, 1), (table, 2), (hinges, 1), (door, 1)])
+def test_one_verdict_whatever_else_there_is(make: Callable[..., str], freedoms: int) -> None:
+    for off in (1e-6, 1e-4, 3e-3):
+        known = drawn(make, off)[0].report().to_dict()
+        assert known["mobility"] == freedoms - (off > 2e-4) and known["misfits"] and known["misfit"] > 0.0, off
+        for what in BESIDE:
+            m, more = drawn(make, off, what)
+            for coordinates in BOTH:
+                found = m.report(coordinates=coordinates).to_dict()
+                assert found["mobility"] == known["mobility"] + more, (off, what, coordinates)
+                assert found["misfit"] == pytest.approx(known["misfit"], rel=1e-6), (off, what, coordinates)
+
+
+@pytest.mark.parametrize("make", [guides, table, hinges, door])
+def test_one_outcome_in_both_kinds_of_coordinates(make: Callable[..., str]) -> None:
+    for off, what, size in (
+        (1e-6, "a pendulum", 1.0),
+        (1e-4, "nothing", 1e-3),
+        (1e-4, "a loop that fits", 1.0),
+        (4e-3, "a pendulum", 1.0),
+    ):
+        m, _ = drawn(make, off, what, size)
+        runs = [m.simulate(0.05, coordinates=coordinates) for coordinates in BOTH]
+        for run in runs:
+            assert run.success and run.certificate.verdict == "holds", (off, what, run.certificate.findings)
+            assert run.certificate.newton_euler < 1e-9
+            assert any("nearest drawing" in note for note in run.notes) == (off < 1e-3)
+        name = next(iter(m.bodies))
+        apart = np.abs(runs[0].body(name).position[-1] - runs[1].body(name).position[-1]).max()
+        assert apart < (30.0 * off if off < 1e-3 else 1e-9) * size
+
+
+def test_of_two_loops_each_has_its_own_tolerance() -> None:
+    """One within it and one beyond: the one is bridged, the other a structure."""
+    for off, other, freedoms in ((1e-5, 1e-5, 2), (1e-5, 4e-3, 1), (4e-3, 1e-5, 1), (4e-3, 4e-3, 0), (0.0, 2.5e-4, 1)):
+        m = pt.Mechanism("two")
+        guides(m, off, 1.0)
+        block(m, "second", (4.5, 0.2, 1.0), 1.0)
+        m.add_prismatic("t1", m.ground, "second", point=(4, 0, 1), axis=(0.0, 1.0, 0.0))
+        m.add_prismatic("t2", m.ground, "second", point=(4.7, 0.2, 1), axis=(np.sin(other), np.cos(other), 0.0))
+        for coordinates in BOTH:
+            assert m.compile(coordinates=coordinates).mobility == freedoms, (off, other, coordinates)
+
+
+@pytest.mark.parametrize("pendulum", [False, True])
+@pytest.mark.parametrize("off", [1e-3, 4e-3, 1e-2])
+def test_guides_that_meet_far_from_where_they_were_drawn(off: float, pendulum: bool) -> None:
+    """Of two guides, out of parallel and apart, the carriage can only stand where they meet: there they are as long as
+    that, and out of parallel they lock it."""
+    apart = 0.05
+    m = pt.Mechanism("apart", gravity=(0.1, -1.0, 0.2))
+    block(m, "carriage", (0.5, 0.2, 0.0), 1.0)
+    block(m, "frame", (0.1, 0.9, 0.0), 1.0)
+    m.add_fixed("seat", m.ground, "frame", point=(0, 1, 0))
+    m.add_prismatic("s1", "carriage", m.ground, point=(0, 0, 0), axis=(1, 0, 0))
+    axis, there = (np.cos(off), np.sin(off), 0.0), (0.2, 0.7 + apart, 0.0)
+    m.add_prismatic("s2", "carriage", "frame", point=(0.2, 0.7, 0.0), axis=axis, child_point=there)
+    if pendulum:
+        beside(m, "a pendulum", 1.0, "carriage")
+    ends = []
+    for coordinates in BOTH:
+        found = m.report(coordinates=coordinates).to_dict()
+        assert found["mobility"] == int(pendulum) and found["misfits"]
+        assert "out of parallel" in " ".join(m.report(coordinates=coordinates).split())
+        run = m.simulate(0.1, coordinates=coordinates)
+        assert run.success and run.certificate.verdict == "holds", run.certificate.findings
+        assert run.certificate.newton_euler < 1e-9
+        ends.append(run.body("carriage").position)
+        assert np.abs(ends[-1][-1] - ends[-1][0]).max() < 1e-9  # held
+    assert np.abs(ends[0] - ends[1]).max() < 1e-6
+    assert abs(ends[0][0, 0] - 0.5) == pytest.approx(apart / np.tan(off), rel=1e-6)
