@@ -27,6 +27,7 @@ use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::Model;
 use partita_system::partition::split::Split;
+use partita_system::start::analyse;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::HashMap;
 
@@ -42,6 +43,22 @@ const WORN: f64 = 1e-9;
 /// it.
 const RIGID: f64 = 1e-6;
 
+/// Component i of a compliance as that of a force: a moment acts on an arm of a length.
+fn as_of_a_force(length: f64, i: usize, c: f64) -> f64 {
+    if i < 3 {
+        c
+    } else {
+        c * length * length
+    }
+}
+
+/// The least of the compliances given, if any is.
+fn least_compliance(model: &Model) -> Option<f64> {
+    let given = model.spec.joints.iter().flat_map(|j| j.compliance.iter().flat_map(|c| c.iter().enumerate()));
+    let as_force = given.filter(|(_, &c)| c > 0.0).map(|(i, &c)| as_of_a_force(model.placed.length, i, c));
+    as_force.min_by(f64::total_cmp)
+}
+
 /// Weights of the six components of each joint's wrench, square roots, along the joint's axes.
 #[derive(Clone, Debug)]
 struct Metric {
@@ -55,13 +72,10 @@ impl Metric {
         let length = model.placed.length;
         let joints = &model.spec.joints;
         let plain = |x: f64| [x, x, x, x / length, x / length, x / length];
-        // compliances as those of a force: a moment acts on an arm of a length
-        let as_force = |i: usize, c: f64| if i < 3 { c } else { c * length * length };
-        let given = joints.iter().flat_map(|j| j.compliance.iter().flat_map(|c| c.iter().enumerate()));
-        let least = given.filter(|(_, &c)| c > 0.0).fold(f64::INFINITY, |m, (i, &c)| m.min(as_force(i, c)));
-        if !least.is_finite() {
+        let Some(least) = least_compliance(model) else {
             return Self { weights: vec![plain(1.0); joints.len()], alike: true };
-        }
+        };
+        let as_force = |i: usize, c: f64| as_of_a_force(length, i, c);
         let rigid = RIGID * least;
         let of = |c: &Option<[f64; 6]>| {
             let scale = plain(1.0);
@@ -267,6 +281,22 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
         return f(None);
     }
     f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
+}
+
+/// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
+/// whose closings are independent in its plane lie across it, and where all that acts lies in the plane they do no work on
+/// the reactions. Then each joint is found by itself. Compliances along axes that lean out of the plane would tie both.
+///
+/// # Errors
+/// As [`with_rule`].
+pub(crate) fn with_rule_for_loads<T, E: From<AnalysisError>>(
+    model: &Model,
+    reference: Option<(f64, &[f64])>,
+    f: impl FnOnce(Option<&Rule>) -> Result<T, E>,
+) -> Result<T, E> {
+    let independent = |(t, q): (f64, &[f64])| analyse(model, t, q).is_ok_and(|start| start.dropped.is_empty());
+    let within = || least_compliance(model).is_none() && model.carries_in_plane();
+    with_rule(model, reference.filter(|at| !(within() && independent(*at))), f)
 }
 
 /// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those
