@@ -397,6 +397,28 @@ def test_a_slide_under_a_load_across_the_plane_asks_for_what_the_plane_does_not_
         m.simulate(0.1)
 
 
+@pytest.mark.parametrize("beside", [0.0, 0.1])
+def test_a_spring_beside_the_plane_presses_as_a_force_does_there(beside: float) -> None:
+    """It turns a slide with a length out of the plane, which carries that in no determined way."""
+
+    def loaded(spring: bool) -> pt.Mechanism:
+        m = slider_crank()
+        if spring:
+            m.add_spring(
+                "spring", m.ground, (2.0, 0.0, beside), "piston", (0.0, 0.0, beside), stiffness=3.0, length=0.0
+            )
+        else:
+            m.add_force("piston", (3.0, 0.0, 0.0), point=(0.0, 0.0, beside))
+        return m
+
+    for spring in (True, False):
+        if beside:
+            with pytest.raises(OpenReactionError):
+                loaded(spring).simulate(0.01)
+        else:
+            assert loaded(spring).simulate(0.01).success
+
+
 def test_the_collar_of_a_turn_carries_the_force_along_the_axis() -> None:
     """A disk on an upright spindle: collar mu m g, and the length carries a moment."""
     mass, inertia, mu, collar = 2.0, 0.5, 0.2, 0.03

@@ -34,7 +34,9 @@ pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, u
         Force::Friction(x) => x.follows.as_ref().is_some_and(|follows| match motion(&x.joint, x.coordinate) {
             Some(Motion::Turn(_)) => follows.length.is_some() || follows.collar.is_some(),
             Some(Motion::Slide(_)) => {
-                follows.radius.is_some() || leaves() || (follows.length.is_some() && !lies_flat(spec, Vec3(normal), LEVEL))
+                follows.radius.is_some()
+                    || leaves()
+                    || (follows.length.is_some() && !lies_flat(spec, Vec3(normal), LEVEL))
             }
             Some(Motion::Ball) | None => false,
         }),

@@ -34,7 +34,7 @@ pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, A
 }
 
 /// Room of a thread: that of the model, and of the rule where there is one.
-fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room>) + 'a {
+fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room<'a>>) + 'a {
     move || (model.scratch(), rule.map(Rule::room))
 }
 
