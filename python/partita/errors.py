@@ -30,6 +30,7 @@ __all__ = [
     "LossyFileWarning",
     "MissingDependencyError",
     "MissingFileError",
+    "OpenReactionError",
     "PartitaError",
     "SingularityError",
     "UnknownAttributeError",
@@ -144,6 +145,13 @@ class EvaluationError(PartitaError, RuntimeError):
 
     t: float
     where: str
+
+
+class OpenReactionError(EvaluationError):
+    """A friction follows a reaction that rigid bodies leave open, so that it has no one value. Fields: time `t` [s],
+    `where`, the friction, and its `joint`."""
+
+    joint: str
 
 
 class DerivativeError(PartitaError, ValueError):

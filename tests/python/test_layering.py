@@ -302,6 +302,11 @@ def test_the_package_solves_nothing_itself() -> None:
     assert not wrong, wrong
 
 
+def test_assertions_of_the_core_are_those_that_are_shipped() -> None:
+    """Tests are built as it is shipped, and would run no other ones."""
+    assert not [p for p in CRATES.rglob("*.rs") if "debug_assert" in p.read_text("utf-8")]
+
+
 def test_no_module_of_the_package_imports_itself_by_way_of_others() -> None:
     assert not circle(package_graph())
 

@@ -15,8 +15,8 @@
 
 use crate::drawn::Drawn;
 use crate::error::AnalysisError;
-use crate::geometry::{lifted, Geometry};
-use crate::stress::{Balance, Pose, Stress};
+use crate::geometry::{lifted, Geometry, GeometryScratch};
+use crate::stress::{Balance, BalanceRoom, Pose, Stress};
 use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
 use partita_math::factor;
@@ -27,6 +27,7 @@ use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::Model;
 use partita_system::partition::split::Split;
+use partita_system::start::analyse;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::HashMap;
 
@@ -42,6 +43,25 @@ const WORN: f64 = 1e-9;
 /// it.
 const RIGID: f64 = 1e-6;
 
+/// Component i of a compliance as that of a force: a moment acts on an arm of a length.
+fn as_of_a_force(length: f64, i: usize, c: f64) -> f64 {
+    if i < 3 {
+        c
+    } else {
+        c * length * length
+    }
+}
+
+/// The least of the compliances given, if any is.
+fn least_compliance(model: &Model) -> Option<f64> {
+    let given = model.spec.joints.iter().flat_map(|j| j.compliance.iter().flat_map(|c| c.iter().enumerate()));
+    let as_force = given.filter(|(_, &c)| c > 0.0).map(|(i, &c)| as_of_a_force(model.placed.length, i, c));
+    as_force.min_by(f64::total_cmp)
+}
+
+/// A joint that no self-stress loads.
+const NONE: usize = usize::MAX;
+
 /// Weights of the six components of each joint's wrench, square roots, along the joint's axes.
 #[derive(Clone, Debug)]
 struct Metric {
@@ -55,13 +75,10 @@ impl Metric {
         let length = model.placed.length;
         let joints = &model.spec.joints;
         let plain = |x: f64| [x, x, x, x / length, x / length, x / length];
-        // compliances as those of a force: a moment acts on an arm of a length
-        let as_force = |i: usize, c: f64| if i < 3 { c } else { c * length * length };
-        let given = joints.iter().flat_map(|j| j.compliance.iter().flat_map(|c| c.iter().enumerate()));
-        let least = given.filter(|(_, &c)| c > 0.0).fold(f64::INFINITY, |m, (i, &c)| m.min(as_force(i, c)));
-        if !least.is_finite() {
+        let Some(least) = least_compliance(model) else {
             return Self { weights: vec![plain(1.0); joints.len()], alike: true };
-        }
+        };
+        let as_force = |i: usize, c: f64| as_of_a_force(length, i, c);
         let rigid = RIGID * least;
         let of = |c: &Option<[f64; 6]>| {
             let scale = plain(1.0);
@@ -90,9 +107,23 @@ pub struct Sharing<'g, 'm> {
 }
 
 /// Room that positions share.
-pub struct Room {
+pub struct Room<'m> {
     model: ModelScratch,
+    pose: Pose<'m>,
+    geometry: GeometryScratch,
+    phi: Vec<f64>,
+    c: Vec<f64>,
+    a: Vec<f64>,
+    balance: Option<BalanceRoom>,
+    stresses: Vec<Stress>,
+    rows: Rows,
     solver: Option<(Pattern, LeastNorm)>,
+    damping: Vec<f64>,
+    /// Reactions along the columns, the work of self-stresses on them, the correction and its weights.
+    along: Vec<f64>,
+    work: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
 }
 
 impl<'g, 'm> Sharing<'g, 'm> {
@@ -119,23 +150,41 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// Room for one thread.
-    pub fn room(&self) -> Room {
-        Room { model: self.system.model.scratch(), solver: None }
+    pub fn room(&self) -> Room<'m> {
+        let (model, rows) = (self.system.model, self.system.size().rows);
+        Room {
+            model: model.scratch(),
+            pose: Pose::new(model, 0.0, &model.initial()),
+            geometry: self.system.scratch(),
+            phi: vec![0.0; rows],
+            c: vec![0.0; self.system.pattern().nnz()],
+            a: vec![0.0; rows],
+            balance: self.balance.as_ref().map(|(balance, _)| balance.room()),
+            stresses: Vec::new(),
+            rows: Rows::default(),
+            solver: None,
+            damping: Vec::new(),
+            along: Vec::new(),
+            work: Vec::new(),
+            y: Vec::new(),
+            z: Vec::new(),
+        }
     }
 
-    /// The self-stresses at a position.
-    fn stresses(&self, t: f64, q: &[f64]) -> Result<Vec<Stress>, AnalysisError> {
-        let pose = Pose::new(self.system.model, t, q);
-        if let Some((balance, limit)) = &self.balance {
-            let c = self.system.jacobian(t, q)?;
-            if let Some(found) = balance.stresses(&pose, &c) {
-                if found.iter().all(|s| s.unbalanced <= 10.0 * limit) {
-                    return Ok(found);
-                }
+    /// The self-stresses at a position, left in the room.
+    fn stresses(&self, t: f64, q: &[f64], room: &mut Room) -> Result<(), AnalysisError> {
+        room.pose.move_to(t, q);
+        if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut room.balance) {
+            self.system.position(t, q, &mut room.geometry, &mut room.phi, &mut room.c, &mut room.a)?;
+            if balance.stresses_into(&room.pose, &room.c, own, &mut room.stresses)
+                && room.stresses.iter().all(|s| s.unbalanced <= 10.0 * limit)
+            {
+                return Ok(());
             }
         }
         let start = self.drawn.rank_at(self.system, t, q)?;
-        crate::stress::stresses(self.system, &pose, &start, t, q)
+        room.stresses = crate::stress::stresses(self.system, &room.pose, &start, t, q)?;
+        Ok(())
     }
 
     /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their
@@ -153,28 +202,30 @@ impl<'g, 'm> Sharing<'g, 'm> {
         if self.is_idle() || !finite {
             return Ok(());
         }
-        let stresses = self.stresses(t, q)?;
-        let Some(rows) = self.rows(q, &stresses, room) else { return Ok(()) };
-        let solver = match &mut room.solver {
-            Some((pattern, solver)) if *pattern == rows.pattern => solver,
-            other => &mut other.insert((rows.pattern.clone(), LeastNorm::new(&rows.pattern))).1,
-        };
-        solver.factor(&rows.values, &vec![DAMPING; rows.pattern.rows]);
-        let axes = |j: usize, s: &ModelScratch| self.axes(j, s);
-        let (mut y, mut z) = (vec![0.0; rows.pattern.cols], vec![0.0; rows.pattern.rows]);
+        self.stresses(t, q, room)?;
+        if !self.rows(q, room) {
+            return Ok(());
+        }
+        let Room { stresses, rows, solver, damping, along, work, y, z, .. } = room;
         let mut first = 0.0;
         for pass in 0..REPETITIONS {
-            let mut along = vec![0.0; rows.pattern.cols];
-            for (place, &j) in rows.joints.iter().enumerate() {
-                let weighed = self.metric.weighed(j, &axes(j, &room.model), &joints[j]);
-                along[6 * place..][..6].copy_from_slice(&weighed);
+            rows.take(&self.metric, joints, along);
+            work.clear();
+            work.extend((0..rows.scales.len()).map(|i| rows.row(i).map(|(j, x)| x * along[j]).sum::<f64>()));
+            if pass == 0 {
+                if work.iter().all(|x| *x == 0.0) {
+                    return Ok(());
+                }
+                damping.resize(rows.scales.len(), DAMPING);
+                y.resize(rows.cols, 0.0);
+                z.resize(rows.scales.len(), 0.0);
+                rows.solver(solver).factor(&rows.values, damping);
             }
-            let dot = |i: usize| rows.pattern.row(i).map(|e| rows.values[e] * along[rows.pattern.col_idx[e]]).sum();
-            let r: Vec<f64> = (0..rows.pattern.rows).map(dot).collect();
-            solver.solve(&r, &mut y);
-            solver.weights(&mut z);
+            let solver = rows.solver(solver);
+            solver.solve(work, y);
+            solver.weights(z);
             let size = y.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            for ((stress, scale), z) in rows.of(&stresses).zip(&z) {
+            for ((stress, scale), z) in rows.of(stresses).zip(z.iter()) {
                 let alpha = -z * scale;
                 for (j, w) in &stress.joints {
                     joints[*j].force += w.force.times(alpha);
@@ -194,59 +245,123 @@ impl<'g, 'm> Sharing<'g, 'm> {
         Ok(())
     }
 
-    fn axes(&self, j: usize, s: &ModelScratch) -> Mat3<f64> {
-        match self.metric.alike {
-            true => Mat3::identity(),
-            false => self.system.model.joint_frame(j, s),
-        }
-    }
-
-    /// The self-stresses weighed and of length 1, side by side over the joints that they load.
-    fn rows(&self, q: &[f64], stresses: &[Stress], room: &mut Room) -> Option<Rows> {
+    /// The self-stresses weighed and of length 1, side by side over what they load; false where there are none.
+    fn rows(&self, q: &[f64], room: &mut Room) -> bool {
         let model = self.system.model;
+        let Room { stresses, rows, model: s, .. } = room;
         if !self.metric.alike {
-            model.look(q, &vec![0.0; model.placed.nv], &mut room.model);
+            model.look(q, &vec![0.0; model.placed.nv], s);
         }
-        let mut place = vec![usize::MAX; model.placed.joints.len()];
-        let mut joints = Vec::new();
-        for &(j, _) in stresses.iter().flat_map(|s| &s.joints) {
-            if place[j] == usize::MAX {
-                place[j] = joints.len();
-                joints.push(j);
-            }
-        }
-        let (mut columns, mut values, mut scales) = (Vec::new(), Vec::new(), Vec::new());
-        for (i, stress) in stresses.iter().enumerate() {
-            let weighed: Vec<(usize, [f64; 6])> = stress
-                .joints
-                .iter()
-                .map(|(j, w)| (place[*j], self.metric.weighed(*j, &self.axes(*j, &room.model), w)))
-                .collect();
-            let length = weighed.iter().flat_map(|x| x.1).map(|x| x * x).sum::<f64>().sqrt();
-            if length > 0.0 {
-                columns.push(weighed.iter().flat_map(|(p, _)| (0..6).map(move |c| 6 * p + c)).collect());
-                values.extend(weighed.iter().flat_map(|x| x.1).map(|x| x / length));
-                scales.push((i, 1.0 / length));
-            }
-        }
-        let pattern = Pattern::from_rows(6 * joints.len(), &columns);
-        (!scales.is_empty()).then_some(Rows { pattern, values, joints, scales })
+        let axes = |j: usize| if self.metric.alike { Mat3::identity() } else { model.joint_frame(j, s) };
+        rows.fill(&self.metric, stresses, axes);
+        !rows.scales.is_empty()
     }
 }
 
-/// Self-stresses as a sparse matrix.
+/// Self-stresses as a sparse matrix, without components that none of them loads.
+#[derive(Default)]
 struct Rows {
-    pattern: Pattern,
+    /// Where each row starts, the column of each entry, and its value.
+    starts: Vec<usize>,
+    columns: Vec<usize>,
     values: Vec<f64>,
-    /// Joint of each six columns.
+    cols: usize,
+    /// Joints that are loaded, and their axes.
     joints: Vec<usize>,
+    axes: Vec<Mat3<f64>>,
+    /// Column of each of their components.
+    column: Vec<[Option<usize>; 6]>,
     /// Number and scale of the self-stress of each row.
     scales: Vec<(usize, f64)>,
+    /// Place of each joint among them.
+    place: Vec<usize>,
+    /// Wrenches of all self-stresses, weighed.
+    weighed: Vec<[f64; 6]>,
 }
 
 impl Rows {
+    fn fill(&mut self, metric: &Metric, stresses: &[Stress], axes_of: impl Fn(usize) -> Mat3<f64>) {
+        let Self { starts, columns, values, cols, joints, axes, column, scales, place, weighed } = self;
+        place.resize(metric.weights.len(), NONE);
+        joints.drain(..).for_each(|j| place[j] = NONE);
+        axes.clear();
+        column.clear();
+        weighed.clear();
+        for (j, w) in stresses.iter().flat_map(|s| &s.joints) {
+            if place[*j] == NONE {
+                place[*j] = joints.len();
+                joints.push(*j);
+                axes.push(axes_of(*j));
+                column.push([None; 6]);
+            }
+            let p = place[*j];
+            let x = metric.weighed(*j, &axes[p], w);
+            column[p].iter_mut().zip(x).filter(|(_, x)| *x != 0.0).for_each(|(column, _)| *column = Some(0));
+            weighed.push(x);
+        }
+        *cols = 0;
+        for column in column.iter_mut().flatten().flatten() {
+            *column = *cols;
+            *cols += 1;
+        }
+        starts.clear();
+        starts.push(0);
+        columns.clear();
+        values.clear();
+        scales.clear();
+        let mut rest = weighed.iter();
+        for (i, stress) in stresses.iter().enumerate() {
+            let own = rest.as_slice().iter().take(stress.joints.len());
+            let length = own.flatten().map(|x| x * x).sum::<f64>().sqrt();
+            for ((j, _), x) in stress.joints.iter().zip(&mut rest).filter(|_| length > 0.0) {
+                for (column, x) in column[place[*j]].iter().zip(x).filter_map(|(c, x)| Some(((*c)?, x))) {
+                    columns.push(column);
+                    values.push(x / length);
+                }
+            }
+            if length > 0.0 {
+                starts.push(columns.len());
+                scales.push((i, 1.0 / length));
+            }
+        }
+    }
+
+    /// Entries of row i: column and value.
+    fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let range = self.starts[i]..self.starts[i + 1];
+        self.columns[range.clone()].iter().copied().zip(self.values[range].iter().copied())
+    }
+
     fn of<'a>(&'a self, stresses: &'a [Stress]) -> impl Iterator<Item = (&'a Stress, f64)> {
         self.scales.iter().map(|&(i, scale)| (&stresses[i], scale))
+    }
+
+    /// Reactions of all joints, weighed, along the columns.
+    fn take(&self, metric: &Metric, reactions: &[Wrench], along: &mut Vec<f64>) {
+        along.resize(self.cols, 0.0);
+        for ((&j, axes), column) in self.joints.iter().zip(&self.axes).zip(&self.column) {
+            let weighed = metric.weighed(j, axes, &reactions[j]);
+            column.iter().zip(weighed).filter_map(|(c, x)| Some(((*c)?, x))).for_each(|(c, x)| along[c] = x);
+        }
+    }
+
+    /// The component of each column: six for each joint that is loaded.
+    fn components(&self) -> Vec<usize> {
+        self.column.iter().flatten().enumerate().filter(|(_, c)| c.is_some()).map(|(i, _)| i).collect()
+    }
+
+    /// The solver of before if it is of this pattern, or another one: which it is, is no matter to the result.
+    fn solver<'a>(&self, solver: &'a mut Option<(Pattern, LeastNorm)>) -> &'a mut LeastNorm {
+        let fits = |p: &Pattern| p.cols == self.cols && p.row_ptr == self.starts && p.col_idx == self.columns;
+        if !solver.as_ref().is_some_and(|(pattern, _)| fits(pattern)) {
+            *solver = None;
+        }
+        let made = || {
+            let pattern = Pattern::new(self.scales.len(), self.cols, self.starts.clone(), self.columns.clone());
+            let solver = LeastNorm::new(&pattern);
+            (pattern, solver)
+        };
+        &mut solver.get_or_insert_with(made).1
     }
 }
 
@@ -267,6 +382,22 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
         return f(None);
     }
     f(Some(&Rule { model, twin: &twin, sharing, rows: rows_between(model, &twin) }))
+}
+
+/// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
+/// whose closings are independent in its plane lie across it, and where all that acts lies in the plane they do no work on
+/// the reactions. Then each joint is found by itself. Compliances along axes that lean out of the plane would tie both.
+///
+/// # Errors
+/// As [`with_rule`].
+pub(crate) fn with_rule_for_loads<T, E: From<AnalysisError>>(
+    model: &Model,
+    reference: Option<(f64, &[f64])>,
+    f: impl FnOnce(Option<&Rule>) -> Result<T, E>,
+) -> Result<T, E> {
+    let independent = |(t, q): (f64, &[f64])| analyse(model, t, q).is_ok_and(|start| start.dropped.is_empty());
+    let within = || least_compliance(model).is_none() && model.carries_in_plane();
+    with_rule(model, reference.filter(|at| !(within() && independent(*at))), f)
 }
 
 /// The row of `model` that says the same as each row of a condition in `twin`: the one that is as far down among those
@@ -319,15 +450,18 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
     with_rule(model, Some((t, q)), |rule| {
         let Some(Rule { twin, sharing, .. }) = rule else { return Ok(none) };
         let q = lifted(model, twin, q);
-        let stresses = sharing.stresses(t, &q)?;
         let mut room = sharing.room();
-        let Some(rows) = sharing.rows(&q, &stresses, &mut room) else { return Ok(none) };
+        sharing.stresses(t, &q, &mut room)?;
+        if !sharing.rows(&q, &mut room) {
+            return Ok(none);
+        }
         twin.look(&q, &vec![0.0; twin.placed.nv], &mut room.model);
-        let mut given = Matrix::new(rows.pattern.rows, rows.pattern.cols);
-        for i in 0..rows.pattern.rows {
-            for e in rows.pattern.row(i) {
-                given[(i, rows.pattern.col_idx[e])] = rows.values[e];
-            }
+        let Room { rows, stresses, .. } = &room;
+        // every component has a column here, loaded or not
+        let (components, of_column) = (6 * rows.joints.len(), rows.components());
+        let mut given = Matrix::new(rows.scales.len(), components);
+        for i in 0..rows.scales.len() {
+            rows.row(i).for_each(|(j, x)| given[(i, of_column[j])] = x);
         }
         let parts = factor::svd(&given).map_err(|e| AnalysisError::Argument {
             argument: "state",
@@ -345,7 +479,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
             .iter()
             .map(|&j| if sharing.metric.alike { twin.joint_frame(j, &room.model) } else { Mat3::identity() })
             .collect();
-        let mut along = Matrix::new(s, rows.pattern.cols);
+        let mut along = Matrix::new(s, components);
         for a in 0..s {
             for (place, axes) in turned.iter().enumerate().flat_map(|(p, m)| [(6 * p, m), (6 * p + 3, m)]) {
                 let x = Vec3(std::array::from_fn(|c| parts.v[(place + c, a)]));
@@ -355,7 +489,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
         turn_to_pivots(&mut along, &mut weights);
         let mut found = SelfStresses { wrenches: vec![0.0; s * 6 * nj], efforts: vec![0.0; s * nd], count: s, ..none };
         for a in 0..s {
-            for ((stress, scale), x) in rows.of(&stresses).zip(weights.row(a)) {
+            for ((stress, scale), x) in rows.of(stresses).zip(weights.row(a)) {
                 for (j, w) in &stress.joints {
                     let to = &mut found.wrenches[(a * nj + j) * 6..][..6];
                     to.iter_mut().zip(w.force.0.iter().chain(&w.moment.0)).for_each(|(to, w)| *to += x * scale * w);
@@ -470,8 +604,8 @@ pub(crate) struct Rule<'a> {
     rows: Vec<Option<usize>>,
 }
 
-impl Rule<'_> {
-    pub(crate) fn room(&self) -> Room {
+impl<'a> Rule<'a> {
+    pub(crate) fn room(&self) -> Room<'a> {
         self.sharing.room()
     }
 
@@ -500,7 +634,7 @@ mod tests {
     use crate::examples::*;
     use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::Revolute;
-    use partita_model::spec::Spec;
+    use partita_model::spec::{Axes, Force, Spec, Value, VectorValue};
 
     /// A leaf on three hinges of one axis, which carries its weight of 9.81 N.
     fn shaft() -> Spec {
@@ -555,6 +689,78 @@ mod tests {
                 before = Some(w);
             }
         }
+    }
+
+    /// In its plane a mechanism has nothing to share, until a mass, a joint, a force or a compliance leaves the plane.
+    #[test]
+    fn what_lies_in_the_plane_is_left_alone_by_the_rule() {
+        let asked = |spec: Spec| {
+            let m = model(spec);
+            assert!(m.is_planar(), "{}", m.spec.name);
+            with_rule_for_loads::<_, AnalysisError>(&m, Some((0.0, &m.initial())), |rule| Ok(rule.is_some())).unwrap()
+        };
+        let force = |point: [f64; 3], value: [f64; 3]| Force::Force {
+            name: "push".into(),
+            body: "coupler".into(),
+            point,
+            value: VectorValue::Components(value.map(Value::Constant)),
+            axes: Axes::World,
+        };
+        let spring = |z: f64| Force::Spring {
+            name: "spring".into(),
+            body1: "ground".into(),
+            point1: [0.0, 2.0, z],
+            body2: "coupler".into(),
+            point2: [0.1, 0.0, z],
+            stiffness: 10.0,
+            damping: 0.0,
+            length: 1.0,
+        };
+        let changed = |change: &dyn Fn(&mut Spec)| {
+            let mut spec = four_bar([Revolute; 4]);
+            spec.gravity = [0.0, -9.81, 0.0];
+            change(&mut spec);
+            spec
+        };
+        type Change = fn(&mut Spec);
+        let within: [&dyn Fn(&mut Spec); 3] =
+            [&|_| {}, &|s| s.forces.push(force([0.0; 3], [1.0, 2.0, 0.0])), &|s| s.forces.push(spring(0.0))];
+        for change in within {
+            let m = model(changed(change));
+            assert!(!asked(changed(change)));
+            // and the rule itself says so
+            let (q, v) = (m.initial(), vec![0.3; m.placed.nv]);
+            let i = crate::instant::at(&m, 0.0, &q, Some(&v)).unwrap();
+            let own = m.reactions(0.0, &q, &i.v, &i.vdot, &i.multipliers, &mut m.scratch()).unwrap().joints;
+            let mut joints = own.clone();
+            with_rule::<_, AnalysisError>(&m, Some((0.0, &q)), |rule| {
+                let rule = rule.expect("redundant across the plane");
+                rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.room())
+            })
+            .unwrap();
+            for (x, y) in joints.iter().zip(&own) {
+                assert!((x.force - y.force).norm() + (x.moment - y.moment).norm() < 1e-13 * x.force.norm());
+            }
+        }
+        // wherever the plane lies
+        assert!(!asked(tilted(changed(&|s| s.gravity = [0.0; 3]))));
+        let leaving: [Change; 4] = [
+            |s| s.gravity[2] = 1e-6,
+            |s| s.bodies[1].com[2] += 1e-3,
+            |s| s.bodies[1].inertia = [[1.0, 0.0, 0.1], [0.0, 1.0, 0.0], [0.1, 0.0, 1.0]],
+            |s| s.joints[2].compliance = Some([1e-8, 1e-8, 2e-8, 1e-7, 1e-7, 0.0]),
+        ];
+        for change in leaving {
+            assert!(asked(changed(&change)));
+        }
+        for change in [force([0.0, 0.0, 1e-3], [1.0, 2.0, 0.0]), force([0.0; 3], [0.0, 0.0, 1.0]), spring(1e-3)] {
+            assert!(asked(changed(&|s| s.forces.push(change.clone()))));
+        }
+        // nor where two cranks hold what one would
+        let mut twice = changed(&|_| {});
+        let weld = joint("again", Revolute, "crank", "coupler", twice.joints[1].point, Z);
+        twice.joints.push(weld);
+        assert!(asked(twice));
     }
 
     /// Along the axis a self-stress is a force alone: elastic hinges share the weight as 1 / compliance.

@@ -16,7 +16,6 @@ use partita_model::tree::TreeScratch;
 use partita_system::reduction::{bridged_gap, SINGULAR_PIVOT};
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
-use std::collections::BTreeMap;
 
 /// Multipliers below this fraction of the largest are rounding errors of the solution.
 const NEGLIGIBLE: f64 = 1e-13;
@@ -24,6 +23,7 @@ const NEGLIGIBLE: f64 = 1e-13;
 const ZERO: f64 = 1e-9;
 
 /// One self-stress.
+#[derive(Default)]
 pub(crate) struct Stress {
     /// Wrench of each joint that carries any, on its child, about the joint's point there; world axes.
     pub(crate) joints: Vec<(usize, Wrench)>,
@@ -51,61 +51,91 @@ pub(crate) struct Pose<'m> {
     at: (f64, Vec<f64>),
 }
 
+/// Sums of wrenches by joint, of few joints.
+struct Sums {
+    of: Vec<Wrench>,
+    touched: Vec<usize>,
+    is_touched: Vec<bool>,
+}
+
+impl Sums {
+    fn add(&mut self, joint: usize, sign: f64, w: &Wrench) {
+        if !self.is_touched[joint] {
+            self.is_touched[joint] = true;
+            self.touched.push(joint);
+            self.of[joint] = Wrench::default();
+        }
+        let sum = &mut self.of[joint];
+        sum.moment += w.moment.times(sign);
+        sum.force += w.force.times(sign);
+    }
+}
+
+/// Memory for the wrenches of one self-stress after the other.
+struct Walk {
+    /// Multipliers of all rows of the model; zero between two self-stresses.
+    dense: Vec<f64>,
+    closings: Vec<usize>,
+    sums: Sums,
+}
+
+impl Walk {
+    fn new(model: &Model) -> Self {
+        let joints = model.placed.joints.len();
+        let sums = Sums { of: vec![Wrench::default(); joints], touched: Vec::new(), is_touched: vec![false; joints] };
+        Self { dense: vec![0.0; model.pattern().rows], closings: Vec::new(), sums }
+    }
+}
+
 impl<'m> Pose<'m> {
     /// At q of the mechanism in space, whose axes are the world's.
     pub(crate) fn new(model: &'m Model, t: f64, q: &[f64]) -> Self {
-        let mut tree = model.full.scratch();
-        model.full.poses(q, &mut tree);
         let placed = &model.placed;
-        let reference = model.reference();
-        let points = placed
-            .joints
-            .iter()
-            .map(|p| {
-                let link = placed.link_of(p.child);
-                model.full.place(link, &tree) + tree.links[link].rot.apply(p.child_point - reference[link])
-            })
-            .collect();
         let mut held = vec![(usize::MAX, 0); placed.bodies.len() + 1];
         for (i, e) in placed.topology.tree.iter().enumerate() {
             held[e.to] = (i, held[e.from].1 + 1);
         }
-        Self { model, tree, points, held, at: (t, q.to_vec()) }
+        let mut made = Self { model, tree: model.full.scratch(), points: Vec::new(), held, at: (t, Vec::new()) };
+        made.move_to(t, q);
+        made
     }
 
-    /// Tree edges between two nodes, each with the side it is on: away from the ground towards `b`?
-    fn between(&self, mut a: usize, mut b: usize) -> Vec<(usize, bool)> {
+    /// To another position.
+    pub(crate) fn move_to(&mut self, t: f64, q: &[f64]) {
+        let (model, tree) = (self.model, &mut self.tree);
+        model.full.poses(q, tree);
+        let reference = model.reference();
+        self.points.clear();
+        self.points.extend(model.placed.joints.iter().map(|p| {
+            let link = model.placed.link_of(p.child);
+            model.full.place(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
+        }));
+        self.at.0 = t;
+        self.at.1.clear();
+        self.at.1.extend_from_slice(q);
+    }
+
+    /// Visit the tree edges between two nodes, each with the side it is on: away from the ground towards `b`?
+    fn between(&self, mut a: usize, mut b: usize, mut visit: impl FnMut(usize, bool)) {
         let tree = &self.model.placed.topology.tree;
-        let mut edges = Vec::new();
         while a != b {
             let towards_b = self.held[b].1 >= self.held[a].1;
             let node = if towards_b { &mut b } else { &mut a };
             let edge = self.held[*node].0;
-            edges.push((edge, towards_b));
+            visit(edge, towards_b);
             *node = tree[edge].from;
         }
-        edges
     }
 
     /// What a condition that is no closing passes through the joints: its own joint, those on the way between the bodies it
     /// pushes, and, of couplings, not through the coordinates it acts along.
-    fn pass_condition(
-        &self,
-        (row, x): (usize, f64),
-        origin: Vec3<f64>,
-        sums: &mut BTreeMap<usize, Wrench>,
-    ) -> Result<(), SystemError> {
+    fn pass_condition(&self, (row, x): (usize, f64), origin: Vec3<f64>, sums: &mut Sums) -> Result<(), SystemError> {
         let (model, (t, q)) = (self.model, &self.at);
         let owner = model.row_names[row].owner;
         let own = match owner {
             Owner::Joint(j) => Some(j),
             Owner::Drive(i) => model.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
             Owner::Coupling(_) => None,
-        };
-        let mut add = |joint: usize, sign: f64, w: &Wrench| {
-            let sum = sums.entry(joint).or_default();
-            sum.moment += w.moment.times(sign);
-            sum.force += w.force.times(sign);
         };
         let mut taken: Vec<(usize, f64)> = Vec::new();
         model.condition_acts(
@@ -114,13 +144,13 @@ impl<'m> Pose<'m> {
             (row, x),
             |[a, b], w, place| {
                 let w = Wrench { moment: w.moment + (place - origin).cross(w.force), force: w.force };
-                own.into_iter().for_each(|j| add(j, 1.0, &w));
-                for (edge, towards_b) in self.between(a, b) {
+                own.into_iter().for_each(|j| sums.add(j, 1.0, &w));
+                self.between(a, b, |edge, towards_b| {
                     let e = &model.placed.topology.tree[edge];
                     if let Some(j) = e.joint {
-                        add(j, if towards_b == e.reversed { 1.0 } else { -1.0 }, &w);
+                        sums.add(j, if towards_b == e.reversed { 1.0 } else { -1.0 }, &w);
                     }
-                }
+                });
             },
             |v, effort| taken.push((v, effort)),
         )?;
@@ -136,51 +166,56 @@ impl<'m> Pose<'m> {
                             Wrench { moment: (self.points[j] - origin).cross(force), force }
                         }
                     };
-                    add(j, sign, &w);
+                    sums.add(j, sign, &w);
                 }
             }
         }
         Ok(())
     }
 
-    /// Joint wrenches of the multipliers `(row, λ)`; moments are collected about `origin` and then reduced.
-    fn wrenches(&self, lambda: &[(usize, f64)], closing_of: &[usize], dense: &mut [f64]) -> Vec<(usize, Wrench)> {
+    /// Joint wrenches of the multipliers `(row, λ)`, by number of the joint; moments are collected about the point of one and
+    /// then reduced.
+    fn wrenches(
+        &self,
+        lambda: &[(usize, f64)],
+        closing_of: &[usize],
+        Walk { dense, closings, sums }: &mut Walk,
+        found: &mut Vec<(usize, Wrench)>,
+    ) {
+        found.clear();
         let full = &self.model.full;
-        let Some(&(first, _)) = lambda.first() else { return Vec::new() };
-        let mut closings: Vec<usize> = lambda.iter().filter_map(|&(row, _)| closing_of.get(row).copied()).collect();
+        let Some(&(first, _)) = lambda.first() else { return };
+        closings.clear();
+        closings.extend(lambda.iter().filter_map(|&(row, _)| closing_of.get(row).copied()));
         closings.sort_unstable();
         closings.dedup();
         lambda.iter().for_each(|&(row, x)| dense[row] = x);
         let origin = self.model.joint_of_row(first).map_or_else(Vec3::zero, |j| self.points[j]);
-        let mut sums: BTreeMap<usize, Wrench> = BTreeMap::new();
-        for &i in &closings {
+        for &i in closings.iter() {
             let k = &full.closings[i];
             let (moment, force) = full.closing_wrench(k, &self.tree, dense);
-            let moment = moment + (self.points[k.joint] - origin).cross(force);
-            let mut pass = |joint: usize, sign: f64| {
-                let w = sums.entry(joint).or_default();
-                w.moment += moment.times(sign);
-                w.force += force.times(sign);
-            };
-            pass(k.joint, 1.0);
+            let w = Wrench { moment: moment + (self.points[k.joint] - origin).cross(force), force };
+            sums.add(k.joint, 1.0, &w);
             let p = &self.model.placed.joints[k.joint];
-            for (edge, towards_child) in self.between(p.parent, p.child) {
+            self.between(p.parent, p.child, |edge, towards_child| {
                 let e = &self.model.placed.topology.tree[edge];
                 // a body beyond the edge that the closing pushes is held back through it
                 if let Some(j) = e.joint {
-                    pass(j, if towards_child == e.reversed { 1.0 } else { -1.0 });
+                    sums.add(j, if towards_child == e.reversed { 1.0 } else { -1.0 }, &w);
                 }
-            }
+            });
         }
         lambda.iter().for_each(|&(row, _)| dense[row] = 0.0);
         for &(row, x) in lambda.iter().filter(|(row, _)| *row >= self.model.closing_rows) {
             // a function that fails here fails in every evaluation, which says so
-            let _ = self.pass_condition((row, x), origin, &mut sums);
+            let _ = self.pass_condition((row, x), origin, sums);
         }
-        let about = |(j, w): (usize, Wrench)| {
+        sums.touched.sort_unstable();
+        found.extend(sums.touched.drain(..).map(|j| {
+            sums.is_touched[j] = false;
+            let w = &sums.of[j];
             (j, Wrench { moment: w.moment - (self.points[j] - origin).cross(w.force), force: w.force })
-        };
-        sums.into_iter().map(about).collect()
+        }));
     }
 }
 
@@ -270,29 +305,56 @@ impl<'g, 'm> Balance<'g, 'm> {
         ))
     }
 
+    /// Memory for one position after the other.
+    pub(crate) fn room(&self) -> BalanceRoom {
+        BalanceRoom {
+            factors: vec![0.0; self.plan.factor_len()],
+            sparse: SparseRoom::new(self.plan.rank()),
+            few: Vec::new(),
+            steps: Vec::new(),
+            lambda: Vec::new(),
+            of_model: Vec::new(),
+            off: vec![0.0; self.system.size().nv],
+            walk: Walk::new(self.system.model),
+        }
+    }
+
     /// The multipliers `(row, λ)` that balance one row, itself first, for the factors of C.
-    fn multipliers(&self, row: usize, c: &[f64], factors: &[f64], room: &mut SparseRoom) -> Vec<(usize, f64)> {
+    fn multipliers(&self, row: usize, c: &[f64], room: &mut BalanceRoom) {
+        let BalanceRoom { factors, sparse, few, steps, lambda, .. } = room;
         let pattern = self.system.pattern();
-        let b: Vec<(usize, f64)> =
-            pattern.row(row).filter_map(|e| self.step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))).collect();
-        let mut lambda = self.plan.solve_transposed_sparse(factors, &b, room);
-        lambda.sort_unstable_by_key(|x| x.0);
-        let of_rows = lambda.into_iter().map(|(step, x)| (self.plan.pivot_rows()[step], x));
-        std::iter::once((row, 1.0)).chain(of_rows).collect()
+        few.clear();
+        few.extend(pattern.row(row).filter_map(|e| self.step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))));
+        self.plan.solve_transposed_sparse(factors, few, sparse, steps);
+        steps.sort_unstable_by_key(|x| x.0);
+        lambda.clear();
+        lambda.push((row, 1.0));
+        lambda.extend(steps.iter().map(|&(step, x)| (self.plan.pivot_rows()[step], x)));
     }
 
     /// The self-stresses for the values of C at a position; `None` where the elimination has worn out.
     pub(crate) fn stresses(&self, pose: &Pose, c: &[f64]) -> Option<Vec<Stress>> {
-        let (size, pattern, model) = (self.system.size(), self.system.pattern(), self.system.model);
+        let mut found = Vec::new();
+        self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
+    }
+
+    /// The same in place of those `found` before; false where the elimination has worn out.
+    pub(crate) fn stresses_into(
+        &self,
+        pose: &Pose,
+        c: &[f64],
+        room: &mut BalanceRoom,
+        found: &mut Vec<Stress>,
+    ) -> bool {
+        let (pattern, model) = (self.system.pattern(), self.system.model);
         let length = model.placed.size;
-        let mut factors = vec![0.0; self.plan.factor_len()];
-        self.plan.factor(c, &mut factors).ok()?;
-        let mut room = SparseRoom::new(self.plan.rank());
-        let mut dense = vec![0.0; model.pattern().rows];
-        let mut off = vec![0.0; size.nv];
-        let mut found = Vec::with_capacity(self.dropped.len());
-        for &row in &self.dropped {
-            let mut lambda = self.multipliers(row, c, &factors, &mut room);
+        if self.plan.factor(c, &mut room.factors).is_err() {
+            return false;
+        }
+        found.resize_with(self.dropped.len(), Stress::default);
+        for (&row, stress) in self.dropped.iter().zip(found) {
+            self.multipliers(row, c, room);
+            let BalanceRoom { lambda, off, of_model, walk, .. } = &mut *room;
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
             lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
             // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
@@ -301,19 +363,36 @@ impl<'g, 'm> Balance<'g, 'm> {
             entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.reach[j] / length);
             let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
             entries().for_each(|(j, _, _)| off[j] = 0.0);
-            let of_model: Vec<(usize, f64)> =
-                lambda.iter().map(|&(row, x)| (self.system.row_of_model(row), x)).collect();
-            let mut joints = pose.wrenches(&of_model, &self.closing_of, &mut dense);
+            of_model.clear();
+            of_model.extend(lambda.iter().map(|&(row, x)| (self.system.row_of_model(row), x)));
+            pose.wrenches(of_model, &self.closing_of, walk, &mut stress.joints);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
-            let largest = joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
+            let largest = stress.joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
             let zero = (self.least * largest).max(10.0 * unbalanced);
-            joints.retain(|(_, w)| magnitude(w) > zero);
-            let drives = lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))).collect();
-            let conditions = of_model.iter().copied().filter(|(row, _)| *row >= model.closing_rows).collect();
-            found.push(Stress { joints, drives, conditions, zero, unbalanced: unbalanced / largest });
+            stress.joints.retain(|(_, w)| magnitude(w) > zero);
+            stress.drives.clear();
+            stress.drives.extend(lambda.iter().filter_map(|&(row, x)| Some((self.drive_of[row]?, x))));
+            stress.conditions.clear();
+            stress.conditions.extend(of_model.iter().filter(|(row, _)| *row >= model.closing_rows));
+            (stress.zero, stress.unbalanced) = (zero, unbalanced / largest);
         }
-        Some(found)
+        true
     }
+}
+
+/// Memory that the self-stresses of positions share.
+pub(crate) struct BalanceRoom {
+    factors: Vec<f64>,
+    sparse: SparseRoom,
+    /// The row to be balanced, by steps of the elimination, and what balances it.
+    few: Vec<(usize, f64)>,
+    steps: Vec<(usize, f64)>,
+    /// Multipliers by rows of the geometry, and by rows of the mechanism.
+    lambda: Vec<(usize, f64)>,
+    of_model: Vec<(usize, f64)>,
+    /// What is left along each velocity; zero between two self-stresses.
+    off: Vec<f64>,
+    walk: Walk,
 }
 
 #[cfg(test)]
@@ -340,7 +419,8 @@ mod tests {
             let swept = m.wrenches_of(&q, &full, &mut m.scratch());
             let mut closing_of = Vec::new();
             m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
-            let walked = Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut vec![0.0; full.len()]);
+            let (mut walked, mut walk) = (Vec::new(), Walk::new(&m));
+            Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut walk, &mut walked);
             assert_eq!(walked.len(), m.spec.joints.len());
             for (j, w) in walked {
                 assert!((w.force - swept[j].force).norm() < 1e-14, "{}", m.spec.joints[j].name);

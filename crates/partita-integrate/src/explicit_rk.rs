@@ -160,7 +160,7 @@ impl Stepper {
         y: &[f64],
         t_end: f64,
     ) -> Result<(), StepFailure<O::Error>> {
-        debug_assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
+        assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
         self.t_old = t;
         self.t_new = t;
         self.y_old[..self.dim].copy_from_slice(y);
@@ -230,7 +230,7 @@ impl Stepper {
     /// # Errors
     /// See [`StepFailure`]. The state at `t_old` is intact afterwards.
     pub fn attempt<O: Ode + ?Sized>(&mut self, ode: &mut O) -> Result<(), StepFailure<O::Error>> {
-        debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
         // what stands in the way from here, also where shorter steps end before it with too large an error
         let mut obstacle = None;
         loop {
@@ -362,7 +362,7 @@ impl Stepper {
         &mut self,
         end: impl FnOnce(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>,
     ) -> Result<Conclusion, StepFailure<E>> {
-        debug_assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
+        assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
         let (h, t, dim) = (self.attempted_h, self.t_new, self.dim);
         let begin = self.tableau.end_slot() * self.stride;
         let slope = &mut self.stages[begin..begin + dim];
@@ -404,7 +404,7 @@ impl Stepper {
         t: f64,
         out: &mut [f64],
     ) -> Result<(), StepFailure<O::Error>> {
-        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         if t == self.t_new {
             out.copy_from_slice(&self.y_new[..self.dim]);
             return Ok(());
@@ -439,7 +439,7 @@ impl Stepper {
     /// # Panics
     /// If a slice has not the length given to [`new`](Stepper::new).
     pub fn replace(&mut self, y: &[f64], dy: &[f64]) {
-        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.y_next[..self.dim].copy_from_slice(y);
         self.f_next[..self.dim].copy_from_slice(dy);
         self.replaced = true;
@@ -451,7 +451,7 @@ impl Stepper {
     /// # Panics
     /// If a slice has not the length given to [`new`](Stepper::new).
     pub fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
-        debug_assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the step before");
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
@@ -459,7 +459,7 @@ impl Stepper {
 
     /// Make the concluded (and perhaps replaced) end the start of the next step, and choose its length.
     pub fn commit(&mut self) {
-        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         if self.replaced {
             std::mem::swap(&mut self.y_old, &mut self.y_next);
@@ -491,7 +491,7 @@ impl Stepper {
 
     /// Throw the attempted or concluded step away; the next attempt starts from `t_old` again, `factor` times as long.
     pub fn reject(&mut self, factor: f64) {
-        debug_assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
+        assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
         self.step = self.attempted_h.abs() * factor;
         self.controller.hold();
         self.replaced = false;
@@ -502,7 +502,7 @@ impl Stepper {
 
     /// Throw the concluded step away: it ends at `t` inside it, and is taken anew. Its length stays the one that is planned.
     pub fn end_at(&mut self, t: f64) {
-        debug_assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());
         self.goal = Some(t);
         self.replaced = false;

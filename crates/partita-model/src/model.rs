@@ -6,6 +6,7 @@ use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
+use crate::flat;
 use crate::force::{self, Element};
 use crate::gauge::{self, Quantity};
 use crate::grip::Following;
@@ -377,6 +378,14 @@ impl Model {
     /// All motions in one plane?
     pub fn is_planar(&self) -> bool {
         self.placed.planar
+    }
+
+    /// Does it move in one plane, with all that acts on it there, so that no reaction leaves the plane either?
+    pub fn carries_in_plane(&self) -> bool {
+        let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
+        self.is_planar()
+            && !self.row_names[self.closing_rows..].iter().any(of_joint)
+            && flat::carries_in_plane(&self.spec, self.placed.basis.0[2])
     }
 
     /// Coordinates of the drawing: zero, and unit quaternions.

@@ -432,7 +432,7 @@ impl Placed {
         for e in &topology.tree {
             let Some(j) = e.joint else { continue };
             let joint = &spec.joints[j];
-            debug_assert!(edges[j].parent == e.from || edges[j].child == e.from);
+            assert!(edges[j].parent == e.from || edges[j].child == e.from);
             let align = alignment(joint)?;
             let child_point = joint.child_point.unwrap_or(joint.point);
             let (align, near, far) = if e.reversed {

@@ -123,7 +123,12 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])
         }
-        SystemError::OpenReaction { t, friction, .. } | SystemError::Jammed { t, friction, .. } => {
+        SystemError::OpenReaction { t, friction, joint } => {
+            let (friction, joint) = (String::from(friction), String::from(joint));
+            let fields = [("t", t.into()), ("where", friction.into()), ("joint", joint.into())];
+            raise(py, "OpenReactionError", &message, &fields)
+        }
+        SystemError::Jammed { t, friction, .. } => {
             raise(py, "EvaluationError", &message, &[("t", t.into()), ("where", String::from(friction).into())])
         }
         SystemError::Jump { t, what, .. } => {

@@ -23,6 +23,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, OnceLock};
 
+/// Numbers, and rows of numbers, as Python hands them over.
+type Vector<'py> = PyReadonlyArray1<'py, f64>;
+type Table<'py> = PyReadonlyArray2<'py, f64>;
+
 /// A compiled mechanism: constant; states are handed in.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Model {
@@ -87,21 +91,32 @@ impl Model {
         })
     }
 
-    fn state<'py>(
-        &self,
-        q: &PyReadonlyArray1<'py, f64>,
-        v: &PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<(Vec<f64>, Vec<f64>)> {
+    fn state<'py>(&self, q: &Vector<'py>, v: &Vector<'py>) -> PyResult<(Vec<f64>, Vec<f64>)> {
         let size = self.inner.size();
         Ok((vector(q, size.nq, "q")?, vector(v, size.nv, "v")?))
     }
 
     /// The position level at q.
-    fn position<'py>(&self, py: Python<'py>, t: f64, q: &PyReadonlyArray1<'py, f64>) -> PyResult<Levels<'_, Inner>> {
+    fn position<'py>(&self, py: Python<'py>, t: f64, q: &Vector<'py>) -> PyResult<Levels<'_, Inner>> {
         let q = vector(q, self.nq(), "q")?;
         let mut levels = Levels::new(&*self.inner);
         levels.position(t, &q).map_err(|e| failure::system(py, e))?;
         Ok(levels)
+    }
+
+    /// What `ask` answers about a motion and the forces along it, as they were handed over.
+    fn acted<'py, T>(
+        &self,
+        py: Python<'py>,
+        (t, q, v): (&Vector, &Table, &Table),
+        (vdot, multipliers): (&Table, &Table),
+        ask: impl FnOnce(Python<'py>, &Inner, &Motion, &Acting) -> PyResult<T>,
+    ) -> PyResult<T> {
+        guarded(py, || {
+            let motion = Motion::read(&self.inner, t, q, v)?;
+            let acting = Acting::read(&self.inner, &motion, vdot, multipliers)?;
+            ask(py, &self.inner, &motion, &acting)
+        })
     }
 }
 
@@ -144,12 +159,7 @@ impl Model {
     }
     /// The equations as JavaScript with these parameters as inputs, and what a page needs to know of them (JSON): sizes,
     /// places of numbers, pattern of C, the rows that are redundant at the closed position q.
-    fn recorded(
-        slf: &Bound<'_, Self>,
-        parameters: Vec<String>,
-        t: f64,
-        q: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<(String, String)> {
+    fn recorded(slf: &Bound<'_, Self>, parameters: Vec<String>, t: f64, q: Vector<'_>) -> PyResult<(String, String)> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
@@ -220,8 +230,8 @@ impl Model {
     fn assemble<'py>(
         slf: &Bound<'py, Self>,
         t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
+        v: Vector<'py>,
         targets: Vec<Vec<poses::Valued>>,
         rates: Vec<(usize, f64)>,
         turns: Vec<poses::Valued>,
@@ -241,12 +251,7 @@ impl Model {
     }
 
     /// Why a run that stopped at t, with the closed position q shortly before, cannot go on to `until` as it is driven.
-    fn driven_beyond(
-        slf: &Bound<'_, Self>,
-        t: f64,
-        q: PyReadonlyArray1<'_, f64>,
-        until: f64,
-    ) -> PyResult<Option<String>> {
+    fn driven_beyond(slf: &Bound<'_, Self>, t: f64, q: Vector<'_>, until: f64) -> PyResult<Option<String>> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
@@ -262,7 +267,7 @@ impl Model {
         &self,
         py: Python<'py>,
         t: f64,
-        q: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
         inputs: Option<Vec<usize>>,
     ) -> PyResult<(Vec<Assembled<'py>>, Vec<String>, Vec<String>)> {
         guarded(py, || {
@@ -279,9 +284,9 @@ impl Model {
         &self,
         py: Python<'py>,
         t: f64,
-        q: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
         goals: Vec<poses::Named>,
-        values: PyReadonlyArray2<'py, f64>,
+        values: Table<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
     }
@@ -291,8 +296,8 @@ impl Model {
         &self,
         py: Python<'py>,
         other: &Model,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
+        v: Vector<'py>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = other.state(&q, &v)?;
@@ -301,7 +306,7 @@ impl Model {
         })
     }
 
-    fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+    fn mass_matrix<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let n = self.nv();
             let (q, rest) = (vector(&q, self.nq(), "q")?, vec![0.0; n]);
@@ -310,13 +315,7 @@ impl Model {
             Ok(array(py, &[n, n], found.map_err(|e| failure::system(py, e))?.0))
         })
     }
-    fn forces<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Array<'py>> {
+    fn forces<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>, v: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
             let mut levels = Levels::new(&*self.inner);
@@ -324,13 +323,13 @@ impl Model {
             Ok(array(py, &[v.len()], found.map_err(|e| failure::system(py, e))?.1))
         })
     }
-    fn constraints<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+    fn constraints<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let phi = self.position(py, t, &q)?.phi;
             Ok(array(py, &[phi.len()], phi))
         })
     }
-    fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+    fn jacobian<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let c = self.position(py, t, &q)?.c;
             let rows: Vec<usize> = (0..self.rows()).collect();
@@ -338,19 +337,13 @@ impl Model {
             Ok(array(py, &[self.rows(), self.nv()], c.into_vec()))
         })
     }
-    fn rate<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+    fn rate<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let a = self.position(py, t, &q)?.a;
             Ok(array(py, &[a.len()], a))
         })
     }
-    fn bias<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Array<'py>> {
+    fn bias<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>, v: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
             let mut levels = Levels::new(&*self.inner);
@@ -362,8 +355,8 @@ impl Model {
         &self,
         py: Python<'py>,
         t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
+        v: Vector<'py>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = self.state(&q, &v)?;
@@ -372,13 +365,7 @@ impl Model {
     }
     /// S1-S5 and their reduction at one instant, by name.
     #[pyo3(signature = (t, q, v))]
-    fn at<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        q: PyReadonlyArray1<'py, f64>,
-        v: Option<PyReadonlyArray1<'py, f64>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    fn at<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>, v: Option<Vector<'py>>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
             let v = v.map(|v| vector(&v, self.nv(), "v")).transpose()?;
@@ -390,7 +377,7 @@ impl Model {
             state::told(py, i)
         })
     }
-    fn measure<'py>(&self, py: Python<'py>, t: f64, q: PyReadonlyArray1<'py, f64>) -> PyResult<Array<'py>> {
+    fn measure<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
             state::measure(py, &*self.inner, t, &q)
@@ -402,9 +389,9 @@ impl Model {
         &self,
         py: Python<'py>,
         options: &str,
-        t_eval: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray1<'py, f64>,
-        v: PyReadonlyArray1<'py, f64>,
+        t_eval: Vector<'py>,
+        q: Vector<'py>,
+        v: Vector<'py>,
         progress: Option<Py<PyAny>>,
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -431,9 +418,9 @@ impl Model {
         py: Python<'py>,
         options: Vec<String>,
         steps: Vec<f64>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
         tangent: Option<TangentFunctions>,
     ) -> PyResult<Vec<f64>> {
         guarded(py, || {
@@ -446,9 +433,9 @@ impl Model {
     fn bodies<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
         which: Vec<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || outputs::bodies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
@@ -458,9 +445,9 @@ impl Model {
     fn joints<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
         which: Vec<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
@@ -470,10 +457,10 @@ impl Model {
     fn joint_accelerations<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
         which: Vec<usize>,
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
@@ -486,10 +473,10 @@ impl Model {
     fn body_accelerations<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
         which: Vec<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
@@ -502,9 +489,9 @@ impl Model {
     fn load<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
         number: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || outputs::load(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, number))
@@ -514,9 +501,9 @@ impl Model {
     fn energies<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || outputs::energies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
@@ -525,17 +512,15 @@ impl Model {
     fn reaction<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
-        multipliers: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
+        multipliers: Table<'py>,
         joint: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
-            outputs::reaction(py, &self.inner, &motion, &acting, joint)
+        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), |py, m, x, acting| {
+            outputs::reaction(py, m, x, acting, joint)
         })
     }
 
@@ -543,77 +528,61 @@ impl Model {
     fn shares_loads<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
-        multipliers: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
+        multipliers: Table<'py>,
     ) -> PyResult<bool> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
-            outputs::shares(py, &self.inner, &motion, &acting)
-        })
+        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::shares)
     }
 
     /// What a certificate holds nt samples against.
     fn checks<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
-        multipliers: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
+        multipliers: Table<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
-            outputs::checks(py, &self.inner, &motion, &acting)
-        })
+        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::checks)
     }
 
     /// Wrenches of all joints at nt samples.
     fn reactions<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
-        multipliers: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
+        multipliers: Table<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
-            outputs::reactions(py, &self.inner, &motion, &acting)
-        })
+        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::reactions)
     }
 
     /// Forces and moments of all joints at nt samples, by augmented joint coordinates.
     fn augmented_reactions<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
-        vdot: PyReadonlyArray2<'py, f64>,
-        multipliers: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
+        vdot: Table<'py>,
+        multipliers: Table<'py>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            let acting = Acting::read(&self.inner, &motion, &vdot, &multipliers)?;
-            outputs::augmented_reactions(py, &self.inner, &motion, &acting)
-        })
+        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::augmented_reactions)
     }
 
     /// Which reactions follow from the motion alone at nt samples.
     fn determined<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
     ) -> PyResult<[Flags<'py>; 4]> {
         guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
     }
@@ -622,9 +591,9 @@ impl Model {
     fn self_stresses<'py>(
         &self,
         py: Python<'py>,
-        t: PyReadonlyArray1<'py, f64>,
-        q: PyReadonlyArray2<'py, f64>,
-        v: PyReadonlyArray2<'py, f64>,
+        t: Vector<'py>,
+        q: Table<'py>,
+        v: Table<'py>,
         joint: usize,
     ) -> PyResult<Array<'py>> {
         guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
@@ -636,7 +605,7 @@ impl Model {
         &self,
         py: Python<'py>,
         t: f64,
-        q: PyReadonlyArray1<'py, f64>,
+        q: Vector<'py>,
     ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
         guarded(py, || {
             let q = vector(&q, self.nq(), "q")?;
@@ -657,7 +626,7 @@ impl Model {
         analysis::doubtful::weightless(&self.inner)
     }
 
-    fn report(slf: &Bound<'_, Self>, t: f64, q: PyReadonlyArray1<'_, f64>) -> PyResult<String> {
+    fn report(slf: &Bound<'_, Self>, t: f64, q: Vector<'_>) -> PyResult<String> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());

@@ -317,6 +317,6 @@ pub fn self_stresses<'py>(py: Python<'py>, m: &Model, x: &Motion, joint: usize) 
     known(py, &[joint], m.spec.joints.len(), "joint")?;
     let states = x.states();
     let found = watched(py, |watch| determined::directions(m, &states, joint, watch))?;
-    debug_assert_eq!(found.len(), DIRECTIONS * states.len());
+    assert_eq!(found.len(), DIRECTIONS * states.len());
     Ok(array(py, &[states.len(), 2, 3, 3], found))
 }

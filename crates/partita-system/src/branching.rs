@@ -17,6 +17,7 @@ use partita_math::told;
 const LARGEST: usize = 200;
 /// Singular values of rows and velocities in natural sizes below this are none: the sine whose square is [`REDUNDANT`].
 const NONE: f64 = 3.2e-5;
+const _: () = assert!(NONE * NONE > 0.9 * REDUNDANT && NONE * NONE < 1.1 * REDUNDANT);
 /// The least ratio between singular values kept and dropped: the square root of that of the squared sines.
 const GAP: f64 = 30.0;
 /// Second rates (in parts of sizes, at rates of one reach a second) below this are round-off of positions known to the root of
@@ -259,7 +260,6 @@ pub fn look<S: ConstrainedSystem>(
     q: &[f64],
     drives: bool,
 ) -> Result<Option<Branching>, SystemError> {
-    debug_assert!((NONE * NONE / REDUNDANT - 1.0).abs() < 0.1);
     let size = system.size();
     if size.nv > LARGEST || size.rows > 5 * LARGEST || size.rows != size.holonomic || size.rows == 0 {
         return Ok(None);

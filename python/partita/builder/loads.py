@@ -143,9 +143,9 @@ def add_friction(
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
 
-    Raises `DescriptionError` for what is said above. A run with a coefficient ends with an `EvaluationError` that names
-    the joint where its reaction is not determined (a joint held twice), and where friction and reaction have no values
-    that agree or more than one: jamming, Painleve's paradox.
+    Raises `DescriptionError` for what is said above. A run with a coefficient ends with an `OpenReactionError` that
+    names the joint where its reaction is not determined (a joint held twice), and with an `EvaluationError` where
+    friction and reaction have no values that agree or more than one: jamming, Painleve's paradox.
 
     >>> import partita as pt
     >>> m = pt.Mechanism("sledge", gravity=None)

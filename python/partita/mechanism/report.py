@@ -12,7 +12,7 @@ from typing import Any
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..builder.records import LoadRecord
-from ..errors import EvaluationError, SingularityError
+from ..errors import EvaluationError, OpenReactionError, SingularityError
 from ..state import State
 from .models import Modelled, layout_of
 from .solve import _fitting, assemble
@@ -270,17 +270,16 @@ def _open_frictions(
     for _ in follow:
         try:
             model.forces(where.q, where.v, t=where.t)
-        except EvaluationError as error:
+        except OpenReactionError as error:
             name = error.where
-            if name not in follow or "which is not determined" not in str(error):
-                break  # for another reason, which a run tells
-            joint = str(follow[name].said["joint"])
-            found.append({"friction": name, "joint": joint})
+            found.append({"friction": name, "joint": error.joint})
             level = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
             given.forces[name].change(**level, **dict.fromkeys(_FOLLOWS), preload=0.0)
             other, layout = layout_of(given, model.coordinates)
             where = State(where.t, *other.core.carried_over(model.core, where.q, where.v), layout=layout)
             model = other
+        except EvaluationError:
+            break  # for another reason, which a run tells
         else:
             break
     return found, model, where

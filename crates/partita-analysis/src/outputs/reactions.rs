@@ -4,7 +4,7 @@ use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::error::AnalysisError;
-use crate::sharing::{with_rule, Room, Rule};
+use crate::sharing::{with_rule_for_loads, Room, Rule};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
@@ -30,11 +30,11 @@ fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<
 /// # Errors
 /// Where the mechanism cannot be compiled in space.
 pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, AnalysisError> {
-    with_rule(model, reference(model, states, forces), |rule| Ok(rule.is_some()))
+    with_rule_for_loads(model, reference(model, states, forces), |rule| Ok(rule.is_some()))
 }
 
 /// Room of a thread: that of the model, and of the rule where there is one.
-fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room>) + 'a {
+fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room<'a>>) + 'a {
     move || (model.scratch(), rule.map(Rule::room))
 }
 
@@ -52,7 +52,7 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let freedoms = model.placed.joints[j].shape.freedoms();
-    with_rule(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let part = if rule.is_some() { model.whole() } else { model.part_of_reaction(j) };
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
@@ -90,7 +90,7 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let (whole, nj) = (model.whole(), model.placed.joints.len());
     let freedoms: usize = model.placed.joints.iter().map(|p| p.shape.freedoms()).sum();
-    with_rule(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
@@ -135,7 +135,7 @@ pub fn augmented<E: Send + From<SystemError> + From<AnalysisError>>(
     watch: Watch<E>,
 ) -> Result<Vec<Vec<f64>>, E> {
     let nj = model.placed.joints.len();
-    with_rule(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut joints = model.augmented_reactions(t, q, v, vdot, lambda, s)?;

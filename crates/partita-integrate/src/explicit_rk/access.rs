@@ -53,7 +53,7 @@ impl Stepper {
     /// State at `t_new`, to be corrected in place between [`attempt`](Stepper::attempt) and
     /// [`conclude`](Stepper::conclude).
     pub fn y_new_mut(&mut self) -> &mut [f64] {
-        debug_assert_eq!(self.phase, Phase::Attempted, "correct the end before the step is concluded");
+        assert_eq!(self.phase, Phase::Attempted, "correct the end before the step is concluded");
         &mut self.y_new[..self.dim]
     }
 

@@ -239,8 +239,8 @@ impl Plan {
         }
     }
 
-    /// Solves `C_Dᵀ y = b` for a right-hand side with few entries `(step, value)`; the entries of y that are not zero,
-    /// in any order. What cancels to rounding errors of its terms counts as zero.
+    /// Solves `C_Dᵀ y = b` for a right-hand side with few entries `(step, value)`; into `found` the entries of y that are
+    /// not zero, in any order. What cancels to rounding errors of its terms counts as zero.
     ///
     /// Cost: the rows of the factors that are touched, not the rank.
     pub fn solve_transposed_sparse(
@@ -248,8 +248,9 @@ impl Plan {
         work: &[f64],
         b: &[(usize, f64)],
         room: &mut SparseRoom,
-    ) -> Vec<(usize, f64)> {
-        self.program.solve_transposed_sparse(work, b, room)
+        found: &mut Vec<(usize, f64)>,
+    ) {
+        self.program.solve_transposed_sparse(work, b, room, found);
     }
 }
 

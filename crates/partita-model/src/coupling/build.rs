@@ -89,7 +89,7 @@ fn coupling<G: Space>(
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];
     let read = |terms: &[Measure]| -> Result<Vec<Reading<G>>, DescriptionError> {
-        debug_assert!(terms.len() <= MOST);
+        assert!(terms.len() <= MOST);
         terms.iter().map(|m| gauges.reading(m, "coupling", c.name())).collect()
     };
     Ok(match c {

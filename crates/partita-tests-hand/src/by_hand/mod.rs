@@ -407,6 +407,27 @@ impl Equations for Plate {
     }
 }
 
+/// Sizes and names of a system that wraps another one: those of the other.
+macro_rules! as_within {
+    () => {
+        fn n(&self) -> usize {
+            self.0.n()
+        }
+        fn rows(&self) -> usize {
+            self.0.rows()
+        }
+        fn holonomic(&self) -> usize {
+            self.0.holonomic()
+        }
+        fn name(&self, i: usize) -> String {
+            self.0.name(i)
+        }
+        fn rheonomic(&self) -> bool {
+            self.0.rheonomic()
+        }
+    };
+}
+
 /// Another system with two rows more: the sum of all rows, and the first one twice as large.
 pub struct Redundant<E>(pub E);
 
@@ -484,21 +505,7 @@ impl<E: Equations> InUnits<E> {
 }
 
 impl<E: Equations> Equations for InUnits<E> {
-    fn n(&self) -> usize {
-        self.0.n()
-    }
-    fn rows(&self) -> usize {
-        self.0.rows()
-    }
-    fn holonomic(&self) -> usize {
-        self.0.holonomic()
-    }
-    fn name(&self, i: usize) -> String {
-        self.0.name(i)
-    }
-    fn rheonomic(&self) -> bool {
-        self.0.rheonomic()
-    }
+    as_within!();
     fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
         self.0.mass(t, &self.back(q), out)?;
         let n = self.1.len();
@@ -536,21 +543,7 @@ pub fn any(equations: impl Equations + 'static) -> ByHand<Any> {
 }
 
 impl Equations for Any {
-    fn n(&self) -> usize {
-        self.0.n()
-    }
-    fn rows(&self) -> usize {
-        self.0.rows()
-    }
-    fn holonomic(&self) -> usize {
-        self.0.holonomic()
-    }
-    fn name(&self, i: usize) -> String {
-        self.0.name(i)
-    }
-    fn rheonomic(&self) -> bool {
-        self.0.rheonomic()
-    }
+    as_within!();
     fn mass(&self, t: f64, q: &[f64], out: &mut [f64]) -> Done {
         self.0.mass(t, q, out)
     }

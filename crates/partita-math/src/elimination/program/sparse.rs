@@ -57,7 +57,8 @@ impl Program {
         work: &[f64],
         b: &[(usize, f64)],
         room: &mut SparseRoom,
-    ) -> Vec<(usize, f64)> {
+        found: &mut Vec<(usize, f64)>,
+    ) {
         for &(k, x) in b {
             room.add(k, x, -(k as i64));
         }
@@ -92,13 +93,12 @@ impl Program {
                 room.add(j, -work[p] * x, j as i64);
             }
         }
-        let mut found = Vec::with_capacity(room.met.len());
-        for k in std::mem::take(&mut room.met) {
+        found.clear();
+        for k in room.met.drain(..) {
             if room.value[k] != 0.0 {
                 found.push((k, room.value[k]));
             }
             (room.value[k], room.magnitude[k]) = (0.0, 0.0);
         }
-        found
     }
 }
