@@ -3,7 +3,7 @@
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
 python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/compare_page.py draw
 python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
-python tools/docs.py --look FOLDER    the rendered site in Chromium: nothing cut or pale, search, formulas, animated pages
+python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut or pale, search, animated pages
 """
 
 from __future__ import annotations

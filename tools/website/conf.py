@@ -25,6 +25,7 @@ myst_dmath_double_inline = True
 html_theme = "furo"
 html_title = "Partita"
 html_static_path = ["_static"]
+html_favicon = "_static/favicon.svg"
 html_css_files = ["partita.css"]
 html_extra_path = ["_extra"]
 html_show_sphinx = False

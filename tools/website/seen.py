@@ -12,7 +12,6 @@ from time import monotonic, sleep
 from typing import Any
 from urllib.parse import quote
 
-
 QUESTIONS = Path(__file__).with_name("site_page.js").read_text(encoding="utf-8")
 
 # What people type into the search box -> where one of the first results must lead.
@@ -160,5 +159,5 @@ def pictures(browser: Any, address: str, site: Path, shots: Path, chromium: Any)
             continue
         for screen, scheme in ((chromium.DESKTOP, "light"), (chromium.PHONE, "dark")):
             browser.open(address + quote(page), screen, scheme)
-            name = f"{page.removesuffix('.html').replace('/', '-')}-{'phone' if screen is chromium.PHONE else 'desktop'}.png"
-            browser.picture(shots / name, whole=True)
+            kind = "phone" if screen is chromium.PHONE else "desktop"
+            browser.picture(shots / f"{page.removesuffix('.html').replace('/', '-')}-{kind}.png", whole=True)

@@ -21,7 +21,7 @@ from .outline import PARTS, REFERENCE
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 
-STYLE = "partita.css"
+STYLE, SIGN = "partita.css", "favicon.svg"
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
 
@@ -44,8 +44,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(page, target)
-    for name in ("conf.py", "scorer.js", STYLE):
-        target = folder / ("_static" if name == STYLE else ".") / name
+    for name in ("conf.py", "scorer.js", STYLE, SIGN):
+        target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(HERE / name, target)
     for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):
