@@ -207,7 +207,7 @@ class _Drawing:
                 self._ball(f"{room}/head", points[1], 3.0 * self._thick, colour)
 
     def _joint(self, joint: Mapping[str, Any]) -> None:
-        """A pin where the joint is, a ball where it has no axis; those of the ground are dark. Slides have their rail."""
+        """A pin where the joint is, a ball where it has no axis; those of the ground are dark. Slides have a rail."""
         kind, parent, child = joint["kind"], int(joint["parent"]), int(joint["child"])
         if kind == "free":
             return
