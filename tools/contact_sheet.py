@@ -47,12 +47,14 @@ def main() -> None:
 
 
 def _turns(name: str, run: pt.results.Result, leading: str) -> pt.results.Result:
-    """The same run as far as its first three turns: more of them are a band, not a curve."""
+    """The same run as far as its first three turns, for more of them are a band, or until it has come to rest."""
     angle = run.joint(leading).position[:, 0]
     past = np.flatnonzero(np.abs(angle - angle[0]) > 6 * np.pi)
-    if not len(past):
+    speed = np.abs(run.v).max(axis=1)
+    alive = np.flatnonzero(speed > 0.02 * speed.max())
+    end = float(run.t[past[0]] if len(past) else 1.2 * run.t[alive[-1]])
+    if end >= run.t[-1]:
         return run
-    end = float(run.t[past[0]])
     entry = pt.catalogue.entry(name)
     return pt.catalogue.load(name).simulate(
         end, initial=run.state(0.0), t_eval=np.linspace(0, end, 721), **entry.options
