@@ -119,6 +119,7 @@ docs: $(BUILT) $(SITE)
 	$(BIN)/python tools/docs.py --render out/docs
 	cp -r $(or $(CARGO_TARGET_DIR),target)/doc out/docs/rust
 	$(BIN)/python tools/docs.py --links out/docs
+	$(BIN)/python tools/docs.py --look out/docs
 
 ## compare-docs: run the comparisons on docs/compare.md anew and put their tables there
 compare-docs: $(BUILT)

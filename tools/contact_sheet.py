@@ -5,6 +5,7 @@ from io import BytesIO
 from pathlib import Path
 
 import matplotlib.image as mpimg
+import numpy as np
 from matplotlib.figure import Figure
 
 import partita as pt
@@ -27,7 +28,9 @@ def main() -> None:
     pictures = []
     for name, crank in TWELVE.items():
         run = pt.catalogue.entry(name).simulate()
-        x = (crank or _turning(run)) if options.over else None
+        leading = crank or _turning(run)
+        run = _turns(name, run, leading)
+        x = leading if options.over else None
         stream = BytesIO()
         run.plot(options.word, x=x).savefig(stream, format="png", dpi=60)
         stream.seek(0)
@@ -41,6 +44,21 @@ def main() -> None:
     options.out.parent.mkdir(parents=True, exist_ok=True)
     sheet.savefig(options.out)
     print(options.out)
+
+
+def _turns(name: str, run: pt.results.Result, leading: str) -> pt.results.Result:
+    """The same run as far as its first three turns, for more of them are a band, or until it has come to rest."""
+    angle = run.joint(leading).position[:, 0]
+    past = np.flatnonzero(np.abs(angle - angle[0]) > 6 * np.pi)
+    speed = np.abs(run.v).max(axis=1)
+    alive = np.flatnonzero(speed > 0.02 * speed.max())
+    end = float(run.t[past[0]] if len(past) else 1.2 * run.t[alive[-1]])
+    if end >= run.t[-1]:
+        return run
+    entry = pt.catalogue.entry(name)
+    return pt.catalogue.load(name).simulate(
+        end, initial=run.state(0.0), t_eval=np.linspace(0, end, 721), **entry.options
+    )
 
 
 def _turning(run: pt.results.Result) -> str:

@@ -3,6 +3,7 @@
 python tools/docs.py --write          rewrite the generated parts of docs/*.md
 python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/compare_page.py draw
 python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
+python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut or pale, search, animated pages
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="rewrite the generated parts")
     parser.add_argument("--render", metavar="FOLDER", type=Path, help="write the site")
     parser.add_argument("--links", metavar="FOLDER", type=Path, help="check the links of a site")
+    parser.add_argument(
+        "--look", metavar="FOLDER", type=Path, help="open a site in Chromium and ask what a reader sees"
+    )
+    parser.add_argument("--shots", metavar="FOLDER", type=Path, help="with --look: save pictures of the pages there")
     arguments = parser.parse_args()
     if arguments.write:
         for page in pages():
@@ -43,6 +48,8 @@ def main() -> None:
     if arguments.links:
         broken = scripts(TOOLS, "website.links").broken(arguments.links)
         sys.exit("\n".join(broken) if broken else None)
+    if arguments.look:
+        look(arguments.look, arguments.shots)
 
 
 def pages() -> list[Path]:
@@ -177,6 +184,16 @@ def render(folder: Path) -> None:
         options = ["-q", "-W", "--keep-going", "-j", "auto", "-d", f"{work}/read"]
         if status := build_main([*options, "-b", "html", str(sources), str(folder)]):
             sys.exit(status)
+
+
+def look(site: Path, shots: Path | None) -> None:
+    """A browser opens the site; what it finds ends the program."""
+    chromium = scripts(TESTS, "chromium")
+    if chromium.PROGRAM is None:
+        print("There is no Chromium here: nobody looked at the site.", file=sys.stderr)
+        return
+    found = scripts(TOOLS, "website.seen").faults(site, chromium, shots)
+    sys.exit("\n".join(found) if found else None)
 
 
 def stage(folder: Path, short: bool = False, only: tuple[str, ...] | None = None) -> None:

@@ -91,8 +91,11 @@ class Chromium:
                 found: dict[str, Any] = answer["result"]
                 return found
 
-    def open(self, path: Path, screen: tuple[int, int, bool] = DESKTOP, scheme: str = "light", at: str = "") -> None:
-        """Open a page of this disk on a screen (width, height, touch), with the colour scheme a person prefers."""
+    def open(
+        self, path: Path | str, screen: tuple[int, int, bool] = DESKTOP, scheme: str = "light", at: str = ""
+    ) -> None:
+        """Open a page of this disk, or an address, on a screen (width, height, touch), with the colour scheme a person
+        prefers."""
         width, height, touch = screen
         self.ask(
             "Emulation.setDeviceMetricsOverride",
@@ -102,7 +105,8 @@ class Chromium:
         self.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.told = []
         self.ask("Page.navigate", url="about:blank")  # else a change behind # alone would not load anew
-        self.ask("Page.navigate", url=path.resolve().as_uri() + at)
+        address = path.resolve().as_uri() if isinstance(path, Path) else path
+        self.ask("Page.navigate", url=address + at)
         while self._next().get("method") != "Page.loadEventFired":
             pass
         self.rest_a_frame()

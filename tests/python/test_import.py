@@ -6,7 +6,7 @@ from pathlib import Path
 
 HEAVY = (
     "scipy", "matplotlib", "xarray", "pandas", "pyarrow", "h5py", "h5netcdf", "zarr", "tqdm", "yaml", "mujoco",
-    "jsonschema", "multiprocessing",
+    "jsonschema", "multiprocessing", "viser",
 )  # fmt: skip
 
 

@@ -188,7 +188,9 @@ def test_site_is_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             assert (page.parent / link).exists(), (page.name, link)
         for link in re.findall(r'(?:src|href)="\.\./(live|files)/([^"]+)"', text_of(page)):
             assert tmp_path.joinpath("_extra", *link).exists(), link
-    assert {path.stem for path in (tmp_path / "_extra" / "live").iterdir()} == set(shown)
+    animated = {path.stem for path in (tmp_path / "_extra" / "live").iterdir()}
+    guide = {page.replace("/", "-") for page in in_sidebar if page.startswith("guide/")}
+    assert animated == {*shown, "index", *guide} and not any("<!-- live" in text_of(p) for p in tmp_path.rglob("*.md"))
     assert len(list((tmp_path / "notebooks").glob("*.svg"))) >= len(NOTEBOOKS)
 
 

@@ -149,7 +149,7 @@ def test_the_certificate_says_who_and_when() -> None:
     assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.misfit == 0.0
     assert run.reactions["residuals"].shape == (21, 3)
     said = str(found)
-    assert f"{found.worst_body} at t = " in said and "rank              2, margin" in said
+    assert f"{found.worst_body} at t = " in said and "loops' rank       2; margin" in said
 
 
 def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:

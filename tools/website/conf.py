@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 project = "Partita"
@@ -24,6 +25,7 @@ myst_dmath_double_inline = True
 html_theme = "furo"
 html_title = "Partita"
 html_static_path = ["_static"]
+html_favicon = "_static/favicon.svg"
 html_css_files = ["partita.css"]
 html_extra_path = ["_extra"]
 html_show_sphinx = False
@@ -35,6 +37,7 @@ html_theme_options = {
     "dark_css_variables": {"color-brand-primary": "#7cc4f2", "color-brand-content": "#7cc4f2"},
 }
 html_math_renderer = "mathml"
+html_search_scorer = str(Path(__file__).with_name("scorer.js"))
 pygments_style = "default"
 pygments_dark_style = "github-dark"
 
@@ -44,6 +47,8 @@ default_role = "code"  # docstrings write code between single backticks
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+# What people may give or get in a word; spelt out it would be half a page.
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Array", "FloatArray", "Points")}
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
@@ -95,8 +100,18 @@ def signature(app: Any, what: str, name: str, *rest: Any) -> tuple[str, None] | 
     return ("", None) if hidden else None
 
 
+# Ways in for the package itself; nobody calls them.
+_INSIDE = ("from_run", "from_core", "from_account")
+
+
+def skipped(app: Any, what: str, name: str, obj: object, skip: bool, options: Any) -> bool | None:
+    """Whether a member is left out; None: as usual."""
+    return True if name in _INSIDE else None
+
+
 def setup(app: Any) -> None:
     """Docstrings before and after napoleon reads them, and signatures."""
+    app.connect("autodoc-skip-member", skipped)
     app.connect("autodoc-process-docstring", plain, priority=400)
     app.connect("autodoc-process-docstring", hide, priority=410)
     app.connect("autodoc-process-docstring", show, priority=600)

@@ -11,6 +11,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from partita.viewer import LiveView
+
 NOTE = "<!-- made from {name}.ipynb -->"
 
 
@@ -78,6 +80,8 @@ def page(path: Path, figures: Path) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, LiveView):
+        return "*Here stands the live view, for as long as the notebook runs.*"
     if callable(getattr(value, "_repr_html_", None)):
         return f'<div class="shown table-wrapper">{" ".join(value._repr_html_().split())}</div>'
     return f"```output\n{value!r}\n```"

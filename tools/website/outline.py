@@ -19,6 +19,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "notebooks/engine-loads",
         "notebooks/choice-of-coordinates",
         "notebooks/design-sweep",
+        "notebooks/live-view",
     ),
     "Gallery": ("gallery/index",),
     "In depth": (
@@ -173,6 +174,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "plots.plot_reactions",
             "viewer.html",
             "viewer.write_html",
+            "viewer.LiveView",
         ),
     ),
     "units": ("Units", "Constants and conversion.", ("units.convert",)),

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import os
+import re
 import shutil
 from collections.abc import Callable, Iterable
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from partita import catalogue
 
 from . import gallery, notebooks
 from .outline import PARTS, REFERENCE
@@ -13,7 +21,7 @@ from .outline import PARTS, REFERENCE
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 
-STYLE = "partita.css"
+STYLE, SIGN = "partita.css", "favicon.svg"
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
 
@@ -36,8 +44,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(page, target)
-    for name in ("conf.py", STYLE):
-        target = folder / ("_static" if name == STYLE else ".") / name
+    for name in ("conf.py", "scorer.js", STYLE, SIGN):
+        target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(HERE / name, target)
     for notebook in sorted((DOCS / "notebooks").glob("*.ipynb")):
@@ -46,10 +54,52 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         files.mkdir(parents=True, exist_ok=True)
         (beside / f"{notebook.stem}.md").write_text(notebooks.page(notebook, beside), encoding="utf-8")
         shutil.copy(notebook, files)
+    animate(folder)
     reference(folder / "reference")
     gallery.build(folder / "gallery", folder / "_extra" / "live", only)
     draw(folder)
     contents(folder)
+
+
+# Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
+LIVE = re.compile(r"^<!-- live: ([\w-]+) -->$", flags=re.MULTILINE)
+CODE = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+
+
+def animate(folder: Path) -> None:
+    """Animated pages in the places that ask for them."""
+    pages = folder / "_extra" / "live"
+    pages.mkdir(parents=True, exist_ok=True)
+    for page in sorted(folder.rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if not LIVE.search(text):
+            continue
+        name = page.relative_to(folder).with_suffix("").as_posix().replace("/", "-")
+        up = "../" * (len(page.relative_to(folder).parts) - 1)
+
+        def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
+            run = ran(text[: mark.start()])["run"] if mark[1] == "run" else catalogue.entry(mark[1]).simulate()
+            run.to_html(pages / f"{name}.html")
+            return (
+                f'<iframe class="live" src="{up}live/{name}.html" title="the mechanism of this page in motion" '
+                f'loading="lazy"></iframe>\n<p><a href="{up}live/{name}.html">The animated page alone</a></p>'
+            )
+
+        page.write_text(LIVE.sub(shown, text), encoding="utf-8")
+
+
+def ran(text: str) -> dict[str, Any]:
+    """The names that the code of a page leaves, run in an empty folder."""
+    names: dict[str, Any] = {"__name__": "page"}
+    here = Path.cwd()
+    with TemporaryDirectory() as empty, redirect_stdout(StringIO()):
+        os.chdir(empty)
+        try:
+            for block in CODE.findall(text):
+                exec(compile(block, "page", "exec"), names)
+        finally:
+            os.chdir(here)
+    return names
 
 
 def contents(folder: Path) -> None:

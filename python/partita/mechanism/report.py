@@ -171,8 +171,8 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
     count = f"Gruebler's count is 6 x {bodies} - {rows} = {found['gruebler']}"
     if redundant:
         lines.append(
-            f"{count}; it takes all {rows} conditions of the joints for independent, of which {rank} are: the true "
-            f"number is larger by the {redundant} that {'is' if redundant == 1 else 'are'} redundant."
+            f"{count}. The true number is larger by {_count(redundant, 'redundant condition')} of the joints, which "
+            "the count takes for independent."
         )
     else:
         lines.append(f"{count}, which is the true number: all {rows} conditions of the joints are independent.")

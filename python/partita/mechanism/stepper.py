@@ -17,11 +17,14 @@ from ..numeric import floats, real, shown
 from ..results import Result
 from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
+from ..viewer.live import LiveView, Poses
 from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
 from .solve import start_of
 
 Array = NDArray[np.float64]
+
+_PLACES = {"body_position": (3,), "body_rotation": (3, 3)}
 
 
 def inputs(self: Modelled) -> tuple[str, ...]:
@@ -78,6 +81,7 @@ class Stepper:
         self._times: list[float] = [start.t]
         self._now: State | None = None
         self._here: Result | None = None
+        self._view: LiveView | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -162,6 +166,8 @@ class Stepper:
         if self._record:
             self._given.append(numbers.tolist())
             self._times.append(self.state.t)
+        if self._view is not None:
+            self._view.moved()
         return self.state
 
     def reset(self, initial: State | None = None) -> State:
@@ -181,7 +187,44 @@ class Stepper:
         self._core.begin(numbers, start.t, np.ascontiguousarray(start.q), np.ascontiguousarray(start.v))
         self._numbers, self._held, self._now, self._here = numbers, held, None, None
         self._given, self._times = [], [self.state.t]
+        if self._view is not None:
+            self._view.moved()
         return self.state
+
+    def show(self, *, shapes: Mapping[str, Any] | None = None, host: str = "127.0.0.1", port: int = 8080) -> LiveView:
+        """A page in the browser, or in the notebook, that follows the stepper; needs the extra `live` (viser).
+
+        Bodies and joints are drawn as on the animated page of a run. Steps are sent as they are made, at most 60 in a
+        second of the wall clock, and the last one always; a step costs some microseconds more. A second call ends the
+        first page.
+
+        Args:
+            shapes: solids in the place of what is guessed, as `partita.viewer.html` takes them.
+            host: who may look: "127.0.0.1" this machine alone, "0.0.0.0" everybody in the network.
+            port: where it is served; one in use is passed over to the next that is free, and 0 is any that is free.
+
+        Raises:
+            MissingDependencyError: viser is not installed. ArgumentError, UnknownNameError: host, port or a shape is
+                not as said, or there is no such body.
+
+        >>> import partita as pt
+        >>> sim = pt.catalogue.load("four-bar").stepper(1e-3)
+        >>> with sim.show() as view:                                  # doctest: +SKIP
+        ...     print(view.url)
+        ...     for _ in range(1000):
+        ...         state = sim.step()
+        """
+        if self._view is not None:
+            self._view.close()
+        at = self._told(*self._core.here(), self.time)
+        self._view = LiveView(at, self._poses, shapes, host, port)
+        return self._view
+
+    def _poses(self) -> Poses:
+        now = self.state
+        count = len(self._model.summary["bodies"])
+        found = self._model.core.bodies(np.array([now.t]), now.q[None], now.v[None], list(range(count)))
+        return Poses(now.t, *(found[key].reshape(count, *size) for key, size in _PLACES.items()))
 
     def result(self) -> Result:
         """All steps since the start or the last `reset` as a `Result`: its outputs are the steps, reactions and sensors

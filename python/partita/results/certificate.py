@@ -90,27 +90,34 @@ class Certificate:
 
     def __str__(self) -> str:
         told = [
-            f"verdict           {self.verdict}",
+            _line("verdict", self.verdict),
             *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
-            f"closure           {_shown(self.closure)}{_who(self.closure_row, self.closure_t)}",
-            f"velocity closure  {_shown(self.velocity_closure)}",
-            f"accelerations     {_shown(self.acceleration_closure)}{_who(self.acceleration_row, self.acceleration_t)}",
-            f"energy balance    {_shown(self.energy_balance)}  (relative to the energy exchanged)",
-            f"Newton-Euler      {_shown(self.newton_euler)}  (residual over the largest force"
-            f"{_who(self.worst_body, self.worst_body_t, ', ')})",
-            *(
-                [f"rank              {_ranks(self.rank)}, margin {_placed(self.margin, self.margin_t)}"]
-                * bool(self.rank)
+            _line("loops open by", f"{_shown(self.closure)} m or rad{_who(self.closure_row, self.closure_t)}"),
+            _line("rates off by", f"{_shown(self.velocity_closure)} m/s or rad/s"),
+            _line(
+                "accelerations",
+                f"{_shown(self.acceleration_closure)}{_who(self.acceleration_row, self.acceleration_t)}",
             ),
-            f"smallest sigma    {_placed(self.sigma, self.sigma_t)}",
-            f"smallest sqrt(mu) {_placed(self.sqrt_mu, self.sqrt_mu_t)}",
-            *([f"drawing misfit    {_shown(self.misfit)}  (bridged by the drawing tolerance)"] if self.misfit else []),
-            f"switches          {self.switches}",
-            f"corrections       {self.corrections}",
-        ]
-        notes = [f"note: {_cut(note)}" for note in self.notes[:NOTES]]
-        if len(self.notes) > NOTES:
-            notes.append(f"note: and {len(self.notes) - NOTES} more in certificate.notes")
+            _line("energy balance", f"{_shown(self.energy_balance)} of the energy exchanged"),
+            _line("Newton-Euler", f"{_shown(self.newton_euler)} of the largest force"
+                                  f"{_who(self.worst_body, self.worst_body_t)}"),
+            *(
+                [_line("drawing misfit", f"{_shown(self.misfit)} (bridged by the drawing tolerance)")]
+                * bool(self.misfit)
+            ),
+            *(
+                [_line("loops' rank", f"{_ranks(self.rank)}; margin to losing one "
+                                            f"{_placed(self.margin, self.margin_t)}")] * bool(self.rank)
+            ),
+            _line("coordinates", "all, since there are no constraints" if np.isnan(self.sigma) else
+                  f"quality at worst: sigma {_placed(self.sigma, self.sigma_t)}, sqrt(mu) "
+                  f"{_placed(self.sqrt_mu, self.sqrt_mu_t)} (1 is best, 0 singular)"),
+            _line("exchanged", f"{self.switches} times; {self.corrections} steps closed anew"),
+        ]  # fmt: skip
+        kept = _grouped(self.notes)
+        notes = [f"note: {_cut(note)}" for note in kept[:NOTES]]
+        if len(kept) > NOTES:
+            notes.append(f"note: and {len(kept) - NOTES} more in certificate.notes")
         return "\n".join([*told, *notes])
 
     def _repr_html_(self) -> str:
@@ -201,6 +208,23 @@ def _of_bodies(result: Readable) -> dict[str, Any]:
     return {"bodies": bodies, "worst_body": worst[0], "worst_body_t": worst[2]}
 
 
+def _line(name: str, words: str) -> str:
+    return f"{name:18}{words}"
+
+
+def _grouped(notes: tuple[str, ...]) -> list[str]:
+    """Notes with the redundant conditions told once: those of one loop, and how many others there are like them."""
+    rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
+    if not rows:
+        return list(notes)
+    rest = [
+        note for note in notes if note not in rows and "closing rows say nothing that the others do not" not in note
+    ]
+    others = len(rows) - 1
+    more = [f"and the like of {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
+    return [rows[0], *more, *rest]
+
+
 def _largest(values: NDArray[np.float64]) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
@@ -217,8 +241,8 @@ def _shown(value: float | None) -> str:
     return "not known" if value is None else f"{value:.2e}"
 
 
-def _who(name: str | None, t: float, before: str = "  ") -> str:
-    return "" if name is None else f"{before}{name} at t = {t:.6g} s"
+def _who(name: str | None, t: float) -> str:
+    return "" if name is None else f" ({name} at t = {t:.6g} s)"
 
 
 def _ranks(ranks: tuple[int, ...]) -> str:
@@ -231,4 +255,4 @@ def _cut(note: str) -> str:
 
 
 def _placed(value: float, t: float) -> str:
-    return "none (no constraints)" if np.isnan(value) else f"{value:.2e} at t = {t:.6g} s"
+    return "not known" if np.isnan(value) else f"{value:.2e} at t = {t:.6g} s"

@@ -5,13 +5,14 @@ mechanism in 3-D (drag to turn, wheel to zoom), the reaction of every joint as a
 measure of every coordinate as a bar that moves with time, the independent ones marked.
 
 Rooms: `scene` says what is to be drawn, `geometry` how bodies look and from where they are seen, `packing`
-thins and stores the arrays, `page` puts the page together. The drawing itself is plain JavaScript beside
-these files: `data`, `camera`, `shapes`, `extent`, `legends`, `scene`, `panel`, `player`, inlined in that
-order.
+thins and stores the arrays, `page` puts the page together; `live` shows a stepper in viser. The drawing itself is
+plain JavaScript beside these files: `data`, `camera`, `shapes`, `extent`, `legends`, `scene`, `panel`, `player`,
+inlined in that order.
 """
 
 from __future__ import annotations
 
+from .live import LiveView
 from .page import html, write_html
 
-__all__ = ["html", "write_html"]
+__all__ = ["html", "write_html", "LiveView"]

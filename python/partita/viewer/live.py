@@ -1,0 +1,327 @@
+"""A mechanism in a browser while it moves, drawn by viser: bodies are frames, and a frame is all that is sent anew."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from io import StringIO
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError
+from ..extras import extra
+from ..numeric import shown
+from ..readable import Readable
+from .hints import solids
+from .scene import describe
+
+FloatArray = NDArray[np.float64]
+
+RATE = 60.0
+"""Pictures in a second of the wall clock; steps between two of them are not sent."""
+SLENDER = 0.012
+"""Radius of a rod over the size of the mechanism."""
+HUES = ((47, 127, 184), (210, 105, 30), (61, 154, 80), (181, 72, 126), (138, 111, 201), (165, 138, 31))
+PIN, HELD, PALE = (240, 240, 240), (60, 60, 60), (150, 150, 150)
+AWAY = 1.5
+"""How far the eye is from the middle of the mechanism, over its size."""
+
+
+class Poses(NamedTuple):
+    """Where all bodies are at an instant."""
+
+    t: float
+    position: FloatArray  # (nb, 3)
+    rotation: FloatArray  # (nb, 3, 3)
+
+
+class LiveView:
+    """A page that follows a stepper, made by `Stepper.show`. In a notebook it shows itself; elsewhere open its `url`.
+
+    It is served by this process as long as the process lives or until `close`; `with sim.show() as view:` closes it.
+    """
+
+    def __init__(self, at: Readable, now: Callable[[], Poses], shapes: Any, host: str, port: int) -> None:
+        viser = extra("viser", "live", "a live view")
+        _checked(host, port)
+        bodies = list(at.names.bodies)
+        chosen = solids(shapes, bodies)
+        drawn = describe(at, None, chosen)
+        self._now, self._lock = now, threading.Lock()
+        self._wanted, self._busy, self._closed = False, False, False
+        self._last, self._sent = -np.inf, 0
+        with redirect_stdout(StringIO()):  # it greets and takes leave in a frame of its own
+            self._server = viser.ViserServer(host=host, port=int(port), label=drawn["title"], verbose=False)
+        self._host = host
+        self._scene = _Drawing(self._server, drawn, chosen, _middle(at))
+        self._send()
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it; the port is the next free one from that asked for."""
+        host = "localhost" if self._host in ("127.0.0.1", "0.0.0.0", "::") else self._host
+        return f"http://{host}:{self._server.get_port()}"
+
+    @property
+    def time(self) -> float:
+        """Time that is shown [s]."""
+        return self._scene.time
+
+    @property
+    def poses(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """What is shown: of each body its position [m] and its attitude, a quaternion, scalar first."""
+        return self._scene.poses()
+
+    @property
+    def sent(self) -> int:
+        """How many pictures were sent."""
+        return self._sent
+
+    def update(self) -> None:
+        """Show where the stepper stands now. `step` and `reset` see to it themselves, up to 60 times in a second."""
+        if not self._closed:
+            self._send()
+
+    def close(self) -> None:
+        """End the page; the stepper goes on."""
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                with redirect_stdout(StringIO()):
+                    self._server.stop()
+
+    def moved(self) -> None:
+        """The stepper has moved on: now, or as soon as the next picture is due, show it."""
+        with self._lock:
+            if self._closed or self._busy:
+                self._wanted = True
+                return
+            left = self._last + 1.0 / RATE - monotonic()
+            if left > 0.0:
+                # What was sent is younger than a picture: the last step of a burst is shown when its turn comes.
+                self._busy, self._wanted = True, False
+                later = threading.Timer(left, self._due)
+                later.daemon = True
+                later.start()
+                return
+        self._send()
+
+    def _due(self) -> None:
+        with self._lock:
+            self._busy = False
+        self.update()
+
+    def _send(self) -> None:
+        poses = self._now()
+        with self._lock:
+            if self._closed:
+                return
+            self._last, self._sent = monotonic(), self._sent + 1
+            self._scene.put(poses)
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self.close()
+
+    def _repr_html_(self) -> str:
+        """The page in a frame."""
+        return (
+            f'<iframe src="{self.url}" style="width:100%;height:480px;border:1px solid #8888" '
+            f'title="live view"></iframe><p><a href="{self.url}" target="_blank">{self.url}</a></p>'
+        )
+
+    def __repr__(self) -> str:
+        where = "closed" if self._closed else self.url
+        return f"<live view at {where}, t = {self.time:g} s>"
+
+
+class _Drawing:
+    """What stands in the scene of the server, and how it moves."""
+
+    def __init__(
+        self, server: Any, drawn: Mapping[str, Any], chosen: Mapping[int, list[dict[str, Any]]], middle: FloatArray
+    ) -> None:
+        self._server, self._scene = server, server.scene
+        self._size = float(drawn["size"])
+        self._thick = SLENDER * self._size
+        self.time = 0.0
+        self._names = [str(body["name"]) for body in drawn["bodies"]]
+        self._frames = [
+            self._scene.add_frame(f"/bodies/{number} {_plain(name)}", show_axes=False)
+            for number, name in enumerate(self._names)
+        ]
+        for number, body in enumerate(drawn["bodies"]):
+            if number not in chosen:
+                self._body(number, body)
+        for number, parts in chosen.items():
+            for i, part in enumerate(parts):
+                self._solid(f"{self._room(number)}/solid {i}", part, HUES[number % len(HUES)] if number >= 0 else PALE)
+        for joint in drawn["joints"]:
+            self._joint(joint)
+        self._springs = [(spring, self._spring(i, spring)) for i, spring in enumerate(drawn["springs"])]
+        self._clock = server.gui.add_text("t [s]", initial_value="0", disabled=True)
+        self._look(drawn["view"], middle)
+
+    def put(self, poses: Poses) -> None:
+        """Move everything; what did not move is not sent."""
+        self.time = poses.t
+        turns = _quaternions(poses.rotation)
+        with self._server.atomic():
+            for frame, position, turn in zip(self._frames, poses.position, turns, strict=True):
+                frame.position, frame.wxyz = position, turn
+            for spring, line in self._springs:
+                line.points = np.array([[_end(spring, end, poses) for end in (1, 2)]], dtype=np.float32)
+            self._clock.value = f"{poses.t:.3f}"
+
+    def poses(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        return {
+            name: (np.array(frame.position, dtype=float), np.array(frame.wxyz, dtype=float))
+            for name, frame in zip(self._names, self._frames, strict=True)
+        }
+
+    def _room(self, body: int) -> str:
+        return f"/bodies/{body} {_plain(self._names[body])}" if body >= 0 else "/ground"
+
+    def _body(self, number: int, body: Mapping[str, Any]) -> None:
+        room, colour, points = self._room(number), HUES[number % len(HUES)], np.array(body["points"], dtype=float)
+        if body["kind"] == "plate":
+            fan = np.array([(0, i, i + 1) for i in range(1, len(points) - 1)])
+            self._scene.add_mesh_simple(f"{room}/plate", points, fan, color=colour, opacity=0.5, side="double")
+            for i, point in enumerate(points):
+                self._rod(f"{room}/edge {i}", point, points[(i + 1) % len(points)], colour)
+        elif len(points) == 1:
+            self._ball(f"{room}/ball", points[0], 3.0 * self._thick, colour)
+        elif body["kind"] == "rod":
+            self._rod(f"{room}/rod", points[0], points[1], colour)
+        else:
+            for i, point in enumerate(points[1:]):
+                self._rod(f"{room}/ray {i}", points[0], point, colour)
+            if body["kind"] == "hammer":
+                self._ball(f"{room}/head", points[1], 3.0 * self._thick, colour)
+
+    def _joint(self, joint: Mapping[str, Any]) -> None:
+        """A pin where the joint is, a ball where it has no axis; those of the ground are dark. Slides have a rail."""
+        kind, parent, child = joint["kind"], int(joint["parent"]), int(joint["child"])
+        if kind == "free":
+            return
+        name, colour = _plain(joint["name"]), HELD if parent < 0 or child < 0 else PIN
+        if kind == "revolute" and joint["axis"] is not None and joint["atParent"] is not None:
+            at, half = np.array(joint["atParent"]), 3.0 * self._thick * np.array(joint["axis"])
+            self._rod(f"{self._room(parent)}/{name}", at - half, at + half, colour, 1.7 * self._thick)
+        else:
+            self._ball(f"{self._room(child)}/{name}", np.array(joint["at"], dtype=float), 1.9 * self._thick, colour)
+        if joint["rail"] is not None:
+            start, end = np.array(joint["rail"], dtype=float)
+            self._rod(f"{self._room(parent)}/rail {name}", start, end, HELD, 0.4 * self._thick)
+
+    def _spring(self, number: int, spring: Mapping[str, Any]) -> Any:
+        return self._scene.add_line_segments(
+            f"/springs/{number} {_plain(spring['name'])}", np.zeros((1, 2, 3), dtype=np.float32), (200, 60, 60),
+            thickness=self._thick,
+        )  # fmt: skip
+
+    def _solid(self, name: str, part: Mapping[str, Any], colour: tuple[int, int, int]) -> None:
+        if part["kind"] == "rod":
+            self._rod(name, np.array(part["start"]), np.array(part["end"]), colour)
+        elif part["kind"] == "plate":
+            points = np.array(part["points"], dtype=float)
+            fan = np.array([(0, i, i + 1) for i in range(1, len(points) - 1)])
+            self._scene.add_mesh_simple(name, points, fan, color=colour, side="double")
+        elif part["kind"] == "ball":
+            self._ball(name, np.array(part["center"]), part["radius"], colour)
+        elif part["kind"] == "box":
+            self._scene.add_box(name, color=colour, dimensions=tuple(part["size"]), position=tuple(part["center"]))
+        else:
+            half = 0.5 * part["length"] * np.array(part["axis"], dtype=float)
+            middle = np.array(part["center"], dtype=float)
+            self._rod(name, middle - half, middle + half, colour, part["radius"])
+
+    def _ball(self, name: str, at: FloatArray, radius: float, colour: tuple[int, int, int]) -> None:
+        self._scene.add_icosphere(name, radius=radius, color=colour, position=tuple(at))
+
+    def _rod(
+        self, name: str, start: FloatArray, end: FloatArray, colour: tuple[int, int, int], radius: float | None = None
+    ) -> None:
+        along = end - start
+        self._scene.add_cylinder(
+            name,
+            radius=radius or self._thick,
+            height=float(np.linalg.norm(along)),
+            color=colour,
+            radial_segments=16,
+            position=tuple(0.5 * (start + end)),
+            wxyz=tuple(_from_z(along)),
+        )
+
+    def _look(self, view: Mapping[str, Any], middle: FloatArray) -> None:
+        """From where the animated page of a run looks as well."""
+        right, up, back = (np.array(view[key], dtype=float) for key in ("right", "up", "back"))
+        azimuth, elevation = float(view["azimuth"]), float(view["elevation"])
+        towards = np.cos(elevation) * (np.cos(azimuth) * back + np.sin(azimuth) * right) + np.sin(elevation) * up
+        self._scene.set_up_direction(tuple(up))
+        camera = self._server.initial_camera
+        camera.look_at, camera.up = tuple(middle), tuple(up)
+        camera.position = tuple(middle + AWAY * self._size * towards)
+
+
+def _checked(host: Any, port: Any) -> None:
+    """Refuse what no page can be served from: the server would wait for it without an end."""
+    if not isinstance(host, str) or not host:
+        raise ArgumentError(f'host is {shown(host)}; it must be a name such as "127.0.0.1"', argument="host")
+    if isinstance(port, bool) or not isinstance(port, int | np.integer) or not 0 <= port <= 65535:
+        raise ArgumentError(f"port is {shown(port)}; it must be an integer, 0 to 65535", argument="port")
+    try:
+        socket.create_server((host, 0)).close()
+    except (OSError, UnicodeError) as error:
+        raise ArgumentError(
+            f'host is "{host}", which is no address of this machine ({error}); "127.0.0.1" is always one',
+            argument="host",
+        ) from error
+
+
+def _end(spring: Mapping[str, Any], end: int, poses: Poses) -> FloatArray:
+    body, point = int(spring[f"body{end}"]), np.array(spring[f"point{end}"], dtype=float)
+    return point if body < 0 else poses.position[body] + poses.rotation[body] @ point
+
+
+def _middle(at: Readable) -> FloatArray:
+    """The middle of the box around bodies and joints."""
+    places = [at.body(name).position[0] for name in at.names.bodies]
+    places += [at.joint(name).point[0] for name in at.names.joints]
+    found = np.array(places, dtype=float).reshape(-1, 3)
+    found = found[np.isfinite(found).all(axis=1)]
+    middle: FloatArray = 0.5 * (found.min(axis=0) + found.max(axis=0)) if len(found) else np.zeros(3)
+    return middle
+
+
+def _plain(name: str) -> str:
+    """A name as one step of a path."""
+    return str(name).replace("/", "|")
+
+
+def _from_z(along: FloatArray) -> FloatArray:
+    """The quaternion that turns z into a direction, scalar first."""
+    length = float(np.linalg.norm(along))
+    x, y, z = along / length if length > 0.0 else (0.0, 0.0, 1.0)
+    if z < -1.0 + 1e-12:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    quaternion = np.array([1.0 + z, -y, x, 0.0])
+    turned: FloatArray = quaternion / np.linalg.norm(quaternion)
+    return turned
+
+
+def _quaternions(rotation: FloatArray) -> FloatArray:
+    """Rotations (nb, 3, 3) as quaternions, scalar first."""
+    if not len(rotation):
+        return np.empty((0, 4))
+    from scipy.spatial.transform import Rotation  # takes longer to import than all of Partita
+
+    turns: FloatArray = Rotation.from_matrix(rotation).as_quat()
+    return turns[:, [3, 0, 1, 2]]

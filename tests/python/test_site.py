@@ -1,0 +1,67 @@
+"""What is asked of the pages of the site finds what is wrong with them; `make docs` asks it of all of them."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import chromium
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+from website import seen
+
+pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium here")
+
+LONG = "word " * 60
+TOWER = f'<td style="max-width: 20px; overflow-wrap: anywhere">{LONG}</td>'
+FAULTS = {
+    '<div style="width: 900px">wide</div>': "px wide on a screen of 390",
+    f'<table><tr><td style="white-space: nowrap">{LONG}</td></tr></table>': "is cut at the right",
+    f'<div style="overflow: hidden"><p style="white-space: nowrap">{LONG}</p></div>': "hides",
+    f'<div style="overflow: auto"><table><tr>{TOWER}</tr></table></div>': "px high",
+    '<span class="math">\\frac12</span>': "is no drawn formula",
+    '<span class="math"><math><merror><mtext>?</mtext></merror></math></span>': "has an error in it",
+    "<p>the angle $$\\mathbf x$$</p>": "raw LaTeX",
+    '<div class="highlight-python"><pre>x = 1</pre></div>': "no button to copy",
+    "<section><h2>Nothing</h2></section>": "nothing under the heading",
+    '<p style="color: #aaa">pale</p>': "has a contrast of",
+    '<img src="none.png">': "is not there",
+}
+SOUND = """<section><h2>Sound</h2><p>Words.</p>
+<div style="overflow-x: auto"><table><tr><td style="white-space: nowrap">{long}</td></tr></table></div>
+<p><span class="math"><math><mi>x</mi></math></span></p></section>"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium.Chromium() as opened:
+        yield opened
+
+
+def said(browser: Any, folder: Path, body: str) -> list[str]:
+    page = folder / "page.html"
+    head = '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>page</title>'
+    page.write_text(f'{head}<body style="background: #fff; color: #000"><article>{body}</article>', "utf-8")
+    browser.open(page, chromium.PHONE)
+    return [str(word) for word in browser.value(seen.QUESTIONS)]
+
+
+def test_each_fault_is_found_and_none_where_none_is(browser: Any, tmp_path: Path) -> None:
+    assert said(browser, tmp_path, SOUND.format(long=LONG)) == []
+    for body, wanted in FAULTS.items():
+        found = said(browser, tmp_path, body)
+        assert any(wanted in word for word in found), (body, found)
+
+
+def test_a_site_is_searched_where_it_stands(browser: Any, tmp_path: Path) -> None:
+    """A page of results: those that come first are told in their order, with their places."""
+    links = [f'<li><a href="reference/{page}.html?highlight=x#partita.{page}">{page}</a></li>' for page in "abc"]
+    (tmp_path / "search.html").write_text(
+        f'<div id="search-results"><p>3 pages found</p><ul>{"".join(links)}</ul></div>', "utf-8"
+    )
+    with seen.served(tmp_path) as address:
+        assert seen.results(browser, address, "x")[0] == "reference/a.html#partita.a"
+        told = seen._search(browser, address, "x", "reference/d.html")
+        assert told and "before reference/d.html" in told[0]
+        assert seen._search(browser, address, "x", "reference/c.html#partita.c") == []
