@@ -9,6 +9,7 @@ class Camera {
     this.width = this.height = 1;
     this.scale = 1; // pixels per metre at the target
     this.target = [0, 0, 0];
+    this.origin = [0, 0, 0]; // what the target is told from: a place that moves, where the camera follows
     this.turnTo(view.azimuth, view.elevation);
   }
 
@@ -68,7 +69,7 @@ class Camera {
 
   /** Picture of a point: x, y in pixels, z towards the viewer [m], s pixels per metre there; null behind the eye. */
   project(p) {
-    const v = sub(p, this.target), z = dot(v, this.back);
+    const v = sub(sub(p, this.origin), this.target), z = dot(v, this.back);
     let s = this.scale;
     if (!this.parallel) {
       const d = this.distance;
@@ -80,7 +81,7 @@ class Camera {
 
   /** Direction from a point to the eye. */
   toEye(p) {
-    return this.parallel ? this.back : unit(sub(add(this.target, scaled(this.back, this.distance)), p));
+    return this.parallel ? this.back : unit(sub(add(add(this.origin, this.target), scaled(this.back, this.distance)), p));
   }
 
   move(dx, dy) {

@@ -64,6 +64,12 @@ class Run {
     return this.placed(frame, child, at);
   }
 
+  /** Where a joint is drawn: in its point, or further along its axis. */
+  seatOf(frame, joint) {
+    const { child, seat } = this.scene.joints[joint];
+    return seat ? this.placed(frame, child, seat) : this.jointPoint(frame, joint);
+  }
+
   /** Indices of the independent velocities in a frame. */
   independent(frame) {
     let now = [];

@@ -123,6 +123,9 @@ function bindTools() {
     byId(name).checked = scene.options[name];
     byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; redraw(); });
   }
+  byId("follow").checked = scene.options.follow;
+  byId("follow").parentElement.hidden = !scene.near;
+  byId("follow").addEventListener("change", (e) => { scene.options.follow = e.target.checked; scene.resetView(); redraw(); });
   byId("loads").parentElement.hidden = !run.scene.loads.length;
   byId("arrows").addEventListener("input", (e) => {
     scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
