@@ -254,10 +254,13 @@ function start() {
     byId("warning").textContent = s.warning;
     byId("warning").hidden = false;
   }
+  const notes = [];
   if (s.frames < s.outputs) {
-    byId("note").textContent =
-      `${s.frames} of ${s.outputs} computed outputs are kept in this page, evenly chosen, to keep the file small.`;
+    notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
+      + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
+  if (s.coarse) notes.push("Numbers are kept to 1/65 000 of the range of each curve.");
+  byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
   fillSpeeds();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 SLIDING = ("prismatic", "cylindrical", "screw")
 MOST_SWITCHES = 2000
+MOST_TOLD = 400
+"""Exchanges that are told in words; of more, the times are marked."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +51,12 @@ def describe(
     spec = result.spec or {}
     motion = _motion(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
-    places = {
+    coordinates = {
         name: np.asarray(result.joint(name).position)[:, 0]
         for name in result.names.joints
         if spec.get("couplings") and np.asarray(result.joint(name).position).shape[1:] == (1,)
     }
-    drawn_couplings = pictures(spec, list(result.names.bodies), list(result.names.joints), places, motion.size)
+    drawn_couplings = pictures(spec, list(result.names.bodies), list(result.names.joints), coordinates, motion.size)
     _seats(spec, motion, joints)
     bodies = _bodies(result, spec, motion, joints, drawn_couplings)
     guessed = _solids(spec, motion, bodies, joints, drawn_couplings)
@@ -61,15 +64,13 @@ def describe(
         joint["open"] = loads_open(result, name)
     drawn, first, plotted = curves(result)
     loads, pushed = _loads(result)
-    tables, frames = pack_tables(_tables(result, motion) | plotted | pushed)
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
     seen = _view(spec, motion, joints, planar)
-    return {
+    scene = {
         "title": title or str(summary.get("name") or "") or "mechanism",
         "warning": "" if result.success else f"The run stopped early: {result.message}",
         "outputs": len(result.t),
-        "frames": len(frames),
         "planar": planar,
         "size": motion.size,
         "flat": planar and not (seen["azimuth"] or seen["elevation"]),
@@ -88,12 +89,21 @@ def describe(
         "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
-        "independent": _choices(np.asarray(result.independent)[frames]),
-        "switches": switches[:MOST_SWITCHES],
+        "switches": switches,
         "switchCount": len(switches),
         "curves": drawn,
         "firstCurves": first,
-        "tables": tables,
+    }
+    choices = _choices(np.asarray(result.independent))
+    others = len(json.dumps([scene, choices], separators=(",", ":")))
+    places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
+    packed = pack_tables(_tables(result, motion) | plotted | pushed, others, places)
+    return scene | {
+        "frames": len(packed.frames),
+        "coarse": packed.coarse,
+        "strays": packed.strays / motion.size,
+        "independent": _choices(np.asarray(result.independent)[packed.frames]),
+        "tables": packed.tables,
     }
 
 
@@ -391,10 +401,8 @@ def _choices(independent: NDArray[Any]) -> list[list[Any]]:
 def _switches(result: Readable) -> list[dict[str, Any]]:
     """The log of exchanges; the first choice of a run is not one."""
     changes = [change for change in result.partitions if change.entering or change.leaving]
-    return [
-        {"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
-        for c in changes
-    ]
+    return [{"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
+            for c in changes[:MOST_TOLD]] + [{"t": float(c.t)} for c in changes[MOST_TOLD:MOST_SWITCHES]]  # fmt: skip
 
 
 def _listed(axis: FloatArray | None) -> list[float] | None:
