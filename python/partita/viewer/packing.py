@@ -42,7 +42,8 @@ def pack_tables(tables: Mapping[str, FloatArray], others: int = 0, steering: Flo
     """Store tables (nt, columns), of equal nt, in single precision or, where that leaves few outputs, in two bytes.
 
     Columns that stay constant are stored once: a planar mechanism then costs half of a spatial one. `others` is the
-    size of all else in the page. First and last output are always kept; half of the others evenly by number, half where the columns of `steering` (nt, n) stray most from the straight way between those.
+    size of all else in the page. First and last output are always kept; half of the others evenly by number, half where
+    the columns of `steering` (nt, n) stray most from the straight way between those.
     """
     nt = len(next(iter(tables.values())))
     moving = {name: _moving(table) for name, table in tables.items()}
