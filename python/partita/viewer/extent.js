@@ -15,7 +15,10 @@ function findExtent(run, frames) {
       if (joint.rail) for (const p of joint.rail) points.push(run.placed(f, joint.parent, p));
     }
     for (const { body, parts } of s.solids) {
-      for (const part of parts) for (const p of cornersOf(part)) points.push(run.placed(f, body, p));
+      for (const part of parts) {
+        const corners = cornersOf(part), stride = Math.max(1, Math.ceil(corners.length / 50));
+        for (let i = 0; i < corners.length; i += stride) points.push(run.placed(f, body, corners[i]));
+      }
     }
     for (const wheel of s.wheels) {
       for (const p of cornersOf({ ...wheel, length: wheel.width, radius: 1.1 * wheel.radius })) points.push(run.placed(f, wheel.body, p));
@@ -67,6 +70,10 @@ function travelling(run, extent) {
 /** Points of a solid in body axes that hold it in the picture. */
 function cornersOf(part) {
   if (part.kind === "plate") return part.points;
+  if (part.kind === "mesh") {
+    if (!part.corners) part.corners = Array.from({ length: part.points.length / 3 }, (_, i) => part.points.slice(3 * i, 3 * i + 3));
+    return part.corners;
+  }
   if (part.kind === "rod") return [part.start, part.end];
   if (part.axis) { // round: the rims of both faces
     const u = perpendicular(part.axis), v = cross(part.axis, u), half = scaled(part.axis, (part.length || 0) / 2), rim = [];

@@ -260,6 +260,11 @@ function start() {
       + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
   if (s.coarse) notes.push("Numbers are kept to 1/65 000 of the range of each curve.");
+  const meshes = s.solids.flatMap(({ parts }) => parts.filter((part) => part.faces && part.faces.length < 3 * part.of));
+  if (meshes.length) {
+    const sum = (all) => all.reduce((a, b) => a + b, 0);
+    notes.push(`Meshes are drawn with ${sum(meshes.map((m) => m.faces.length / 3))} of ${sum(meshes.map((m) => m.of))} triangles.`);
+  }
   byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
@@ -289,6 +294,7 @@ window.partita = {
   covered: () => scene.covered,
   arrows: () => scene.shafts,
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
+  corners: () => findExtent(run, [frame, frame + 1]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
 };
 

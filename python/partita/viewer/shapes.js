@@ -25,6 +25,27 @@ class Painter {
     if (!Number.isNaN(z)) this.list.push({ z: Math.round(z / this.grain), draw });
   }
 
+  /** Triangles, three numbers of corners each, every one at its own depth. */
+  mesh(points, faces, colour) {
+    const { camera, c, grain } = this, seen = points.map((p) => camera.project(p));
+    const shades = Array.from({ length: 12 }, (_, i) => shade(colour, -0.35 + i * 0.06));
+    for (let i = 0; i < faces.length; i += 3) {
+      const a = points[faces[i]], b = points[faces[i + 1]], d = points[faces[i + 2]];
+      const p = seen[faces[i]], q = seen[faces[i + 1]], r = seen[faces[i + 2]];
+      if (!p || !q || !r) continue;
+      const light = Math.abs(dot(unit(cross(sub(b, a), sub(d, a))), camera.back));
+      const fill = shades[Math.min(11, Math.floor(12 * light))];
+      this.list.push({ z: (p.z + q.z + r.z) / 3 / grain, draw: () => {
+        c.beginPath();
+        c.moveTo(p.x, p.y); c.lineTo(q.x, q.y); c.lineTo(r.x, r.y);
+        c.closePath();
+        c.fillStyle = c.strokeStyle = fill; // the stroke closes the seams between neighbours
+        c.lineWidth = 0.7;
+        c.fill(); c.stroke();
+      } });
+    }
+  }
+
   paint() {
     this.list.sort((a, b) => a.z - b.z); // stable: equal depths keep the order of drawing
     for (const item of this.list) item.draw();
