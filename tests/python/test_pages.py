@@ -152,8 +152,37 @@ def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
     assert {"slide", "hub", "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1e4])
+def test_very_small_and_very_large_mechanisms_are_drawn(browser: Chromium, tmp_path: Path, scale: float) -> None:
+    """A four-bar of micrometres and one of kilometres look like one of metres, up to what is written."""
+    shots = []
+    for size in (1.0, scale):
+        m = pt.Mechanism("four-bar", gravity=(0, 0, 0))
+        corners = [(0.0, 0.0, 0.0), (0.3, 0.9, 0.0), (1.6, 1.3, 0.0), (2.0, 0.0, 0.0)]
+        a, b, c, d = ([size * x for x in corner] for corner in corners)
+        crank, coupler, rocker = (
+            m.add_rod(name, start=p, end=q, mass=1.0)
+            for name, p, q in (("crank", a, b), ("coupler", b, c), ("rocker", c, d))
+        )
+        pins = (
+            ("A", m.ground, crank, a),
+            ("B", crank, coupler, b),
+            ("C", coupler, rocker, c),
+            ("D", m.ground, rocker, d),
+        )
+        for name, one, other, point in pins:
+            m.add_revolute(name, one, other, point=point, axis=(0, 0, 1))
+        run = m.simulate(1.0, initial=m.assemble(rates={"A": 3.0}))
+        assert run.success
+        path = viewer.write_html(run, tmp_path / f"{size:g}.html", points={"P": (coupler, [0.5 * size, 0.2 * size, 0])})
+        assert faults(browser, path, fixed_bytes()) == []
+        browser.open(path)
+        shots.append(browser.value("partita.joints().map((p) => [p.x, p.y])"))
+    assert np.allclose(shots[0], shots[1], atol=0.5)
+
+
 def test_wheels_of_a_gear_touch_and_mesh() -> None:
-    """Pitch circles of all meshes touch, and where they do a tooth of one stands in a gap of the other, at all times."""
+    """Pitch circles of all meshes touch, and where they do a tooth of one stands in a gap of the other."""
     checked = 0
     for name in ("gear-pair", "planetary-gear"):
         run = run_of(name)

@@ -133,5 +133,5 @@ function isSparse(path, size) {
     if (la > 2e-3 * size && lb > 2e-3 * size) turns.push(dot(a, b) / (la * lb));
   }
   turns.sort((a, b) => a - b);
-  return turns.length > 10 && turns[turns.length >> 1] < 0.8;
+  return turns.length > 10 && turns[turns.length >> 1] < 0.94;
 }

@@ -45,8 +45,12 @@ def describe(
     title: str | None,
     solids: Mapping[int, list[dict[str, Any]]] | None = None,
     traced: Sequence[dict[str, Any]] = (),
+    packed: bool = True,
 ) -> dict[str, Any]:
-    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, packed arrays."""
+    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, arrays.
+
+    The arrays are thinned and text for a page or, not `packed`, all there is.
+    """
     summary = result.summary or {}
     spec = result.spec or {}
     motion = _motion(result)
@@ -94,16 +98,19 @@ def describe(
         "curves": drawn,
         "firstCurves": first,
     }
+    tables = _tables(result, motion) | pushed
+    if not packed:
+        return scene | {"tables": tables}
     choices = _choices(np.asarray(result.independent))
     others = len(json.dumps([scene, choices], separators=(",", ":")))
     places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
-    packed = pack_tables(_tables(result, motion) | plotted | pushed, others, places)
+    kept = pack_tables(tables | plotted, others, places)
     return scene | {
-        "frames": len(packed.frames),
-        "coarse": packed.coarse,
-        "strays": packed.strays / motion.size,
-        "independent": _choices(np.asarray(result.independent)[packed.frames]),
-        "tables": packed.tables,
+        "frames": len(kept.frames),
+        "coarse": kept.coarse,
+        "strays": kept.strays / motion.size,
+        "independent": _choices(np.asarray(result.independent)[kept.frames]),
+        "tables": kept.tables,
     }
 
 
