@@ -50,10 +50,12 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
 def _load_meshes(parts: list[dict[str, Any]]) -> None:
     """Put corners and triangles in the place of the files' names, fewer where all together are too many to draw."""
     whole = [load(part.pop("file")) for part in parts]
-    many = sum(len(faces) for _, faces in whole)
-    for part, (points, faces) in zip(parts, whole, strict=True):
-        most = max(FEWEST_TRIANGLES, int(MOST_TRIANGLES * len(faces) / max(1, many)))
-        corners, triangles = simplified(points, faces, most)
+    left, most = MOST_TRIANGLES, {}
+    for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):
+        most[n] = max(FEWEST_TRIANGLES, left // (len(whole) - count))  # what small ones do not take is for large ones
+        left -= min(most[n], len(whole[n][1]))
+    for n, (part, (points, faces)) in enumerate(zip(parts, whole, strict=True)):
+        corners, triangles = simplified(points, faces, most[n])
         placed = (corners * part.pop("scale")) @ np.array(part.pop("axes")) + part.pop("center")
         part |= {
             "points": [float(f"{x:.6g}") for x in placed.ravel()],
