@@ -22,6 +22,7 @@ from partita.errors import (
     MissingFileError,
     UnknownNameError,
 )
+from partita.viewer.film import save_film
 from partita.viewer.geometry import outline, view
 from partita.viewer.meshes import simplified
 from partita.viewer.packing import BYTES, FEWEST_FRAMES, LEVELS, MOST_FRAMES, pack_tables
@@ -591,7 +592,7 @@ def frames_of(path: Path) -> list[np.ndarray]:
 def test_a_film_shows_the_motion(tmp_path: Path) -> None:
     """So many pictures as asked, of that size; the crank is where the run says, in its colour."""
     fake = four_bar(nt=101)  # one turn of the crank in five seconds
-    path = viewer.save_film(fake, tmp_path / "film.gif", fps=4, size=(400, 300), forces=False)
+    path = save_film(fake, tmp_path / "film.gif", fps=4, size=(400, 300), forces=False)
     pictures = frames_of(path)
     assert len(pictures) == 20 and pictures[0].shape == (300, 400, 3)
     crank = [np.argwhere(np.abs(picture - (0x8F, 0xB0, 0xD0)).max(axis=2) < 10) for picture in pictures]
@@ -617,7 +618,7 @@ def test_a_film_of_every_kind_of_part(tmp_path: Path) -> None:
     ):
         entry = pt.catalogue.entry(name)
         run = entry.simulate(t_eval=np.linspace(0.0, entry.duration, 3))
-        path = viewer.save_film(run, tmp_path / f"{name}.gif", fps=1, speed=entry.duration / 2, size=(200, 150))
+        path = save_film(run, tmp_path / f"{name}.gif", fps=1, speed=entry.duration / 2, size=(200, 150))
         first = frames_of(path)[0]
         assert np.all(first[0, 0] == 255) and len(np.unique(first.reshape(-1, 3), axis=0)) > 20, name
         ink = np.argwhere(np.abs(first - 255).max(axis=2) > 40)
@@ -634,7 +635,7 @@ def test_solids_and_meshes_are_filmed(part: Path, tmp_path: Path) -> None:
         ],
     }
     points = {"P": ("coupler", (1, 1, 0))}
-    path = viewer.save_film(four_bar(), tmp_path / "s.gif", fps=1, size=(200, 150), shapes=shapes, points=points)
+    path = save_film(four_bar(), tmp_path / "s.gif", fps=1, size=(200, 150), shapes=shapes, points=points)
     assert len(frames_of(path)) == 5
 
 
@@ -645,18 +646,18 @@ def test_films_that_cannot_be_made_are_told(tmp_path: Path, monkeypatch: pytest.
         ({"size": 800}, "pixels"), ({"fps": 1e4}, "pictures"), ({"speed": 1e-6}, "pictures"),
     ):  # fmt: skip
         with pytest.raises(ArgumentError, match=words):
-            viewer.save_film(four_bar(nt=5), path, **more)
+            save_film(four_bar(nt=5), path, **more)
     with pytest.raises(ArgumentError, match=r"\.gif or \.mp4"):
-        viewer.save_film(four_bar(nt=5), tmp_path / "x.avi")
+        save_film(four_bar(nt=5), tmp_path / "x.avi")
     with pytest.raises(ArgumentError, match="no bodies"):
-        viewer.save_film(Fake(np.linspace(0, 1, 9), {}, [], has_energy=False), path)
+        save_film(Fake(np.linspace(0, 1, 9), {}, [], has_energy=False), path)
     with pytest.raises(ArgumentError, match="no outputs"):
-        viewer.save_film(Fake(np.empty(0), {}, []), path)
+        save_film(Fake(np.empty(0), {}, []), path)
     with pytest.raises(MissingFileError, match="does not exist"):
-        viewer.save_film(four_bar(nt=5), tmp_path / "nowhere" / "x.gif")
+        save_film(four_bar(nt=5), tmp_path / "nowhere" / "x.gif")
     monkeypatch.setattr("shutil.which", lambda program: None)
     with pytest.raises(MissingDependencyError, match="ffmpeg"):
-        viewer.save_film(four_bar(nt=5), tmp_path / "x.mp4")
+        save_film(four_bar(nt=5), tmp_path / "x.mp4")
     assert not list(tmp_path.iterdir())
 
 
@@ -666,8 +667,8 @@ def test_an_mp4_is_what_ffmpeg_is_given(tmp_path: Path, monkeypatch: pytest.Monk
     program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n', encoding="utf-8")
     program.chmod(0o755)
     monkeypatch.setattr("shutil.which", lambda name: str(program))
-    path = viewer.save_film(four_bar(), tmp_path / "x.mp4", fps=2, size=(120, 120))
+    path = save_film(four_bar(), tmp_path / "x.mp4", fps=2, size=(120, 120))
     assert path.stat().st_size == 10 * 120 * 120 * 3
     program.write_text('#!/bin/sh\ncat > /dev/null\necho "no such codec" >&2\nexit 1\n', encoding="utf-8")
     with pytest.raises(FileFormatError, match="no such codec"):
-        viewer.save_film(four_bar(), tmp_path / "y.mp4", fps=2, size=(120, 120))
+        save_film(four_bar(), tmp_path / "y.mp4", fps=2, size=(120, 120))

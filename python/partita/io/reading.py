@@ -48,10 +48,9 @@ class Reading:
     def to_dict(self) -> dict[str, object]:
         """All of it, ready for JSON.
 
-                >>> from pathlib import Path
-        from typing import Any
-                >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["used"]
-                [{'line': None, 'text': '1 link'}]
+        >>> from pathlib import Path
+        >>> Reading(Path("a.urdf"), "URDF", used=[Remark(None, "1 link")]).to_dict()["used"]
+        [{'line': None, 'text': '1 link'}]
         """
 
         def plain(remarks: list[Remark]) -> list[dict[str, object]]:

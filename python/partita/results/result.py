@@ -650,7 +650,7 @@ class Result:
         ...     run.save_animation(os.path.join(folder, "bar.gif"), fps=10, speed=0.2, size=(320, 240)).name
         'bar.gif'
         """
-        from ..viewer import save_film
+        from ..viewer.film import save_film
 
         return save_film(self, path, fps=fps, speed=speed, size=size, forces=forces, shapes=shapes, points=points)
 

@@ -12,7 +12,6 @@ order.
 
 from __future__ import annotations
 
-from .film import save_film
 from .page import html, write_html
 
-__all__ = ["html", "save_film", "write_html"]
+__all__ = ["html", "write_html"]

@@ -107,6 +107,7 @@ function findCovered() {
   scene.covered = byId("tools").hidden ? [] : [{
     left: box.left - stage.left, right: box.right - stage.left, top: box.top - stage.top, bottom: box.bottom - stage.top,
   }];
+  scene.camera.head = byId("tools").hidden ? 52 : Math.max(52, Math.min(0.4 * stage.height, box.bottom - stage.top + 20));
 }
 
 function toTheme(name) {
@@ -160,8 +161,8 @@ function onKey(e) {
   else if (e.key === "j" || e.key === "J") nextJoint(e.shiftKey ? -1 : 1);
   else if (e.key === "Escape") byId("tip").hidden = true;
   else if (e.key === "0") scene.resetView();
-  else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + 8);
-  else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + 8);
+  else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + camera.drop);
+  else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + camera.drop);
   else if (e.key === "p" || e.key === "P") setLens(!camera.parallel);
   else if ((e.key === "f" || e.key === "F") && tag !== "SELECT") byId("forces").click();
   else return;
@@ -274,6 +275,7 @@ function start() {
   bindPointer();
   document.addEventListener("keydown", onKey);
   byId("tools").hidden = !scene.extent.length;
+  findCovered();
   scene.resize();
   setLens(s.flat);
   setTheme(prefersDark.matches ? "dark" : "light");
