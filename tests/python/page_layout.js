@@ -11,6 +11,11 @@
   const inside = (p) => p.x >= 0 && p.y >= 0 && p.x <= width && p.y <= height;
   for (const [p, q] of partita.arrows()) if (!inside(p) || !inside(q)) bad.push(`an arrow to ${q.x}, ${q.y} leaves the drawing`);
   for (const p of partita.joints()) if (!inside(p)) bad.push(`${p.name} leaves the drawing`);
+  const outside = partita.corners().filter((p) => !p || !inside(p));
+  if (outside.length) bad.push(`${outside.length} points of bodies leave the drawing`);
+  const under = partita.corners().filter((p) => p && partita.covered().some((box) =>
+    meet({ left: p.x, right: p.x + 1, top: p.y, bottom: p.y + 1 }, box)));
+  if (under.length) bad.push(`${under.length} points of bodies lie under the tools`);
   const wide = document.documentElement.clientWidth;
   for (const e of document.querySelectorAll("body *")) {
     const box = e.getBoundingClientRect();

@@ -16,6 +16,28 @@ CONTRAST, LAYOUT = (
 )
 
 
+def unreached(browser: Chromium) -> list[str]:
+    """Controls of the page shown that the tabulator does not reach, and those that do not show where it is."""
+    wanted = browser.value(
+        "(window.all = [...document.querySelectorAll('button, select, input, canvas, summary, #bars')]"
+        ".filter((e) => e.checkVisibility() && !e.disabled)).length"
+    )
+    reached, found = set(), []
+    for _ in range(wanted + 4):
+        browser.press("Tab")
+        at, ring, text = browser.value(
+            "[all.indexOf(document.activeElement), getComputedStyle(document.activeElement).outlineStyle,"
+            " document.activeElement.outerHTML.slice(0, 60)]"
+        )
+        if at >= 0:
+            reached.add(at)
+            if ring == "none":
+                found.append(f"no ring around {text}")
+    if len(reached) < wanted:
+        found.append(f"the keyboard reaches {len(reached)} of {wanted} controls")
+    return found
+
+
 def faults(browser: Chromium, path: Path, fixed: int, shots: Path | None = None) -> list[str]:
     """What is wrong with a page on two screens, light and dark, at the start, the middle and the end of its run."""
     found: list[str] = []
@@ -32,6 +54,8 @@ def faults(browser: Chromium, path: Path, fixed: int, shots: Path | None = None)
             browser.value(f"partita.show({first + part * (last - first)!r})")
             browser.rest_a_frame()
             found += [f"{name}, {part:.0%}: {word}" for word in browser.value(LAYOUT)]
+        if (screen, scheme) == SCREENS[0]:
+            found += [f"{name}: {word}" for word in unreached(browser)]
         found += [f"{name}: console: {word}" for word in browser.told]
         if shots is not None:
             browser.value("partita.show(0)")

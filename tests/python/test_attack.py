@@ -551,6 +551,18 @@ def asked() -> dict[str, Callable[[], Call]]:
             lambda shapes, points: viewer.html(run, shapes=shapes, points=points),
             {"shapes": {"ground": {"kind": "ball", "radius": 1.0}}, "points": {"P": ("ground", X)}},
         ),
+        "Result.save_animation": (
+            run.save_animation,
+            {
+                "path": "none/x.gif",
+                "fps": 10.0,
+                "speed": None,
+                "size": (320, 240),
+                "forces": True,
+                "shapes": None,
+                "points": None,
+            },
+        ),
         "Mechanism.to_playground": (
             loop().to_playground,
             {"path": "none/x.html", "initial": None, "title": "t", "speed": 1.0},

@@ -180,7 +180,7 @@ def test_nothing_is_read_in_silence(tmp_path: Path) -> None:
         "<transmission>, 1 in all",
         "<gazebo>",
         "<nonsense>, 1 in all: this tag is not known",
-        "<visual>, 3 in all",
+        "3 shapes to draw",
         'link "base" is the ground',
     ):
         assert words in told, (words, told)

@@ -15,9 +15,18 @@ from scipy.spatial.transform import Rotation
 
 import partita as pt
 from partita import viewer
-from partita.errors import ArgumentError, FileFormatError, MissingFileError, UnknownNameError
+from partita.errors import (
+    ArgumentError,
+    FileFormatError,
+    MissingDependencyError,
+    MissingFileError,
+    UnknownNameError,
+)
+from partita.viewer.film import save_film
 from partita.viewer.geometry import outline, view
-from partita.viewer.packing import FEWEST_FRAMES, MOST_FRAMES, pack_tables
+from partita.viewer.meshes import simplified
+from partita.viewer.packing import BYTES, FEWEST_FRAMES, LEVELS, MOST_FRAMES, pack_tables
+from partita.viewer.page import fixed_bytes
 
 Z = (0.0, 0.0, 1.0)
 
@@ -154,8 +163,13 @@ def data(page: str) -> dict[str, Any]:
 def unpacked(table: dict[str, Any], frames: int) -> np.ndarray:
     values = np.empty((frames, table["columns"]))
     values[:] = [np.nan if x is None else x for x in table["still"]]
-    stored = np.frombuffer(base64.b64decode(table["data"]), "<f4")
-    values[:, table["moving"]] = stored.reshape(frames, -1)
+    bytes_ = base64.b64decode(table["data"])
+    if "low" in table:
+        whole = np.frombuffer(bytes_, "<u2").reshape(frames, -1)
+        stored = np.where(whole == LEVELS + 1, np.nan, np.array(table["low"]) + np.array(table["step"]) * whole)
+    else:
+        stored = np.frombuffer(bytes_, "<f4").reshape(frames, -1)
+    values[:, table["moving"]] = stored
     return values
 
 
@@ -217,17 +231,54 @@ def test_tables_hold_the_run() -> None:
 def test_still_columns_cost_nothing() -> None:
     wave = np.sin(np.linspace(0, 9, 400))
     table = np.stack([wave, np.full(400, 7.0), 1e-12 * wave], axis=1)
-    packed, frames = pack_tables({"x": table})
-    assert packed["x"]["moving"] == [0] and len(frames) == 400
-    assert packed["x"]["still"] == [None, 7.0, 0.0]
+    packed = pack_tables({"x": table})
+    assert packed.tables["x"]["moving"] == [0] and len(packed.frames) == 400 and not packed.coarse
+    assert packed.tables["x"]["still"] == [None, 7.0, 0.0]
 
 
 @pytest.mark.parametrize(("nt", "columns", "kept"), [(50, 3, 50), (4000, 3, MOST_FRAMES), (240, 20_000, FEWEST_FRAMES)])
 def test_long_and_large_runs_are_thinned(nt: int, columns: int, kept: int) -> None:
     time = np.linspace(0, 1, nt)[:, None]
-    _, frames = pack_tables({"x": time * np.arange(1, columns + 1)})
+    frames = pack_tables({"x": time * np.arange(1, columns + 1)}).frames
     assert len(frames) == kept and frames[0] == 0 and frames[-1] == nt - 1
-    assert np.all(np.diff(frames) >= nt // kept)
+    assert np.all(np.diff(frames) <= 2 * nt / kept + 2)
+
+
+def test_a_bend_is_not_thinned_away() -> None:
+    """What is said of the outputs left out is so, and a sudden motion among many slow ones is kept."""
+    t = np.linspace(0.0, 10.0, 8001)
+    table = np.stack([0.1 * t, np.exp(-(((t - 3.3) / 0.01) ** 2))], axis=1)
+    packed = pack_tables({"x": table}, steering=table)
+    kept = packed.frames
+    between = np.stack([np.interp(t, t[kept], column[kept]) for column in table.T], axis=1)
+    stray = float(np.abs(between - table).max())
+    assert stray == pytest.approx(packed.strays) and stray < 0.01
+    assert np.sum(np.abs(t[kept] - 3.3) < 0.02) == np.sum(np.abs(t - 3.3) < 0.02)
+
+
+def test_two_bytes_keep_what_is_stated() -> None:
+    """1/65534 of the range of each column, whatever lies beside it; what is not finite stays so; times stay exact."""
+    random = np.random.default_rng(4)
+    table = random.normal(size=(500, 900)) * 10.0 ** random.uniform(-9, 9, size=900)
+    table[7, 3] = np.nan
+    packed = pack_tables({"t": np.linspace(0, 1, 500)[:, None], "x": table})
+    assert packed.coarse and "low" not in packed.tables["t"]
+    found = unpacked(packed.tables["x"], len(packed.frames))
+    wanted = table[packed.frames]
+    assert np.isnan(found[7, 3] if 7 in packed.frames else np.nan)
+    ranges = np.nanmax(wanted, axis=0) - np.nanmin(wanted, axis=0)
+    moving = packed.tables["x"]["moving"]
+    assert np.nanmax(np.abs(found - wanted)[:, moving] / ranges[moving]) < 0.51 / LEVELS
+    assert sum(len(json.dumps(t)) for t in packed.tables.values()) < BYTES
+
+
+def test_every_page_of_a_large_mechanism_stays_small() -> None:
+
+    entry = pt.catalogue.entry("n-four-bar")
+    run = entry.simulate(t_eval=np.linspace(0.0, entry.duration, 1201))
+    page = viewer.html(run)
+    assert len(page.encode()) - fixed_bytes() < 1_000_000
+    assert data(page)["coarse"]
 
 
 def test_page_knows_what_was_left_out() -> None:
@@ -354,7 +405,6 @@ def test_bad_targets_are_typed_errors(tmp_path: Path) -> None:
 
 def test_four_bar_of_the_catalogue(tmp_path: Path) -> None:
     """The real result has the shape that the fakes imitate."""
-    import partita as pt
 
     run = pt.catalogue.load("four-bar").simulate(1.0)
     page = viewer.write_html(run, tmp_path / "four-bar.html").read_text("utf-8")
@@ -417,3 +467,208 @@ def test_applied_forces_follow_their_bodies(tmp_path: Path) -> None:
     scene = data(viewer.html(run))
     stored = unpacked(scene["tables"]["load0"], scene["frames"])
     assert scene["loads"] == ["push"] and np.allclose(stored, np.hstack([places, forces]), atol=1e-5)
+
+
+# ---- meshes
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One tetrahedron in every format, and a glTF whose data lies beside it."""
+    trimesh = pytest.importorskip("trimesh")
+    folder = tmp_path_factory.mktemp("part")
+    corners = np.array([(0, 0, 0), (0.3, 0, 0), (0, 0.2, 0), (0, 0, 0.1)])
+    mesh = trimesh.Trimesh(corners, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    for ending in ("stl", "obj", "glb"):
+        mesh.export(folder / f"part.{ending}")
+    (folder / "text.stl").write_text(mesh.export(file_type="stl_ascii"), encoding="utf-8")
+    for name, content in trimesh.Scene(mesh).export(file_type="gltf").items():
+        (folder / name).write_bytes(content)
+    (folder / "below").mkdir()
+    model = (folder / "model.gltf").read_text(encoding="utf-8")
+    (folder / "below" / "model.gltf").write_text(model.replace('"uri":"', '"uri":"../'), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["part.stl", "text.stl", "part.obj", "part.glb", "model.gltf"])
+def test_meshes_of_every_format_are_drawn(part: Path, name: str) -> None:
+    """The same solid, whatever the file: scaled, turned and placed in body axes."""
+    axes = [(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    shape = {"kind": "mesh", "file": part / name, "scale": 2.0, "center": (1, 0, 0), "axes": axes}
+    (solid,) = data(viewer.html(four_bar(nt=3), shapes={"crank": shape}))["solids"]
+    points, faces = np.reshape(solid["parts"][0]["points"], (-1, 3)), np.reshape(solid["parts"][0]["faces"], (-1, 3))
+    assert {tuple(np.round(p, 6)) for p in points} == {(1, 0, 0), (1, 0.6, 0), (0.6, 0, 0), (1, 0, 0.2)}
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    volume = float(np.sum(np.cross(a, b) * c)) / 6.0
+    assert len(faces) == 4 and volume == pytest.approx(0.3 * 0.2 * 0.1 / 6.0 * 8.0, rel=1e-5)
+
+
+def test_large_meshes_become_small_and_keep_their_size() -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 401)[:-1]
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = np.array([(*(r * p), h) for h in np.linspace(0, 2, 40) for p, r in zip(ring, [1.0] * 400, strict=True)])
+    faces = np.array([(400 * i + j, 400 * i + (j + 1) % 400, 400 * (i + 1) + j) for i in range(39) for j in range(400)])
+    corners, triangles = simplified(points, faces, 2000)
+    assert 500 < len(triangles) <= 2000 and triangles.max() == len(corners) - 1
+    assert np.allclose(np.ptp(corners, axis=0), [2, 2, 2], atol=0.06)
+
+
+def test_meshes_that_cannot_be_read_are_told(part: Path, tmp_path: Path) -> None:
+    def drawn(file: Any, **more: Any) -> str:
+        return viewer.html(four_bar(nt=3), shapes={"crank": {"kind": "mesh", "file": file, **more}})
+
+    with pytest.raises(MissingFileError, match=r"gone\.stl"):
+        drawn(tmp_path / "gone.stl")
+    with pytest.raises(FileFormatError, match="outside the folder"):
+        drawn(part / "below" / "model.gltf")
+    for name, content in (
+        ("a.stl", b""),
+        ("b.obj", b"v 1 2"),
+        ("c.glb", b"glTF"),
+        ("d.gltf", b"{}"),
+        ("e.obj", b"v 0 0 0"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(FileFormatError, match=name):
+            drawn(tmp_path / name)
+    with pytest.raises(ArgumentError, match=r"\.stl, \.obj"):
+        drawn(tmp_path / "part.step")
+    for more, words in (
+        ({"scale": 0.0}, "scale"),
+        ({"axes": ((1, 0, 0), (1, 0, 0), (0, 0, 1))}, "square"),
+        ({"size": 1}, "size"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            drawn(part / "part.stl", **more)
+    with pytest.raises(ArgumentError, match="name of a file"):
+        drawn(3)
+
+
+def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
+    """Shapes of links, and of massless marks that became part of a link; files of strangers lead nowhere else."""
+    folder = tmp_path / "robot"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "arm.stl").write_bytes((part / "part.stl").read_bytes())
+    (tmp_path / "secret.stl").write_bytes((part / "part.stl").read_bytes())
+
+    def visual(shape: str, place: str = "") -> str:
+        return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
+
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    (folder / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base">{visual('<box size="1 1 0.1"/>')}</link>
+        <link name="arm">{mass}{visual('<mesh filename="package://arm/meshes/arm.stl" scale="1 1 2"/>', 'xyz="0 0 1"')}
+        {visual('<mesh filename="../secret.stl"/>')}{visual('<mesh filename="http://x.y/z.stl"/>')}
+        {visual('<mesh filename="arm.dae"/>')}{visual('<sphere radius="no"/>')}</link>
+        <link name="tool">{visual('<cylinder radius="0.1" length="1"/>', 'rpy="1.5707963267948966 0 0"')}</link>
+        <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+        <joint name="weld" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0 0 2"/></joint>
+        </robot>""",
+        encoding="utf-8",
+    )
+    m = pt.load(folder / "arm.urdf")
+    assert m.reading is not None
+    shapes = m.reading.shapes
+    assert shapes["ground"][0]["size"] == [1.0, 1.0, 0.1]
+    mesh, cylinder = shapes["arm"]
+    assert mesh["center"] == [0.0, 0.0, 1.0] and mesh["scale"] == [1.0, 1.0, 2.0]
+    assert cylinder["center"] == [0.0, 0.0, 2.0] and np.allclose(cylinder["axis"], (0, -1, 0))
+    told = "\n".join(map(str, m.reading.dropped))
+    assert "outside the folder" in told and "nothing is fetched" in told and ".dae" in told and "radius" in told
+    scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
+    assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
+
+
+# ---- films
+
+
+def frames_of(path: Path) -> list[np.ndarray]:
+    from PIL import Image, ImageSequence
+
+    with Image.open(path) as film:
+        return [np.asarray(frame.convert("RGB"), dtype=float) for frame in ImageSequence.Iterator(film)]
+
+
+def test_a_film_shows_the_motion(tmp_path: Path) -> None:
+    """So many pictures as asked, of that size; the crank is where the run says, in its colour."""
+    fake = four_bar(nt=101)  # one turn of the crank in five seconds
+    path = save_film(fake, tmp_path / "film.gif", fps=4, size=(400, 300), forces=False)
+    pictures = frames_of(path)
+    assert len(pictures) == 20 and pictures[0].shape == (300, 400, 3)
+    crank = [np.argwhere(np.abs(picture - (0x8F, 0xB0, 0xD0)).max(axis=2) < 10) for picture in pictures]
+    seen = [k for k, pixels in enumerate(crank) if len(pixels) > 120]  # else the coupler lies over it
+    middles = np.array([crank[k].mean(axis=0)[::-1] for k in seen]) * (1.0, -1.0)
+    # They lie on a circle about the pin: x^2 + y^2 = 2 a x + 2 b y + c.
+    fit = np.linalg.lstsq(np.column_stack([2 * middles, np.ones(len(seen))]), (middles**2).sum(axis=1), rcond=None)[0]
+    x, y = (middles - fit[:2]).T
+    off = np.arctan2(y, x) - (1.0 + 2 * np.pi * np.array(seen) / 20)
+    assert len(seen) > 14 and np.abs(np.angle(np.exp(1j * off))).max() < 0.1
+
+
+def test_a_film_of_every_kind_of_part(tmp_path: Path) -> None:
+    """Gears, belts, cams, rods, slides, springs, solids, loads: a picture of each entry holds its bodies' colours."""
+    for name in (
+        "planetary-gear",
+        "belt-drive",
+        "cam-rocker",
+        "rack-steering",
+        "whipple-bicycle",
+        "gyroscope",
+        "bricard",
+    ):
+        entry = pt.catalogue.entry(name)
+        run = entry.simulate(t_eval=np.linspace(0.0, entry.duration, 3))
+        path = save_film(run, tmp_path / f"{name}.gif", fps=1, speed=entry.duration / 2, size=(200, 150))
+        first = frames_of(path)[0]
+        assert np.all(first[0, 0] == 255) and len(np.unique(first.reshape(-1, 3), axis=0)) > 20, name
+        ink = np.argwhere(np.abs(first - 255).max(axis=2) > 40)
+        assert ink.min() >= 0 and np.ptp(ink[:, 0]) > 75, name
+
+
+def test_solids_and_meshes_are_filmed(part: Path, tmp_path: Path) -> None:
+    shapes = {
+        "crank": [{"kind": "mesh", "file": part / "part.stl", "scale": 4.0}, {"kind": "ball", "radius": 0.1}],
+        "coupler": [{"kind": "box", "size": (1, 0.2, 0.2)}, {"kind": "wheel", "radius": 0.2, "length": 0.1}],
+        "ground": [
+            {"kind": "plate", "points": [(0, 0, 0), (1, 0, 0), (0, -1, 0)]},
+            {"kind": "rod", "start": (0, 0, 0), "end": (3, 0, 0)},
+        ],
+    }
+    points = {"P": ("coupler", (1, 1, 0))}
+    path = save_film(four_bar(), tmp_path / "s.gif", fps=1, size=(200, 150), shapes=shapes, points=points)
+    assert len(frames_of(path)) == 5
+
+
+def test_films_that_cannot_be_made_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "x.gif"
+    for more, words in (
+        ({"fps": 0}, "fps"), ({"fps": "fast"}, "fps"), ({"speed": -1.0}, "speed"), ({"size": (10, 10)}, "pixels"),
+        ({"size": 800}, "pixels"), ({"fps": 1e4}, "pictures"), ({"speed": 1e-6}, "pictures"),
+    ):  # fmt: skip
+        with pytest.raises(ArgumentError, match=words):
+            save_film(four_bar(nt=5), path, **more)
+    with pytest.raises(ArgumentError, match=r"\.gif or \.mp4"):
+        save_film(four_bar(nt=5), tmp_path / "x.avi")
+    with pytest.raises(ArgumentError, match="no bodies"):
+        save_film(Fake(np.linspace(0, 1, 9), {}, [], has_energy=False), path)
+    with pytest.raises(ArgumentError, match="no outputs"):
+        save_film(Fake(np.empty(0), {}, []), path)
+    with pytest.raises(MissingFileError, match="does not exist"):
+        save_film(four_bar(nt=5), tmp_path / "nowhere" / "x.gif")
+    monkeypatch.setattr("shutil.which", lambda program: None)
+    with pytest.raises(MissingDependencyError, match="ffmpeg"):
+        save_film(four_bar(nt=5), tmp_path / "x.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_mp4_is_what_ffmpeg_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the place of ffmpeg a program that writes down what it is given: all pictures, whole; what it says is told."""
+    program = tmp_path / "ffmpeg"
+    program.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n', encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setattr("shutil.which", lambda name: str(program))
+    path = save_film(four_bar(), tmp_path / "x.mp4", fps=2, size=(120, 120))
+    assert path.stat().st_size == 10 * 120 * 120 * 3
+    program.write_text('#!/bin/sh\ncat > /dev/null\necho "no such codec" >&2\nexit 1\n', encoding="utf-8")
+    with pytest.raises(FileFormatError, match="no such codec"):
+        save_film(four_bar(), tmp_path / "y.mp4", fps=2, size=(120, 120))

@@ -79,7 +79,9 @@ def parser() -> argparse.ArgumentParser:
 
     view = _command(words, "view", commands.view, "make the animated page of a stored result")
     view.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
-    view.add_argument("-o", "--output", metavar="FILE", help="page to write (.html); default: beside RESULT")
+    view.add_argument(
+        "-o", "--output", metavar="FILE", help="page (.html) or film (.gif, .mp4); default: a page beside RESULT"
+    )
 
     convert = _command(words, "convert", commands.convert, "read one model file and write another")
     convert.add_argument("source", metavar="A", help="model file to read, or a name of the catalogue")

@@ -49,10 +49,14 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def view(arguments: argparse.Namespace) -> int:
-    """Make the page of a stored result."""
+    """Make the page of a stored result, or a film where a .gif or .mp4 is asked for."""
     from ..results import load_result
 
     target = _beside(arguments.result, arguments.output, ".html")
+    if target.suffix.lower() in (".gif", ".mp4"):
+        load_result(arguments.result).save_animation(target)
+        print(f"wrote {target}")
+        return 0
     load_result(arguments.result).to_html(target)
     print(f"wrote {target}; open it with a browser")
     return 0

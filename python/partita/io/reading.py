@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Reading:
         used: what was read, counted in words.
         changed: what stands in the model otherwise than in the file.
         dropped: what the model does not have.
+        shapes: how its bodies look, where the file says so; `run.to_html(path, shapes=m.reading.shapes)` draws them.
     """
 
     path: Path
@@ -34,6 +36,7 @@ class Reading:
     used: list[Remark] = field(default_factory=list)
     changed: list[Remark] = field(default_factory=list)
     dropped: list[Remark] = field(default_factory=list)
+    shapes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     def __str__(self) -> str:
         parts = [f"{self.kind} {self.path}"]
@@ -59,4 +62,5 @@ class Reading:
             "used": plain(self.used),
             "changed": plain(self.changed),
             "dropped": plain(self.dropped),
+            "shapes": self.shapes,
         }

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..builder import Builder
 from ..errors import DescriptionError
+from .looks import Look, shapes_of
 from .reading import Reading, Remark
 from .xmltree import Element
 
@@ -122,6 +123,7 @@ class Robot:
     ties: list[Tie] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    looks: list[Look] = field(default_factory=list)
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
     drawing_tolerance: float | None = None
     gimbals: bool = False
@@ -362,6 +364,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
     """Draw the robot with all its coordinates zero; the root stands, or floats, unless the file says where all are."""
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
+        robot.reading.shapes = shapes_of(robot, None)
         return
     root = robot.root()
     fold_marks(robot)
@@ -407,6 +410,7 @@ def build(robot: Robot, mechanism: Builder, base: str) -> None:
         (link1, point1), (link2, point2) = sides
         data: dict[str, Any] = {"stiffness": spring.stiffness, "damping": spring.damping, "length": spring.length}
         mechanism.add_spring(spring.name, body[link1], point1, body[link2], point2, **data)
+    robot.reading.shapes = shapes_of(robot, root if stands else None)
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:

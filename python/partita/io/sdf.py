@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..errors import FileFormatError
+from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .robot import Array, Effort, Joint, Link, Robot, placed, turned
 from .xmltree import Element, numbers, parse
@@ -75,7 +78,7 @@ class _Reader:
             static.fail("says that nothing of this model moves")
         left = Counter(child.tag for child in model.children if child.tag not in _USED)
         left += Counter(f"link/{x.tag}" for link in model.all("link") for x in link.children
-                        if x.tag not in ("pose", "inertial"))  # fmt: skip
+                        if x.tag not in ("pose", "inertial", "visual"))  # fmt: skip
         for tag, count in left.items():
             robot.reading.dropped.append(Remark(None, f"<{tag}>, {count} in all: it is not used"))
         robot.reading.used.append(Remark(None, f"{len(robot.links)} links, {len(robot.joints)} joints"))
@@ -126,8 +129,42 @@ class _Reader:
         found = item.the(tag)
         return found.text.strip() or found.fail("says nothing")
 
+    def look(self, link: str, item: Element) -> None:
+        """How a link looks; what cannot be drawn is left out, and said so."""
+        geometry = item.first("geometry")
+        of = geometry.children[0] if geometry is not None and geometry.children else item
+
+        def read(tag: str, count: int = 1) -> list[float]:
+            inner = of.the(tag)
+            return list(numbers(inner, "the text", inner.text, count))
+
+        shape: dict[str, Any] | None = None
+        if of.tag == "box":
+            shape = {"kind": "box", "size": read("size", 3)}
+        elif of.tag == "cylinder":
+            shape = {"kind": "cylinder", "radius": read("radius")[0], "length": read("length")[0]}
+        elif of.tag == "sphere":
+            shape = {"kind": "ball", "radius": read("radius")[0]}
+        elif of.tag == "mesh":
+            named = of.the("uri").text.strip()
+            file, why = mesh_file(of.path, named)
+            if file is None:
+                self.made.reading.dropped.append(Remark(of.line, f'the mesh {named} of "{link}": {why}'))
+                return
+            scale = read("scale", 3) if of.first("scale") is not None else [1.0, 1.0, 1.0]
+            shape = {"kind": "mesh", "file": str(file), "scale": scale}
+        if shape is None:
+            self.made.reading.dropped.append(Remark(item.line, f'a <{of.tag}> of "{link}": it is not drawn'))
+            return
+        self.made.looks.append(Look(link, self.pose(item.first("pose")), shape))
+
     def link(self, item: Element) -> None:
         name, inertial = item.must("name"), item.first("inertial")
+        for visual in item.all("visual"):
+            try:
+                self.look(name, visual)
+            except FileFormatError as error:  # how a robot looks does not decide whether it is read
+                self.made.reading.dropped.append(Remark(visual.line, f"how a link looks: {error.message}"))
         mass, place, inertia = 1.0, np.eye(4), np.eye(3)
         if inertial is not None:
             place = self.pose(inertial.first("pose"))

@@ -11,10 +11,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..errors import FileFormatError
 from . import sidecar
+from .looks import Look, mesh_file
 from .reading import Reading, Remark
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Tie, placed, turned
 from .xmltree import Element, parse
@@ -29,7 +32,7 @@ _KINDS = {
     "spherical": "spherical",
 }
 _LOOPS = {**_KINDS, "ball": "spherical", "6d": "fixed", "3d": "spherical"}
-_SHOWN = ("visual", "collision", "material", "gazebo", "sensor", "contact")
+_SHOWN = ("collision", "material", "gazebo", "sensor", "contact")
 CLOSING = re.compile(r"(?P<stem>clos(?:ing|ed_?loop).*?)[_-]?(?P<side>[12AB])", re.IGNORECASE)
 
 
@@ -86,7 +89,12 @@ def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]
     if name in robot.links:
         item.fail(f"is there twice; the first one stands in line {robot.links[name].at.line}")
     for child in item.children:
-        if child.tag != "inertial":
+        if child.tag == "visual":
+            try:
+                _look(robot, name, child)
+            except FileFormatError as error:  # how a robot looks does not decide whether it is read
+                robot.reading.dropped.append(Remark(child.line, f"how a link looks: {error.message}"))
+        elif child.tag != "inertial":
             left[child.tag] += 1
             lines.setdefault(child.tag, child.line)
     mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -102,6 +110,32 @@ def _link(robot: Robot, item: Element, left: Counter[str], lines: dict[str, int]
         com, axes = place[:3, 3], place[:3, :3]
         inertia = axes @ inertia @ axes.T
     robot.links[name] = Link(name, mass, com, 0.5 * (inertia + inertia.T), item)
+
+
+def _look(robot: Robot, link: str, item: Element) -> None:
+    """How a link looks; what cannot be drawn is left out, and said so."""
+    geometry = item.first("geometry")
+    if geometry is None or not geometry.children:
+        robot.reading.dropped.append(Remark(item.line, f'a <visual> of "{link}" without a shape'))
+        return
+    of = geometry.children[0]
+    shape: dict[str, Any] | None = None
+    if of.tag == "box":
+        shape = {"kind": "box", "size": list(of.numbers("size", 3))}
+    elif of.tag == "cylinder":
+        shape = {"kind": "cylinder", "radius": of.number("radius"), "length": of.number("length")}
+    elif of.tag == "sphere":
+        shape = {"kind": "ball", "radius": of.number("radius")}
+    elif of.tag == "mesh":
+        file, why = mesh_file(of.path, of.must("filename"))
+        if file is None:
+            robot.reading.dropped.append(Remark(of.line, f'the mesh {of.get("filename")} of "{link}": {why}'))
+            return
+        shape = {"kind": "mesh", "file": str(file), "scale": list(of.numbers("scale", 3, (1.0, 1.0, 1.0)))}
+    if shape is None:
+        robot.reading.dropped.append(Remark(of.line, f'a <{of.tag}> of "{link}": it is not drawn'))
+        return
+    robot.looks.append(Look(link, origin(item.first("origin")), shape))
 
 
 def origin(item: Element | None) -> Array:

@@ -196,6 +196,43 @@ class Result(Run):
         write_html(self, path, title=title, shapes=shapes, points=points)
         return Path(path)
 
+    def save_animation(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fps: float = 20.0,
+        speed: float | None = None,
+        size: tuple[int, int] = (800, 600),
+        forces: bool = True,
+        shapes: Mapping[str, Any] | None = None,
+        points: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """A film of the motion for slides and papers: a .gif, or an .mp4 where the program ffmpeg is installed.
+
+        The mechanism stands as on the page of `to_html`, which is the better choice where it can be turned and asked.
+        Of each picture the computed output nearest in time is shown, with the forces of the joints.
+
+        Args:
+            fps: pictures a second.
+            speed: how many times faster than time; None: real time where that takes 2 to 20 s, else ten seconds.
+            size: width and height in pixels.
+            forces: arrows of reactions and loads?
+            shapes, points: as in `to_html`.
+
+        Needs the extra "plots". Raises `ArgumentError` for more than 900 pictures and for another ending,
+        `MissingDependencyError` without ffmpeg, `MissingFileError` where the folder does not exist.
+
+        >>> import os, tempfile
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.2)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     run.save_animation(os.path.join(folder, "bar.gif"), fps=10, speed=0.2, size=(320, 240)).name
+        'bar.gif'
+        """
+        from ..viewer.film import save_film
+
+        return save_film(self, path, fps=fps, speed=speed, size=size, forces=forces, shapes=shapes, points=points)
+
     def __repr__(self) -> str:
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"
         return (

@@ -7,8 +7,10 @@ class Camera {
     this.base = view;
     this.parallel = parallel;
     this.width = this.height = 1;
+    this.head = 68; // pixels of the picture under tools
     this.scale = 1; // pixels per metre at the target
     this.target = [0, 0, 0];
+    this.origin = [0, 0, 0]; // what the target is told from: a place that moves, where the camera follows
     this.turnTo(view.azimuth, view.elevation);
   }
 
@@ -29,6 +31,11 @@ class Camera {
     this.height = height;
   }
 
+  /** How far the middle of what is shown lies below the middle of the picture, in pixels. */
+  get drop() {
+    return (this.head - 52) / 2;
+  }
+
   /** Distance of the eye from the target [m]; in perspective it follows the zoom. */
   get distance() {
     return this.height / 2 / Math.tan(OPENING / 2) / this.scale;
@@ -43,7 +50,7 @@ class Camera {
         high[i] = Math.max(high[i], dot(p, axis) + spare);
       });
     }
-    const wide = this.width * 0.84, tall = Math.max(60, this.height - 120);
+    const wide = this.width * 0.84, tall = Math.max(60, this.height - this.head - 52);
     this.scale = Math.min(wide / (high[0] - low[0]), tall / (high[1] - low[1]));
     if (!this.parallel) this.scale /= 1 + (high[2] - low[2]) / 2 / this.distance;
     const middle = [0, 1, 2].map((i) => (low[i] + high[i]) / 2);
@@ -62,25 +69,25 @@ class Camera {
       top = Math.min(top, p.y - spare * p.s);
       bottom = Math.max(bottom, p.y + spare * p.s);
     }
-    this.move(this.width / 2 - (left + right) / 2, this.height / 2 + 8 - (top + bottom) / 2);
+    this.move(this.width / 2 - (left + right) / 2, this.height / 2 + this.drop - (top + bottom) / 2);
     this.scale *= Math.min(wide / (right - left), tall / (bottom - top));
   }
 
   /** Picture of a point: x, y in pixels, z towards the viewer [m], s pixels per metre there; null behind the eye. */
   project(p) {
-    const v = sub(p, this.target), z = dot(v, this.back);
+    const v = sub(sub(p, this.origin), this.target), z = dot(v, this.back);
     let s = this.scale;
     if (!this.parallel) {
       const d = this.distance;
       if (d - z < 0.02 * d) return null;
       s *= d / (d - z);
     }
-    return { x: this.width / 2 + s * dot(v, this.right), y: this.height / 2 + 8 - s * dot(v, this.up), z, s };
+    return { x: this.width / 2 + s * dot(v, this.right), y: this.height / 2 + this.drop - s * dot(v, this.up), z, s };
   }
 
   /** Direction from a point to the eye. */
   toEye(p) {
-    return this.parallel ? this.back : unit(sub(add(this.target, scaled(this.back, this.distance)), p));
+    return this.parallel ? this.back : unit(sub(add(add(this.origin, this.target), scaled(this.back, this.distance)), p));
   }
 
   move(dx, dy) {
@@ -89,7 +96,7 @@ class Camera {
 
   /** Zoom by a factor, keeping what is at pixel (x, y) in its place. */
   zoom(factor, x, y) {
-    const dx = x - this.width / 2, dy = y - this.height / 2 - 8;
+    const dx = x - this.width / 2, dy = y - this.height / 2 - this.drop;
     this.move(-dx, -dy);
     this.scale *= factor;
     this.move(dx, dy);

@@ -3,12 +3,15 @@
 /** A table packed by the page's writer, as rows of numbers: one row per frame. */
 function unpack(table, frames) {
   const bytes = Uint8Array.from(atob(table.data), (c) => c.charCodeAt(0));
-  const moving = new Float32Array(bytes.buffer);
-  const columns = table.columns, count = table.moving.length;
+  const { columns, low, step } = table, count = table.moving.length;
+  const stored = low ? new Uint16Array(bytes.buffer) : new Float32Array(bytes.buffer);
   const values = new Float32Array(frames * columns);
   for (let f = 0; f < frames; f++) {
     for (let c = 0; c < columns; c++) values[f * columns + c] = table.still[c] === null ? NaN : table.still[c];
-    for (let m = 0; m < count; m++) values[f * columns + table.moving[m]] = moving[f * count + m];
+    for (let m = 0; m < count; m++) {
+      const x = stored[f * count + m];
+      values[f * columns + table.moving[m]] = !low ? x : x === 65535 ? NaN : low[m] + step[m] * x;
+    }
   }
   return {
     columns, values,
@@ -62,6 +65,12 @@ class Run {
   jointPoint(frame, joint) {
     const { child, at } = this.scene.joints[joint]; // a joint's point rests on its child
     return this.placed(frame, child, at);
+  }
+
+  /** Where a joint is drawn: in its point, or further along its axis. */
+  seatOf(frame, joint) {
+    const { child, seat } = this.scene.joints[joint];
+    return seat ? this.placed(frame, child, seat) : this.jointPoint(frame, joint);
   }
 
   /** Indices of the independent velocities in a frame. */

@@ -1,11 +1,13 @@
 // What a run covers, over all its frames: the space to show, lengths to draw with, paths of points.
 
-/** Points to keep in the picture: all joints and the corners of bodies, over all time. */
-function findExtent(run) {
+const FAR = 2; // a mechanism that travels over more than this many times its own extent is followed by the camera
+
+/** Points to keep in the picture: all joints and the corners of bodies, over all time or in the frames given. */
+function findExtent(run, frames) {
   const s = run.scene, points = [];
   const step = Math.max(1, Math.ceil((run.frames * (s.joints.length + s.bodies.length)) / 20000));
-  for (let f = 0; f < run.frames; f += step) {
-    s.joints.forEach((joint, j) => points.push(run.jointPoint(f, j)));
+  for (let f = frames ? frames[0] : 0; f < (frames ? frames[1] : run.frames); f += step) {
+    s.joints.forEach((joint, j) => points.push(run.jointPoint(f, j), run.seatOf(f, j)));
     s.bodies.forEach((body, b) => {
       for (const p of body.points) points.push(run.placed(f, b, p));
     });
@@ -13,8 +15,16 @@ function findExtent(run) {
       if (joint.rail) for (const p of joint.rail) points.push(run.placed(f, joint.parent, p));
     }
     for (const { body, parts } of s.solids) {
-      for (const part of parts) for (const p of cornersOf(part)) points.push(run.placed(f, body, p));
+      for (const part of parts) {
+        const corners = cornersOf(part), stride = Math.max(1, Math.ceil(corners.length / 50));
+        for (let i = 0; i < corners.length; i += stride) points.push(run.placed(f, body, corners[i]));
+      }
     }
+    for (const wheel of s.wheels) {
+      for (const p of cornersOf({ ...wheel, length: wheel.width, radius: 1.1 * wheel.radius })) points.push(run.placed(f, wheel.body, p));
+    }
+    for (const { body, points: line } of s.lines) for (let i = 0; i < line.length; i += 6) points.push(run.placed(f, body, line[i]));
+    for (const rod of s.rods) points.push(run.placed(f, rod.body1, rod.point1), run.placed(f, rod.body2, rod.point2));
     for (const { body, at } of s.points) points.push(run.placed(f, body, at));
     for (const spring of s.springs) {
       points.push(run.placed(f, spring.body1, spring.point1), run.placed(f, spring.body2, spring.point2));
@@ -23,20 +33,63 @@ function findExtent(run) {
   return points.filter(isFinite3);
 }
 
+/** The middle of all bodies in a frame. */
+function middleOf(run, frame) {
+  let sum = [0, 0, 0], count = 0;
+  run.scene.bodies.forEach((body, b) => {
+    const p = run.placed(frame, b, body.com);
+    if (isFinite3(p)) { sum = add(sum, p); count++; }
+  });
+  return count ? scaled(sum, 1 / count) : sum;
+}
+
+/** Diagonal of the box around points. */
+function spanOf(points) {
+  const spread = [0, 1, 2].map((i) => {
+    let low = Infinity, high = -Infinity;
+    for (const p of points) { low = Math.min(low, p[i]); high = Math.max(high, p[i]); }
+    return high - low;
+  });
+  return points.length ? length(spread) : 0;
+}
+
+/** The extent about the middle that moves, where a mechanism travels far; null where it stays. */
+function travelling(run, extent) {
+  if (run.scene.joints.some((j) => j.kind !== "free" && (j.parent < 0 || j.child < 0))) return null;
+  const whole = spanOf(extent), count = Math.min(run.frames, 24), near = [], spans = [];
+  for (let i = 0; i < count; i++) {
+    const f = Math.round((i * (run.frames - 1)) / Math.max(1, count - 1)), middle = middleOf(run, f);
+    const points = findExtent(run, [f, f + 1]).map((p) => sub(p, middle));
+    spans.push(spanOf(points));
+    near.push(...points);
+  }
+  spans.sort((a, b) => a - b);
+  return count > 1 && spans[count >> 1] > 0 && whole > FAR * spans[count >> 1] ? near : null;
+}
+
 /** Points of a solid in body axes that hold it in the picture. */
 function cornersOf(part) {
   if (part.kind === "plate") return part.points;
+  if (part.kind === "mesh") {
+    if (!part.corners) part.corners = Array.from({ length: part.points.length / 3 }, (_, i) => part.points.slice(3 * i, 3 * i + 3));
+    return part.corners;
+  }
   if (part.kind === "rod") return [part.start, part.end];
-  const r = part.kind === "box" ? length(part.size) / 2 : Math.hypot(part.radius, (part.length || 0) / 2);
+  if (part.axis) { // round: the rims of both faces
+    const u = perpendicular(part.axis), v = cross(part.axis, u), half = scaled(part.axis, (part.length || 0) / 2), rim = [];
+    for (let i = 0; i < 8; i++) {
+      const out = add(scaled(u, part.radius * Math.cos((i * Math.PI) / 4)), scaled(v, part.radius * Math.sin((i * Math.PI) / 4)));
+      rim.push(add(part.center, add(out, half)), add(part.center, sub(out, half)));
+    }
+    return rim;
+  }
+  const r = part.kind === "box" ? length(part.size) / 2 : part.radius;
   return [[r, 0, 0], [-r, 0, 0], [0, r, 0], [0, -r, 0], [0, 0, r], [0, 0, -r]].map((v) => add(part.center, v));
 }
 
 /** Lengths [m] that suit the mechanism: `size` of it all, `radius` of rods, `arrow` for a large reaction. */
 function findSizes(run, extent) {
-  const s = run.scene;
-  const low = [0, 1, 2].map((i) => extent.reduce((m, p) => Math.min(m, p[i]), Infinity));
-  const high = [0, 1, 2].map((i) => extent.reduce((m, p) => Math.max(m, p[i]), -Infinity));
-  const size = extent.length ? length(sub(high, low)) || s.size : s.size;
+  const s = run.scene, size = spanOf(extent) || s.size;
   const lengths = s.bodies.filter((b) => b.points.length > 1)
     .map((b) => Math.max(...b.points.map((p) => length(sub(p, b.points[0]))))).sort((a, b) => a - b);
   const typical = lengths.length ? lengths[lengths.length >> 1] : size;
@@ -47,7 +100,7 @@ function findSizes(run, extent) {
 /** Paths of moving joints and of free ends of bodies, thinned for drawing. */
 function findPaths(run) {
   const s = run.scene, sources = [];
-  s.joints.forEach((joint, j) => sources.push((f) => run.jointPoint(f, j)));
+  s.joints.forEach((joint, j) => sources.push((f) => run.seatOf(f, j)));
   s.bodies.forEach((body, b) => {
     const held = s.joints.map((j) => (j.child === b ? j.at : j.parent === b ? j.atParent : null)).filter(Boolean);
     if (body.points.length > 2) return;
@@ -65,8 +118,20 @@ function findPaths(run) {
     const key = path.filter((_, i) => i % 7 === 0).flat().map((x) => Math.round((1e4 * x) / s.size)).join();
     if (moves && !seen.has(key)) {
       seen.add(key);
+      path.sparse = isSparse(path, s.size);
       paths.push(path);
     }
   }
   return paths;
+}
+
+/** Does a path turn so far from output to output that lines between them say little? */
+function isSparse(path, size) {
+  const turns = [];
+  for (let i = 2; i < path.length; i++) {
+    const a = sub(path[i - 1], path[i - 2]), b = sub(path[i], path[i - 1]), la = length(a), lb = length(b);
+    if (la > 2e-3 * size && lb > 2e-3 * size) turns.push(dot(a, b) / (la * lb));
+  }
+  turns.sort((a, b) => a - b);
+  return turns.length > 10 && turns[turns.length >> 1] < 0.94;
 }

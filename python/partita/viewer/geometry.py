@@ -13,6 +13,44 @@ MOSTLY_SEEN = 0.25
 """A planar mechanism of which a larger share of parts is hidden face-on is seen from aside."""
 
 
+ROUND = 1e-6
+"""Principal moments of inertia that differ by less are those of something round."""
+
+
+DEEP = 0.2
+"""A planar mechanism that reaches farther across its plane than this share of its extent is seen from aside too."""
+
+
+def solid_of(mass: float, com: FloatArray, inertia: FloatArray) -> dict[str, Any] | None:
+    """The uniform solid with this mass and inertia, about its centre: ball, cylinder or box in body axes [m].
+
+    None where there is none: no mass, or moments that no solid has by so little extent.
+    """
+    if not mass > 0.0 or not np.isfinite(inertia).all():
+        return None
+    moments, axes = np.linalg.eigh(inertia / mass)
+    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + ROUND):
+        return None
+    if np.ptp(moments) <= ROUND * moments[2]:
+        return {"kind": "ball", "radius": float(np.sqrt(2.5 * moments.mean())), "center": plain(com)}
+    for alone, pair in ((2, (0, 1)), (0, (1, 2))):
+        across = moments[list(pair)]
+        if np.ptp(across) > ROUND * moments[2]:
+            continue
+        radius = np.sqrt(2.0 * moments[alone])
+        length = np.sqrt(max(0.0, 12.0 * (across.mean() - 0.5 * moments[alone])))
+        axis = axes[:, alone]
+        return {
+            "kind": "cylinder", "radius": float(radius), "length": float(max(length, 0.02 * radius)),
+            "center": plain(com), "axis": plain(axis),
+        }  # fmt: skip
+    if abs(np.linalg.det(axes) + 1.0) < 0.5:
+        axes = axes * [1.0, 1.0, -1.0]
+    sides = np.sqrt(np.maximum(0.0, 6.0 * (moments.sum() - 2.0 * moments)))
+    sides = np.maximum(sides, 0.02 * sides.max())
+    return {"kind": "box", "size": plain(sides), "center": plain(com), "axes": [plain(axes[:, k]) for k in range(3)]}
+
+
 def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     """Shape of a body from points (np, 3) in body axes: kind and the points that draw it, in order.
 
@@ -28,8 +66,8 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     if len(distinct) < 2:
         ends = [end for end in (com, np.zeros(3)) if distinct and np.linalg.norm(end - distinct[0]) > near]
         if ends:
-            return {"kind": "hammer", "points": [_plain(distinct[0]), _plain(ends[0])]}
-        return {"kind": "ball", "points": [_plain(distinct[0] if distinct else com)]}
+            return {"kind": "hammer", "points": [plain(distinct[0]), plain(ends[0])]}
+        return {"kind": "ball", "points": [plain(distinct[0] if distinct else com)]}
 
     cloud = np.array(distinct)
     middle = cloud.mean(axis=0)
@@ -37,11 +75,11 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     flat = 1e-3 * extent[0]
     if len(distinct) == 2 or extent[1] <= flat:
         along = (cloud - middle) @ axes[0]
-        return {"kind": "rod", "points": [_plain(cloud[along.argmin()]), _plain(cloud[along.argmax()])]}
+        return {"kind": "rod", "points": [plain(cloud[along.argmin()]), plain(cloud[along.argmax()])]}
     if len(extent) < 3 or extent[2] <= flat:
         ring = _hull((cloud - middle) @ axes[:2].T)
-        return {"kind": "plate", "points": [_plain(cloud[i]) for i in ring]}
-    return {"kind": "star", "points": [_plain(middle), *(_plain(p) for p in cloud)]}
+        return {"kind": "plate", "points": [plain(cloud[i]) for i in ring]}
+    return {"kind": "star", "points": [plain(middle), *(plain(p) for p in cloud)]}
 
 
 def view(
@@ -66,9 +104,10 @@ def view(
     right = np.cross(up, back)
     if normal is not None and right[np.abs(right).argmax()] < 0:
         right, back = -right, -back  # world axes should run to the right
-    chosen = {"right": _plain(right), "up": _plain(up), "back": _plain(back), "azimuth": 0.0, "elevation": 0.0}
+    chosen = {"right": plain(right), "up": plain(up), "back": plain(back), "azimuth": 0.0, "elevation": 0.0}
     parts = points[:: max(1, len(points) // 60)] if layers is None or len(layers) < 2 else layers
-    if normal is None or _hidden(parts, right, up, back, 0.0, 0.0) > MOSTLY_SEEN:
+    deep = normal is not None and float(np.ptp(parts @ back)) > DEEP * float(np.linalg.norm(np.ptp(parts, axis=0)))
+    if normal is None or deep or _hidden(parts, right, up, back, 0.0, 0.0) > MOSTLY_SEEN:
         trials = [(azimuth, tilt) for tilt in (0.38, 0.6) for azimuth in (0.6, -0.6, 1.0, -1.0, 0.35, -0.35)]
         spread = [_area(points, right, up, back, *trial) for trial in trials]
         widest = max(spread) or 1.0
@@ -159,6 +198,6 @@ def _unit(vector: FloatArray) -> FloatArray:
     return scaled
 
 
-def _plain(vector: FloatArray) -> list[float]:
+def plain(vector: FloatArray) -> list[float]:
     """A list for JSON, without digits nobody can see."""
     return [float(f"{x:.7g}") for x in vector]

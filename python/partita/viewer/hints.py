@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from os import PathLike
 from typing import Any, NoReturn
 
 import numpy as np
@@ -11,19 +12,22 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
+from .meshes import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 
 FloatArray = NDArray[np.float64]
 
 ORIGIN, ALONG_Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 SOLIDS: dict[str, dict[str, Any]] = {
     # kind: its words; None where one must be given
-    "box": {"size": None, "center": ORIGIN},
+    "box": {"size": None, "center": ORIGIN, "axes": UPRIGHT},
     "cylinder": {"radius": None, "length": None, "center": ORIGIN, "axis": ALONG_Z},
     "wheel": {"radius": None, "length": None, "center": ORIGIN, "axis": ALONG_Z},
     "ball": {"radius": None, "center": ORIGIN},
     "plate": {"points": None},
     "rod": {"start": None, "end": None},
+    "mesh": {"file": None, "scale": (1.0, 1.0, 1.0), "center": ORIGIN, "axes": UPRIGHT},
 }
 
 
@@ -39,7 +43,25 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
         if not several:
             _fail("shapes", f"of {name!r} is empty: leave the body out, or give a shape")
         found[_body(name, bodies)] = [_solid(name, one) for one in several]
+    _load_meshes([part for parts in found.values() for part in parts if part["kind"] == "mesh"])
     return found
+
+
+def _load_meshes(parts: list[dict[str, Any]]) -> None:
+    """Put corners and triangles in the place of the files' names, fewer where all together are too many to draw."""
+    whole = [load(part.pop("file")) for part in parts]
+    left, most = MOST_TRIANGLES, {}
+    for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):
+        most[n] = max(FEWEST_TRIANGLES, left // (len(whole) - count))  # what small ones do not take is for large ones
+        left -= min(most[n], len(whole[n][1]))
+    for n, (part, (points, faces)) in enumerate(zip(parts, whole, strict=True)):
+        corners, triangles = simplified(points, faces, most[n])
+        placed = (corners * part.pop("scale")) @ np.array(part.pop("axes")) + part.pop("center")
+        part |= {
+            "points": [float(f"{x:.6g}") for x in placed.ravel()],
+            "faces": triangles.ravel().tolist(),
+            "of": len(faces),
+        }
 
 
 def traced(points: Any, bodies: Sequence[str]) -> list[dict[str, Any]]:
@@ -82,6 +104,16 @@ def _solid(name: Any, given: Any) -> dict[str, Any]:
             _fail("shapes", f"{what} is missing; a {given['kind']} has {', '.join(words)}")
         if word in ("radius", "length"):
             found[word] = _positive(what, value)
+        elif word == "file":
+            if not isinstance(value, str | PathLike):
+                _fail("shapes", f"{what} must be the name of a file, not {shown(value)}")
+            found[word] = value
+        elif word == "scale":
+            found[word] = _vector("shapes", what, np.broadcast_to(value, 3) if np.ndim(value) == 0 else value)
+            if 0.0 in found[word]:
+                _fail("shapes", f"{what} must not be 0")
+        elif word == "axes":
+            found[word] = _axes(what, value)
         elif word == "points":
             found[word] = _ring(what, value)
         else:
@@ -119,6 +151,14 @@ def _vector(argument: str, what: str, value: Any) -> list[float]:
     if array.shape != (3,) or not np.isfinite(array).all():
         _fail(argument, f"{what} must be three finite numbers in body axes [m], not {shown(value)}")
     return [float(x) for x in array]
+
+
+def _axes(what: str, value: Any) -> list[list[float]]:
+    """Directions x, y, z of a box or a mesh, in body axes."""
+    array = _numbers(value)
+    if array.shape != (3, 3) or not np.isfinite(array).all() or np.abs(array @ array.T - np.eye(3)).max() > 1e-6:
+        _fail("shapes", f"{what} must be three unit vectors square to each other, in body axes, not {shown(value)}")
+    return [[float(x) for x in direction] for direction in array]
 
 
 def _ring(what: str, value: Any) -> list[list[float]]:

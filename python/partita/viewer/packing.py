@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,26 +13,49 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 MOST_FRAMES = 1500
-FEWEST_FRAMES = 120
-BYTES = 700_000
-"""Wanted size of all arrays before base64; large mechanisms get fewer frames to stay near it."""
+FEWEST_FRAMES = 60
+SMOOTH = 600
+"""Outputs that a page of single precision should hold at least, where a run has them; else numbers take two bytes."""
+BYTES = 940_000
+"""Wanted size of all that a run adds to a page; of large mechanisms fewer outputs are kept, to stay below it."""
 
 NEGLIGIBLE = 1e-7
 """A column that moves less than this fraction of its table is constant: single precision ends there too."""
+LEVELS = 65534
+"""Steps of a number in two bytes over the range of its column; one more stands for what is not finite."""
 
 
-def pack_tables(tables: Mapping[str, FloatArray]) -> tuple[dict[str, Any], NDArray[np.int_]]:
-    """Store tables (nt, columns), of equal nt, in single precision; returns them and the frames kept.
+@dataclass(frozen=True)
+class Packed:
+    """Tables as text, the outputs kept, whether in two bytes, and how far what was left out strays from what is there.
 
-    Columns that stay constant are stored once: a planar mechanism then costs half of a spatial one.
-    First and last output are always kept, the others evenly by their number.
+    `strays`: the largest distance of what steers, where left out, from the straight way between the outputs kept.
+    """
+
+    tables: dict[str, Any]
+    frames: NDArray[np.int_]
+    coarse: bool
+    strays: float
+
+
+def pack_tables(tables: Mapping[str, FloatArray], others: int = 0, steering: FloatArray | None = None) -> Packed:
+    """Store tables (nt, columns), of equal nt, in single precision or, where that leaves few outputs, in two bytes.
+
+    Columns that stay constant are stored once: a planar mechanism then costs half of a spatial one. `others` is the
+    size of all else in the page. First and last output are always kept; half of the others evenly by number, half where
+    the columns of `steering` (nt, n) stray most from the straight way between those.
     """
     nt = len(next(iter(tables.values())))
     moving = {name: _moving(table) for name, table in tables.items()}
-    frame_bytes = 4 * max(1, sum(int(columns.sum()) for columns in moving.values()))
-    count = min(nt, MOST_FRAMES, max(FEWEST_FRAMES, BYTES // frame_bytes))
-    frames = np.unique(np.round(np.linspace(0, nt - 1, count)).astype(int))
-    return {name: _packed(table, moving[name], frames) for name, table in tables.items()}, frames
+    still = sum(table.shape[1] for table in tables.values()) * 14
+    columns = max(1, sum(int(own.sum()) for own in moving.values()))
+    room = max(0, BYTES - others - still) * 3 // 4  # three bytes are four letters
+    fine = room // (4 * columns)
+    coarse = fine < min(nt, SMOOTH)
+    count = min(nt, MOST_FRAMES, max(FEWEST_FRAMES, room // (2 * columns) if coarse else fine))
+    frames, strays = _chosen(np.empty((nt, 0)) if steering is None else steering, nt, count)
+    packed = {name: _packed(table, moving[name], frames, coarse and name != "t") for name, table in tables.items()}
+    return Packed(packed, frames, coarse, strays)
 
 
 def _moving(table: FloatArray) -> NDArray[np.bool_]:
@@ -44,12 +68,53 @@ def _moving(table: FloatArray) -> NDArray[np.bool_]:
     return moving
 
 
-def _packed(table: FloatArray, moving: NDArray[np.bool_], frames: NDArray[np.int_]) -> dict[str, Any]:
-    with np.errstate(over="ignore"):
-        data = table[frames][:, moving].astype("<f4")
-    return {
+def _chosen(table: FloatArray, nt: int, count: int) -> tuple[NDArray[np.int_], float]:
+    """Outputs kept, and the largest distance of a number of another one from the line between its neighbours kept."""
+    if count >= nt:
+        return np.arange(nt), 0.0
+    even = np.unique(np.round(np.linspace(0, nt - 1, max(2, (count + 1) // 2))).astype(int))
+    stray = _stray(table, even)
+    stray[even] = -1.0
+    # Ties are common (a table that does not move): those fall evenly too.
+    spread = np.unique(np.round(np.linspace(0, nt - 1, count)).astype(int))
+    stray[spread] += 1e-12 * (1.0 + float(stray.max(initial=0.0)))
+    worst = np.argsort(-stray, kind="stable")[: count - len(even)]
+    frames = np.union1d(even, worst)
+    return frames, float(_stray(table, frames).max(initial=0.0))
+
+
+def _stray(table: FloatArray, kept: NDArray[np.int_]) -> FloatArray:
+    """Of each output (nt,) the largest distance from the line between the outputs kept before and after it."""
+    at = np.arange(len(table))
+    after = np.clip(np.searchsorted(kept, at, side="right"), 1, len(kept) - 1)
+    low, high = kept[after - 1], kept[after]
+    found = np.zeros(len(table))
+    part = (at - low) / (high - low)
+    for column in table.T:  # one at a time: all at once would be as large as the run
+        way = column[low] + part * (column[high] - column[low])
+        found = np.fmax(found, np.abs(column - way))
+    return np.nan_to_num(found)
+
+
+def _packed(table: FloatArray, moving: NDArray[np.bool_], frames: NDArray[np.int_], coarse: bool) -> dict[str, Any]:
+    values = table[frames][:, moving]
+    about = {
         "columns": int(table.shape[1]),
         "moving": np.flatnonzero(moving).tolist(),
-        "still": [None if m else float(x) for x, m in zip(table[0], moving, strict=True)],
-        "data": base64.b64encode(data.tobytes()).decode("ascii"),
+        "still": [None if m else float(f"{x:.9g}") for x, m in zip(table[0], moving, strict=True)],
     }
+    if not coarse:
+        with np.errstate(over="ignore"):
+            data = values.astype("<f4").tobytes()
+        return {**about, "data": base64.b64encode(data).decode("ascii")}
+    finite = np.isfinite(values)
+    low = np.min(values, axis=0, where=finite, initial=np.inf)
+    high = np.max(values, axis=0, where=finite, initial=-np.inf)
+    low, high = np.where(low <= high, low, 0.0), np.where(low <= high, high, 0.0)
+    step = np.array([float(f"{x:.6g}") for x in (high - low) / LEVELS])
+    low = np.array([float(f"{x:.10g}") for x in low])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        whole = np.where(step > 0.0, np.rint((values - low) / step), 0.0)
+    whole = np.where(finite, np.clip(whole, 0, LEVELS), LEVELS + 1)
+    data = whole.astype("<u2").tobytes()
+    return {**about, "low": low.tolist(), "step": step.tolist(), "data": base64.b64encode(data).decode("ascii")}

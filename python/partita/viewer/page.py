@@ -41,14 +41,18 @@ def html(
     `shapes` draws bodies as solids: {body: shape}, a shape or a list of them in body axes [m], each one of
     {"kind": "box", "size": (x, y, z)}, {"kind": "cylinder", "radius": r, "length": l}, "wheel" with the same words and
     spokes, {"kind": "ball", "radius": r}, {"kind": "plate", "points": [...]}, {"kind": "rod", "start": p, "end": p}.
-    All but plates and rods take `center`, cylinders and wheels `axis` (z where it is not given). "ground" counts
-    as a body. `points` marks points and traces their paths: {name: (body, place in body axes)}. Both change the
+    {"kind": "mesh", "file": "part.stl"} (or .obj, .glb, .gltf; `scale` to metres, a number or three; needs the extra
+    "meshes"; of large ones as many triangles as can be drawn). All but plates and rods take `center`, cylinders and
+    wheels `axis` (z where it is not given), boxes and meshes `axes`, their directions x, y, z. "ground" counts as a
+    body; `shapes=m.reading.shapes` are those of a robot's file. `points` marks points and traces their paths:
+    {name: (body, place in body axes)}. Both change the
     picture only.
 
     A run of a hand-written `System` has no bodies: its page shows coordinates and read-outs only.
 
     Raises `ArgumentError` for a result without a single output and for a shape or a point that is not as said,
-    `UnknownNameError` with the nearest names for another body. Costs O(outputs x bodies).
+    `UnknownNameError` with the nearest names for another body, `MissingFileError` and `FileFormatError` for a mesh that
+    is not there or cannot be read. Costs O(outputs x bodies).
     """
     checked_run(result)
     if title is not None and not isinstance(title, str):

@@ -127,7 +127,7 @@ class Panel {
     const list = log.querySelector("ol");
     log.querySelector("summary").textContent = `Exchanges of coordinates: ${switchCount}`;
     if (!switchCount) list.append(element("li", "", "The first choice served the whole run."));
-    for (const s of switches.slice(0, MOST_LOG_ROWS)) {
+    for (const s of switches.slice(0, MOST_LOG_ROWS).filter((one) => one.entering)) {
       const item = element("li"), button = element("button");
       button.type = "button";
       button.textContent = `t = ${short(s.t)} s: ${s.entering.join(", ")} in the place of ${s.leaving.join(", ")}`;

@@ -107,6 +107,7 @@ function findCovered() {
   scene.covered = byId("tools").hidden ? [] : [{
     left: box.left - stage.left, right: box.right - stage.left, top: box.top - stage.top, bottom: box.bottom - stage.top,
   }];
+  scene.camera.head = byId("tools").hidden ? 52 : Math.max(52, Math.min(0.4 * stage.height, box.bottom - stage.top + 20));
 }
 
 function toTheme(name) {
@@ -123,6 +124,9 @@ function bindTools() {
     byId(name).checked = scene.options[name];
     byId(name).addEventListener("change", (e) => { scene.options[name] = e.target.checked; redraw(); });
   }
+  byId("follow").checked = scene.options.follow;
+  byId("follow").parentElement.hidden = !scene.near;
+  byId("follow").addEventListener("change", (e) => { scene.options.follow = e.target.checked; scene.resetView(); redraw(); });
   byId("loads").parentElement.hidden = !run.scene.loads.length;
   byId("arrows").addEventListener("input", (e) => {
     scene.options.arrows = 10 ** (Number(e.target.value) / 1.5);
@@ -157,8 +161,8 @@ function onKey(e) {
   else if (e.key === "j" || e.key === "J") nextJoint(e.shiftKey ? -1 : 1);
   else if (e.key === "Escape") byId("tip").hidden = true;
   else if (e.key === "0") scene.resetView();
-  else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + 8);
-  else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + 8);
+  else if (e.key === "+" || e.key === "=") camera.zoom(1.15, camera.width / 2, camera.height / 2 + camera.drop);
+  else if (e.key === "-") camera.zoom(1 / 1.15, camera.width / 2, camera.height / 2 + camera.drop);
   else if (e.key === "p" || e.key === "P") setLens(!camera.parallel);
   else if ((e.key === "f" || e.key === "F") && tag !== "SELECT") byId("forces").click();
   else return;
@@ -251,10 +255,18 @@ function start() {
     byId("warning").textContent = s.warning;
     byId("warning").hidden = false;
   }
+  const notes = [];
   if (s.frames < s.outputs) {
-    byId("note").textContent =
-      `${s.frames} of ${s.outputs} computed outputs are kept in this page, evenly chosen, to keep the file small.`;
+    notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
+      + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
+  if (s.coarse) notes.push("Numbers are kept to 1/65 000 of the range of each curve.");
+  const meshes = s.solids.flatMap(({ parts }) => parts.filter((part) => part.faces && part.faces.length < 3 * part.of));
+  if (meshes.length) {
+    const sum = (all) => all.reduce((a, b) => a + b, 0);
+    notes.push(`Meshes are drawn with ${sum(meshes.map((m) => m.faces.length / 3))} of ${sum(meshes.map((m) => m.of))} triangles.`);
+  }
+  byId("note").textContent = notes.join(" ");
   byId("slider").max = Math.max(0, run.frames - 1);
   byId("slider").disabled = byId("play").disabled = run.frames < 2;
   fillSpeeds();
@@ -263,6 +275,7 @@ function start() {
   bindPointer();
   document.addEventListener("keydown", onKey);
   byId("tools").hidden = !scene.extent.length;
+  findCovered();
   scene.resize();
   setLens(s.flat);
   setTheme(prefersDark.matches ? "dark" : "light");
@@ -283,6 +296,7 @@ window.partita = {
   covered: () => scene.covered,
   arrows: () => scene.shafts,
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
+  corners: () => findExtent(run, [frame, frame + 1]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
 };
 

@@ -74,7 +74,7 @@ class Plots {
 
   frameOf(plot) {
     const width = plot.canvas.clientWidth, height = plot.canvas.clientHeight;
-    return { left: 46, right: width - 6, top: 6, bottom: height - 17, width, height };
+    return { left: plot.left || 46, right: width - 6, top: 6, bottom: height - 17, width, height };
   }
 
   timeAt(plot, x) {
@@ -99,17 +99,19 @@ class Plots {
     for (const line of values) for (const y of line) if (Number.isFinite(y)) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(low <= high)) { low = 0; high = 1; }
     // Round-off is not blown up to a curve.
-    const spare = Math.max(high - low, 1e-6 * Math.max(Math.abs(low), Math.abs(high)), 1e-12);
+    const spare = Math.max(high - low, 1e-4 * Math.max(Math.abs(low), Math.abs(high)), 1e-12);
     if (high - low < 0.1 * spare) { low -= spare; high += spare; } else { low -= 0.06 * spare; high += 0.06 * spare; }
+    const marks = ticksOf(low, high, 3).map((y) => [y, tickText(y, high - low)]);
+    box.left = plot.left = Math.min(0.4 * box.width, 8 + Math.max(24, ...marks.map(([, text]) => c.measureText(text).width)));
     const X = (time) => box.left + ((time - t[0]) / (end - t[0] || 1)) * (box.right - box.left);
     const Y = (y) => box.bottom - ((y - low) / (high - low)) * (box.bottom - box.top);
     c.fillStyle = COLOURS.quiet;
     c.strokeStyle = COLOURS.grid;
     c.lineWidth = 1;
-    for (const y of ticksOf(low, high, 3)) {
+    for (const [y, text] of marks) {
       c.beginPath(); c.moveTo(box.left, Y(y)); c.lineTo(box.right, Y(y)); c.stroke();
       c.textAlign = "right";
-      c.fillText(tickText(y, high - low), box.left - 4, Y(y) + 4);
+      c.fillText(text, box.left - 4, Y(y) + 4);
     }
     for (const x of ticksOf(t[0], end, 4)) {
       c.beginPath(); c.moveTo(X(x), box.top); c.lineTo(X(x), box.bottom); c.stroke();

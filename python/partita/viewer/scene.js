@@ -18,7 +18,8 @@ class Scene {
     this.jointOf = new Map(); // velocity -> joint
     s.joints.forEach((joint, j) => joint.velocities.forEach((v) => this.jointOf.set(v, j)));
     this.extent = findExtent(run);
-    const sizes = findSizes(run, this.extent);
+    this.near = travelling(run, this.extent);
+    const sizes = findSizes(run, this.near || this.extent);
     this.size = sizes.size;
     this.radius = sizes.radius;
     this.arrowSpan = sizes.arrow;
@@ -30,6 +31,7 @@ class Scene {
     this.momentUnit = run.typicalLength("moment", 0.95);
     this.options = {
       names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
+      follow: this.near !== null,
     };
     this.ratio = 1;
     this.hits = [];
@@ -66,11 +68,14 @@ class Scene {
     this.camera.turnTo(this.run.scene.view.azimuth, this.run.scene.view.elevation);
     if (!this.extent.length) return;
     const { camera } = this, spare = 3.2 * this.radius + 1e-3 * this.size;
-    camera.fit(this.extent, spare);
+    const held = this.options.follow ? this.near : this.extent;
+    camera.origin = [0, 0, 0];
+    camera.fit(held, spare);
     // Arrows too, unless the mechanism would become small for their sake: those that leave the picture are cut and marked.
     const alone = camera.scale, place = camera.target;
-    camera.fit(this.extent.concat(this.reach), spare);
-    if (camera.scale < 0.72 * alone) {
+    if (!this.options.follow) camera.fit(held.concat(this.reach), spare);
+    if (this.options.follow) camera.scale *= 0.62;
+    else if (camera.scale < 0.72 * alone) {
       camera.target = place;
       camera.scale = 0.8 * alone;
     }
@@ -79,6 +84,7 @@ class Scene {
   draw(frame) {
     const c = this.context, { camera } = this;
     this.unlike.cut = false;
+    camera.origin = this.options.follow ? middleOf(this.run, frame) : [0, 0, 0];
     this.shafts = []; // arrows in the picture
     c.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     c.clearRect(0, 0, camera.width, camera.height);
@@ -88,6 +94,7 @@ class Scene {
     if (this.options.traces) this.traces(painter);
     this.bodies(painter, frame);
     for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
+    drawCouplings(this, painter, frame);
     this.springs(painter, frame);
     this.joints(painter, frame);
     painter.paint();
@@ -108,17 +115,17 @@ class Scene {
 
   /** Faint grid under a spatial mechanism, so that heights can be judged. */
   floor(painter) {
-    const { right, up, back } = this.camera.base, grid = [[Infinity, -Infinity], [Infinity, -Infinity]];
+    const { right, up, back } = this.camera.base, grid = [[Infinity, -Infinity], [Infinity, -Infinity]], { origin } = this.camera;
     let level = Infinity;
-    for (const p of this.extent) {
-      level = Math.min(level, dot(p, up));
+    for (const p of this.extent) level = Math.min(level, dot(p, up));
+    for (const p of this.options.follow ? this.near.map((q) => add(q, origin)) : this.extent) {
       [right, back].forEach((axis, i) => {
         grid[i][0] = Math.min(grid[i][0], dot(p, axis));
         grid[i][1] = Math.max(grid[i][1], dot(p, axis));
       });
     }
     if (!Number.isFinite(level)) return;
-    level -= 3 * this.radius;
+    if (!this.run.scene.solids.some(({ rolls }) => rolls)) level -= 3 * this.radius; // what rolls stands on it
     const cell = roundBelow(this.size / 5);
     const ends = grid.map(([low, high]) => [Math.floor(low / cell) - 0.001, Math.ceil(high / cell) + 0.001]);
     const at = (x, z) => this.camera.project(add(scaled(up, level), add(scaled(right, x * cell), scaled(back, z * cell))));
@@ -129,6 +136,13 @@ class Scene {
 
   traces(painter) {
     for (const path of this.paths) {
+      if (path.sparse) { // lines between outputs so far apart would cut the path short
+        for (const point of path) {
+          const p = isFinite3(point) ? this.camera.project(point) : null;
+          if (p) painter.circle(p.x, p.y, 1.2, COLOURS.trace);
+        }
+        continue;
+      }
       let run = [];
       const flush = () => {
         if (run.length > 1) painter.line(run, COLOURS.trace, 1.1);
@@ -142,19 +156,26 @@ class Scene {
     }
   }
 
+  /** Of how many pieces a rod is drawn: one where a flat mechanism is seen face-on, without depth to sort. */
+  piecesOf(a, b) {
+    if (this.run.scene.flat && dot(this.camera.back, this.camera.base.back) > 0.98) return 1;
+    return Math.max(1, Math.min(10, Math.ceil(length(sub(a, b)) / (5 * this.radius))));
+  }
+
   bodies(painter, frame) {
     const { run, radius } = this, s = run.scene;
-    const flat = s.flat && dot(this.camera.back, this.camera.base.back) > 0.98; // seen face-on: no depth to sort
-    const pieces = (a, b) => (flat ? 1 : Math.max(1, Math.min(10, Math.ceil(length(sub(a, b)) / (5 * radius)))));
-    const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, pieces(a, b));
+    const rod = (a, b, r, colour) => painter.rod(a, b, r, colour, this.piecesOf(a, b));
     const given = new Set(s.solids.map(({ body }) => body));
+    for (const { body, look } of s.lines) if (look === "cam" && s.bodies[body] && s.bodies[body].kind === "ball") given.add(body);
+    for (const { body, ring } of s.wheels) if (!ring && body >= 0 && s.bodies[body].kind === "ball") given.add(body);
     const coloured = s.bodies.map((body, b) => [body, this.colourOf(b), body.points.map((p) => run.placed(frame, b, p)), b])
       .filter(([, , , b]) => !given.has(b));
     // Plates first: in a flat mechanism they lie behind the rods.
-    for (const [body, colour, points] of coloured) if (body.kind === "plate") painter.plate(points, radius, colour);
+    for (const [body, colour, points] of coloured) if (body.kind === "plate") painter.plate(points, radius, colour, s.flat ? -7 * radius : 0);
     for (const [body, colour, points, b] of coloured) {
       if (body.kind === "rod") rod(points[0], points[1], radius, colour);
       if (body.kind === "star") for (const tip of points.slice(1)) rod(points[0], tip, 0.8 * radius, colour);
+      if (body.kind === "arc") this.arc(painter, points, colour);
       if (body.kind === "hammer") {
         rod(points[0], points[1], 0.6 * radius, colour);
         painter.ball(points[1], 2 * radius, colour, radius);
@@ -167,6 +188,18 @@ class Scene {
         }
         painter.ball(points[0], 2 * radius, colour, radius);
       }
+    }
+  }
+
+  /** A link of a spherical mechanism: from hinge to hinge on a ball about the first point. */
+  arc(painter, [centre, ...seats], colour) {
+    const { radius } = this, turns = seats.length > 2 ? seats.length : 1;
+    for (let i = 0; i < turns; i++) {
+      const a = sub(seats[i], centre), b = sub(seats[(i + 1) % seats.length], centre), count = 12;
+      const angle = Math.acos(Math.max(-1, Math.min(1, dot(unit(a), unit(b))))), sine = Math.sin(angle);
+      if (sine < 1e-3) { painter.rod(add(centre, a), add(centre, b), 0.7 * radius, colour, this.piecesOf(a, b)); continue; }
+      const at = (s) => add(centre, add(scaled(a, Math.sin((1 - s) * angle) / sine), scaled(b, Math.sin(s * angle) / sine)));
+      for (let k = 0; k < count; k++) painter.rod(at(k / count), at((k + 1) / count), 0.8 * radius, colour, 1);
     }
   }
 
@@ -184,7 +217,7 @@ class Scene {
   joints(painter, frame) {
     const { run, radius } = this, free = new Set(run.independent(frame).map((v) => this.jointOf.get(v)));
     run.scene.joints.forEach((joint, j) => {
-      const point = run.jointPoint(frame, j);
+      const point = run.seatOf(frame, j);
       if (!isFinite3(point)) return;
       const grounded = joint.parent < 0 || joint.child < 0;
       if (joint.rail) this.rail(painter, joint, frame, grounded);
@@ -225,7 +258,7 @@ class Scene {
       painter.pin(point, axis, 0.75 * r, 2.5 * r, colour, lift, false);
       painter.pin(point, other, 0.75 * r, 2.5 * r, colour, lift + 0.5 * r, false);
       painter.ball(point, 1.1 * r, colour, lift + r);
-    } else if (joint.kind === "cylindrical" && axis) {
+    } else if ((joint.kind === "cylindrical" || joint.kind === "screw") && axis) {
       painter.pin(point, axis, 1.8 * r, 3.4 * r, colour, lift, false);
     } else if (joint.kind === "prismatic" && axis) {
       const across = this.across(axis);

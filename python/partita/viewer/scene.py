@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,14 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..readable import Readable
+from .couplings import Pictures, pictures
 from .curves import curves, loads_open
-from .geometry import outline, plane_normal, view
+from .geometry import outline, plane_normal, solid_of, view
 from .packing import pack_tables
 
 FloatArray = NDArray[np.float64]
 
-SLIDING = ("prismatic", "cylindrical")
+SLIDING = ("prismatic", "cylindrical", "screw")
 MOST_SWITCHES = 2000
+MOST_TOLD = 400
+"""Exchanges that are told in words; of more, the times are marked."""
 
 
 @dataclass(frozen=True)
@@ -41,43 +45,72 @@ def describe(
     title: str | None,
     solids: Mapping[int, list[dict[str, Any]]] | None = None,
     traced: Sequence[dict[str, Any]] = (),
+    packed: bool = True,
 ) -> dict[str, Any]:
-    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, packed arrays."""
+    """The scene of a run: names, shapes, joints, springs, loads, first view, log of choices, arrays.
+
+    The arrays are thinned and text for a page or, not `packed`, all there is.
+    """
     summary = result.summary or {}
     spec = result.spec or {}
     motion = _motion(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
-    bodies = _bodies(result, spec, motion, joints)
+    coordinates = {
+        name: np.asarray(result.joint(name).position)[:, 0]
+        for name in result.names.joints
+        if spec.get("couplings") and np.asarray(result.joint(name).position).shape[1:] == (1,)
+    }
+    drawn_couplings = pictures(spec, list(result.names.bodies), list(result.names.joints), coordinates, motion.size)
+    _seats(spec, motion, joints)
+    bodies = _bodies(result, spec, motion, joints, drawn_couplings)
+    guessed = _solids(spec, motion, bodies, joints, drawn_couplings)
     for name, joint in zip(result.names.joints, joints, strict=True):
         joint["open"] = loads_open(result, name)
     drawn, first, plotted = curves(result)
     loads, pushed = _loads(result)
-    tables, frames = pack_tables(_tables(result, motion) | plotted | pushed)
     planar = bool(summary.get("planar", False))
     switches = _switches(result)
     seen = _view(spec, motion, joints, planar)
-    return {
+    scene = {
         "title": title or str(summary.get("name") or "") or "mechanism",
         "warning": "" if result.success else f"The run stopped early: {result.message}",
         "outputs": len(result.t),
-        "frames": len(frames),
         "planar": planar,
         "size": motion.size,
         "flat": planar and not (seen["azimuth"] or seen["elevation"]),
         "view": seen,
         "bodies": bodies,
         "joints": joints,
-        "solids": [{"body": body, "parts": parts} for body, parts in (solids or {}).items()],
+        "solids": [
+            {"body": body, "parts": parts, "rolls": body in drawn_couplings.rolling}
+            for body, parts in (guessed | dict(solids or {})).items()
+        ],
+        "wheels": drawn_couplings.wheels,
+        "lines": drawn_couplings.lines,
+        "rods": drawn_couplings.rods,
+        "links": drawn_couplings.links,
         "points": list(traced),
         "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
-        "independent": _choices(np.asarray(result.independent)[frames]),
-        "switches": switches[:MOST_SWITCHES],
+        "switches": switches,
         "switchCount": len(switches),
         "curves": drawn,
         "firstCurves": first,
-        "tables": tables,
+    }
+    tables = _tables(result, motion) | pushed
+    if not packed:
+        return scene | {"tables": tables}
+    choices = _choices(np.asarray(result.independent))
+    others = len(json.dumps([scene, choices], separators=(",", ":")))
+    places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
+    kept = pack_tables(tables | plotted, others, places)
+    return scene | {
+        "frames": len(kept.frames),
+        "coarse": kept.coarse,
+        "strays": kept.strays / motion.size,
+        "independent": _choices(np.asarray(result.independent)[kept.frames]),
+        "tables": kept.tables,
     }
 
 
@@ -160,6 +193,66 @@ def _joints(
     return found
 
 
+def _lever(joint: Mapping[str, Any]) -> float:
+    """How far from its point a hinge is drawn."""
+    return float(np.linalg.norm(np.subtract(joint["seat"], joint["at"]))) if joint["seat"] else 0.0
+
+
+def _ends(joint: Mapping[str, Any]) -> tuple[int, int]:
+    return joint["parent"], joint["child"]
+
+
+def _seats(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]) -> None:
+    """Hinges whose axes all pass one point are drawn where their axes leave a ball about it: `seat` on the child.
+
+    Reactions stay in the point: the place of a hinge on its axis is a matter of drawing, that of its moment is not.
+    """
+    records = list(spec.get("bodies", ()))
+    groups: list[list[int]] = []
+    for j, joint in enumerate(joints):
+        joint["seat"] = joint["seatParent"] = None
+        if joint["kind"] != "revolute" or joint["axis"] is None or joint["atParent"] is None:
+            continue
+        for group in groups:
+            if np.nanmax(np.linalg.norm(motion.point[:, j] - motion.point[:, group[0]], axis=1)) < 1e-6 * motion.size:
+                group.append(j)
+                break
+        else:
+            groups.append([j])
+    for group in groups:
+        bodies = {body for j in group for body in _ends(joints[j])} - {-1}
+        others = [j for j, joint in enumerate(joints) if j not in group and bodies & set(_ends(joint))]
+        axes = {j: _world(motion, joints[j]["parent"], joints[j]["axis"]) for j in group}
+        first = axes[group[0]]
+        if (
+            len(group) < 3
+            or others
+            or len(records) != motion.position.shape[1]
+            or all(np.linalg.norm(np.cross(first, axis)) < 0.05 for axis in axes.values())
+        ):
+            continue
+        around = {
+            b: _world(motion, b, records[b]["com"]) + motion.position[0, b] - motion.point[0, group[0]] for b in bodies
+        }
+        turning = [np.sqrt(2.5 * np.trace(np.array(records[b]["inertia"])) / 3.0 / max(records[b]["mass"], 1e-300))
+                   for b in bodies]  # fmt: skip
+        reach = float(np.median([np.linalg.norm(com) for com in around.values()]))
+        radius = 1.4 * reach if reach > 0.3 * max(turning) else 1.3 * max(turning)
+        for j in group:
+            joint = joints[j]
+            lean = sum((around[b] for b in _ends(joint) if b >= 0), np.zeros(3))
+            out = (radius if axes[j] @ lean >= -1e-9 * radius else -radius) * axes[j]
+            for key, at, body in (("seat", "at", joint["child"]), ("seatParent", "atParent", joint["parent"])):
+                turn = np.eye(3) if body < 0 else motion.rotation[0, body]
+                joint[key] = (np.array(joint[at]) + turn.T @ out).tolist()
+
+
+def _world(motion: Motion, body: int, direction: Any) -> FloatArray:
+    """A direction in axes of a body, in the world at the first output."""
+    vector = np.array(direction, dtype=float)
+    return vector if body < 0 else np.asarray(motion.rotation[0, body] @ vector)
+
+
 def _axes(drawn: Mapping[str, Any]) -> tuple[FloatArray | None, FloatArray | None]:
     """Axes of a joint in the world of the drawing, where the description gives them."""
     if drawn.get("frame") is not None:
@@ -186,11 +279,11 @@ def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list
 
 
 def _bodies(
-    result: Readable, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
+    result: Readable, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], coupled: Pictures
 ) -> list[dict[str, Any]]:
     """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
-    held = _springs(spec, list(result.names.bodies))
+    held = [*_springs(spec, list(result.names.bodies)), *coupled.rods]
     found = []
     for i, name in enumerate(result.names.bodies):
         given = drawn.get(name, {})
@@ -210,8 +303,51 @@ def _bodies(
         if shape.get("kind") == "rod":
             points += [[0.0, 0.0, 0.0], [float(shape["length"]), 0.0, 0.0]]
         com = np.array(given.get("com", (0.0, 0.0, 0.0)), dtype=float)
+        seats = [joint["seat" if joint["child"] == i else "seatParent"] for joint in joints if i in _ends(joint)]
+        if len(seats) > 1 and None not in seats:
+            centre = next(
+                joint["at"] if joint["child"] == i else joint["atParent"] for joint in joints if i in _ends(joint)
+            )
+            found.append({"name": name, "com": com.tolist(), "kind": "arc", "points": [centre, *seats]})
+            continue
         figure = outline(np.array(points, dtype=float).reshape(-1, 3), com, motion.size)
         found.append({"name": name, "com": com.tolist(), **figure})
+    return found
+
+
+LARGE, SMALL = 0.8, 0.05
+"""A solid guessed from an inertia is drawn where it is smaller than all there is, or where there is nothing else."""
+
+
+def _solids(
+    spec: Mapping[str, Any],
+    motion: Motion,
+    bodies: list[dict[str, Any]],
+    joints: list[dict[str, Any]],
+    coupled: Pictures,
+) -> dict[int, list[dict[str, Any]]]:
+    """What rolls, and the solids of bodies of which no points are known: uniform ones with their mass and inertia."""
+    found = dict(coupled.rolling)
+    drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
+    wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide has its block
+    wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}
+    for i, body in enumerate(bodies):
+        given = drawn.get(body["name"])
+        if not given or "inertia" not in given or i in wheels or i in found or body["kind"] not in ("ball", "hammer"):
+            continue
+        inertia = np.array(given["inertia"], dtype=float)
+        solid = solid_of(float(given["mass"]), np.array(given["com"], dtype=float), inertia)
+        if solid is None:
+            continue
+        extent = 2.0 * float(np.sqrt(2.5 * np.trace(inertia) / 3.0 / given["mass"]))
+        ends = [np.array(p) for p in body["points"]]
+        lever = float(np.linalg.norm(ends[0] - ends[-1]))
+        size = max([motion.size, *(2.0 * _lever(joint) for joint in joints)])
+        if lever < 0.25 * extent and (extent < LARGE * size or size < SMALL * extent):
+            found[i] = [solid]
+            shafts = [joint for joint in joints if joint["child"] == i and joint["seat"]]
+            coupled.rods.extend({"body1": i, "point1": j["seat"], "body2": i, "point2": j["at"]} for j in shafts)
     return found
 
 
@@ -272,10 +408,8 @@ def _choices(independent: NDArray[Any]) -> list[list[Any]]:
 def _switches(result: Readable) -> list[dict[str, Any]]:
     """The log of exchanges; the first choice of a run is not one."""
     changes = [change for change in result.partitions if change.entering or change.leaving]
-    return [
-        {"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
-        for c in changes
-    ]
+    return [{"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
+            for c in changes[:MOST_TOLD]] + [{"t": float(c.t)} for c in changes[MOST_TOLD:MOST_SWITCHES]]  # fmt: skip
 
 
 def _listed(axis: FloatArray | None) -> list[float] | None:

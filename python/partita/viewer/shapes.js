@@ -25,6 +25,27 @@ class Painter {
     if (!Number.isNaN(z)) this.list.push({ z: Math.round(z / this.grain), draw });
   }
 
+  /** Triangles, three numbers of corners each, every one at its own depth. */
+  mesh(points, faces, colour) {
+    const { camera, c, grain } = this, seen = points.map((p) => camera.project(p));
+    const shades = Array.from({ length: 12 }, (_, i) => shade(colour, -0.35 + i * 0.06));
+    for (let i = 0; i < faces.length; i += 3) {
+      const a = points[faces[i]], b = points[faces[i + 1]], d = points[faces[i + 2]];
+      const p = seen[faces[i]], q = seen[faces[i + 1]], r = seen[faces[i + 2]];
+      if (!p || !q || !r) continue;
+      const light = Math.abs(dot(unit(cross(sub(b, a), sub(d, a))), camera.back));
+      const fill = shades[Math.min(11, Math.floor(12 * light))];
+      this.list.push({ z: (p.z + q.z + r.z) / 3 / grain, draw: () => {
+        c.beginPath();
+        c.moveTo(p.x, p.y); c.lineTo(q.x, q.y); c.lineTo(r.x, r.y);
+        c.closePath();
+        c.fillStyle = c.strokeStyle = fill; // the stroke closes the seams between neighbours
+        c.lineWidth = 0.7;
+        c.fill(); c.stroke();
+      } });
+    }
+  }
+
   paint() {
     this.list.sort((a, b) => a.z - b.z); // stable: equal depths keep the order of drawing
     for (const item of this.list) item.draw();
@@ -94,13 +115,13 @@ class Painter {
   }
 
   /** Flat plate with rounded corners through points in order. */
-  plate(points, radius, colour) {
+  plate(points, radius, colour, lift = 0) {
     const ring = points.map((p) => this.camera.project(p));
     if (ring.includes(null)) return;
     const normal = unit(cross(sub(points[1], points[0]), sub(points[2], points[0])));
     const light = Math.abs(dot(normal, this.camera.back));
     const z = ring.reduce((sum, p) => sum + p.z, 0) / ring.length, w = 2 * radius * ring[0].s;
-    this.push(z, () => {
+    this.push(z + lift, () => {
       const face = shade(colour, 0.05 + 0.3 * light);
       this.polygon(ring, null, shade(colour, -0.45), Math.max(2, w + 2));
       this.polygon(ring, face, face, Math.max(0.5, w));
@@ -145,7 +166,7 @@ class Painter {
   }
 
   /** Cylinder of any size about an axis. */
-  drum(centre, axis, radius, half, colour) {
+  drum(centre, axis, radius, half, colour, lift = 0) {
     const camera = this.camera, p = camera.project(centre);
     if (!p) return;
     const facing = dot(axis, camera.toEye(centre)) < 0 ? scaled(axis, -1) : axis;
@@ -157,10 +178,59 @@ class Painter {
       far.push(camera.project(add(centre, sub(rim, scaled(facing, half)))));
     }
     if (near.includes(null) || far.includes(null)) return;
-    this.push(p.z, () => {
+    this.push(p.z + lift, () => {
       this.polygon(hull(near.concat(far)), shade(colour, -0.2), COLOURS.edge, 1.2);
       this.polygon(near, colour, COLOURS.edge, 1);
     });
+  }
+
+  /** A wheel with teeth, or a ring with teeth inside; `first` is where its angles begin. */
+  gear(centre, axis, first, wheel, colour, lift) {
+    const { camera } = this, p = camera.project(centre);
+    if (!p) return;
+    const { radius, width, teeth, phase, ring } = wheel, facing = dot(axis, camera.toEye(centre)) < 0 ? -1 : 1;
+    const second = cross(axis, first), module = teeth ? (2 * radius) / teeth : 0, inwards = ring ? -1 : 1;
+    const fine = module * p.s > 1.2; // teeth that can be seen
+    const rim = [];
+    for (let k = 0; k < (fine ? teeth : 48); k++) {
+      const steps = fine ? [[-0.28, -1.1], [-0.13, 0.9], [0.13, 0.9], [0.28, -1.1]] : [[0, 0]];
+      for (const [part, height] of steps) {
+        const angle = phase + ((k + part) * 2 * Math.PI) / (fine ? teeth : 48);
+        rim.push([angle, radius + inwards * height * (fine ? module : 0)]);
+      }
+    }
+    const at = (angle, r, side) => camera.project(add(add(centre, scaled(axis, side * facing * width / 2)),
+      add(scaled(first, r * Math.cos(angle)), scaled(second, r * Math.sin(angle)))));
+    const slices = Math.max(2, Math.min(8, Math.round((width * p.s) / 4))), layers = [];
+    for (let i = 0; i < slices; i++) layers.push(rim.map(([angle, r]) => at(angle, r, (2 * i) / (slices - 1) - 1)));
+    const outer = ring ? Array.from({ length: 64 }, (_, i) => at((-i * Math.PI) / 32, radius + 3 * (module || 0.05 * radius), 1)) : null;
+    if (layers.some((layer) => layer.includes(null)) || (outer && outer.includes(null))) return;
+    const face = layers[slices - 1];
+    this.push(p.z + lift, () => {
+      if (ring) { this.annulus(outer, face, shade(colour, 0.35), COLOURS.edge); return; }
+      for (const layer of layers.slice(0, -1)) this.polygon(layer, shade(colour, -0.3), shade(colour, -0.45), 1);
+      this.polygon(face, colour, COLOURS.edge, 1);
+      if (teeth) this.polygon(rim.map(([angle]) => at(angle, 0.72 * radius, 1)), shade(colour, 0.2), null);
+    });
+    if (!ring && teeth) {
+      const spot = [0.66, 0.2].map((r) => at(phase, r * radius, 1));
+      this.push(p.z + lift, () => this.line(spot, shade(colour, -0.45), Math.max(1.2, 0.05 * radius * p.s)));
+    }
+  }
+
+  /** What lies between two outlines. */
+  annulus(outer, inner, fill, stroke) {
+    const { c } = this;
+    c.beginPath();
+    for (const ring of [outer, inner]) {
+      ring.forEach((p, i) => (i ? c.lineTo(p.x, p.y) : c.moveTo(p.x, p.y)));
+      c.closePath();
+    }
+    c.fillStyle = fill;
+    c.fill("evenodd");
+    c.strokeStyle = stroke;
+    c.lineWidth = 1;
+    c.stroke();
   }
 
   /** Convex solid from its flat faces, each a list of points in order around an outward normal. */

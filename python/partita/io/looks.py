@@ -1,0 +1,89 @@
+"""How the links of a robot look, as shapes that `partita.viewer` draws: boxes, cylinders, balls and files of meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .reading import Remark
+
+Array = NDArray[np.float64]
+
+MESHES = (".stl", ".obj", ".glb", ".gltf")
+
+
+@dataclass
+class Look:
+    """A shape, and its frame in a link."""
+
+    link: str
+    place: Array
+    shape: dict[str, Any]
+
+
+def mesh_file(model: Path, name: str) -> tuple[Path | None, str]:
+    """The file that a model names for a mesh, or None and why not: only files beside the model or below are looked at.
+
+    `package://NAME/rest` and `model://NAME/rest` are looked for as NAME/rest and as rest.
+    """
+    folder = model.parent.resolve()
+    scheme, _, rest = name.rpartition("://")
+    if scheme not in ("", "file", "package", "model"):
+        return None, f"it is at {scheme}://, and nothing is fetched"
+    tried = [rest] if scheme in ("", "file") else [rest, rest.partition("/")[2]]
+    ending = Path(rest).suffix.lower()
+    if ending not in MESHES:
+        return None, f"meshes are read from {', '.join(MESHES)}, not {ending or 'a file without an ending'}"
+    outside = True
+    for one in tried:
+        found = (folder / one).resolve()
+        if one and found.is_relative_to(folder):
+            outside = False
+            if found.is_file():
+                return found, ""
+    return None, "it lies outside the folder of the model" if outside else "there is no such file beside the model"
+
+
+def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
+    """Shapes by the name of their body, in its axes; those of links that became frames, or the ground, go there."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    lost: list[str] = []
+    for look in robot.looks:
+        link, place = look.link, look.place
+        if not _has_size(look.shape):
+            robot.reading.dropped.append(Remark(None, f'a {look.shape["kind"]} of "{link}" that has no size'))
+            continue
+        if link not in robot.links:
+            if link not in robot.frames:
+                lost.append(link)
+                continue
+            link, carried = robot.frames[link]
+            place = carried @ place
+        body = "ground" if link == root else link
+        found.setdefault(body, []).append(_placed(look.shape, place))
+    if found:
+        robot.reading.used.append(Remark(None, f"{sum(map(len, found.values()))} shapes to draw"))
+    if lost:
+        robot.reading.dropped.append(Remark(None, f"the looks of {', '.join(dict.fromkeys(lost))}: no body has them"))
+    return found
+
+
+def _placed(shape: dict[str, Any], place: Array) -> dict[str, Any]:
+    left, _, right = np.linalg.svd(place[:3, :3])  # products of many rotations carry some round-off
+    axes = (left @ right).T
+    center = [float(x) for x in place[:3, 3]]
+    if shape["kind"] == "cylinder":
+        return {**shape, "center": center, "axis": axes[2].tolist()}
+    return (
+        {**shape, "center": center} if shape["kind"] == "ball" else {**shape, "center": center, "axes": axes.tolist()}
+    )
+
+
+def _has_size(shape: dict[str, Any]) -> bool:
+    """Is it larger than nothing in every direction? A mesh may be mirrored."""
+    sizes = [*shape.get("size", ()), *(shape[word] for word in ("radius", "length") if word in shape)]
+    return all(size > 0.0 for size in sizes) and 0.0 not in shape.get("scale", ())

@@ -1,0 +1,116 @@
+"""Meshes from files, STL, OBJ and glTF, as few triangles as a page can draw at once."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ArgumentError, FileFormatError
+from ..extras import extra
+from ..files import get
+
+FloatArray = NDArray[np.float64]
+
+ENDINGS = (".stl", ".obj", ".glb", ".gltf")
+MOST_TRIANGLES = 6000
+"""Of all meshes of a page together: what a browser draws between two frames of a film without a graphics card."""
+FEWEST_TRIANGLES = 200
+SIZE = 128 * 2**20
+
+
+def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
+    """Corners (n, 3) and triangles (m, 3) of a mesh file, all its parts where they stand in it, in units of the file.
+
+    Nothing but the file is read, and of glTF with its data beside it those files of the same folder and below.
+
+    Raises `MissingFileError` for a file that is not there, `FileFormatError` for one that holds no mesh,
+    `ArgumentError` for another ending, `MissingDependencyError` without `trimesh`.
+    """
+    where = Path(path)
+    ending = where.suffix.lower()
+    if ending not in ENDINGS:
+        raise ArgumentError(f'the mesh "{where}" must end in one of {", ".join(ENDINGS)}', argument="shapes")
+    content = get(where)
+    if len(content) > SIZE:
+        raise FileFormatError(f'the mesh "{where}" is larger than {SIZE // 2**20} MiB', path=str(where))
+    trimesh = extra("trimesh", "meshes", "drawing a mesh")
+    options: dict[str, Any] = {"skip_materials": True} if ending in (".obj", ".gltf", ".glb") else {}
+    beside = _resolver(trimesh, where.parent)
+    try:
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:], resolver=beside, **options)
+        mesh = scene.to_mesh()
+        points, faces = np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=int)
+    except (FileFormatError, MemoryError):
+        raise
+    except Exception as error:  # a parser of many formats fails in many ways
+        raise FileFormatError(
+            f'the mesh "{where}" cannot be read: {error or type(error).__name__}', path=str(where)
+        ) from error
+    if len(faces) == 0 or not np.isfinite(points).all():
+        raise FileFormatError(f'the mesh "{where}" holds no triangle of finite corners', path=str(where))
+    return points, faces
+
+
+def _resolver(trimesh: Any, folder: Path) -> Any:
+    """Gives the files that a glTF names, where they lie in its folder or below."""
+
+    class Beside(trimesh.resolvers.Resolver):  # type: ignore[misc]
+        def __init__(self) -> None:
+            pass
+
+        def get(self, name: str) -> bytes:
+            return get(inside(folder, name))
+
+        def namespaced(self, namespace: str) -> Any:
+            return self
+
+        def keys(self) -> list[str]:
+            return []
+
+        def write(self, name: str, data: Any) -> None:
+            raise NotImplementedError  # reading writes nothing
+
+    return Beside()
+
+
+def inside(folder: Path, name: str) -> Path:
+    """A file of a folder or below, named by a file of strangers: nothing else can be reached."""
+    root = folder.resolve()
+    found = (root / name).resolve()
+    if not found.is_relative_to(root):
+        raise FileFormatError(f'"{name}" lies outside the folder "{folder}"; it is not read', path=str(folder))
+    return found
+
+
+def simplified(points: FloatArray, faces: NDArray[np.int_], most: int) -> tuple[FloatArray, NDArray[np.int_]]:
+    """The same with at most `most` triangles: corners in one cell of a grid become one, in their middle."""
+    points, faces = _clustered(points, faces, 1e-7)
+    cells = 4.0 * np.sqrt(most)
+    while len(faces) > most:
+        points_, faces_ = _clustered(points, faces, 1.0 / cells)
+        if len(faces_) <= most:
+            return points_, faces_
+        cells *= 0.85
+    return points, faces
+
+
+def _clustered(points: FloatArray, faces: NDArray[np.int_], cell: float) -> tuple[FloatArray, NDArray[np.int_]]:
+    """Corners by cells of a grid, `cell` in parts of the extent; triangles that become lines, or twins, are gone."""
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    keys = np.floor((points - points.min(axis=0)) / (cell * extent)).astype(np.int64)
+    _, of = np.unique(keys, axis=0, return_inverse=True)
+    of = of.ravel()
+    count = np.bincount(of)
+    middle = np.stack([np.bincount(of, points[:, k]) / count for k in range(3)], axis=1)
+    corners = of[faces]
+    whole = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
+    corners = corners[whole]
+    _, once = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    corners = corners[np.sort(once)]
+    used, renumbered = np.unique(corners, return_inverse=True)
+    return middle[used], renumbered.reshape(corners.shape)
