@@ -172,7 +172,7 @@ impl Model {
     }
 
     fn build(
-        mut spec: Spec,
+        spec: Spec,
         functions: Arc<dyn Functions>,
         coordinates: Coordinates,
         allow_plane: bool,
@@ -182,7 +182,7 @@ impl Model {
 
     /// The same of a part, which may be welded to the ground as a whole.
     fn compiled(
-        spec: Spec,
+        mut spec: Spec,
         functions: Arc<dyn Functions>,
         (coordinates, allow_plane): (Coordinates, bool),
         may_be_welded: bool,
