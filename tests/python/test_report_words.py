@@ -30,7 +30,7 @@ def test_the_cure_that_is_named_cures() -> None:
     said = four_bar().report()
     found = said.to_dict()
     assert (found["gruebler"], found["freedoms"], found["mobility"]) == (-2, 1, 1)
-    assert "6 x 3 - 20 = -2" in said and "larger by the 3 that are redundant" in said.replace("\n", " ")
+    assert "6 x 3 - 20 = -2" in said and "larger by 3 redundant conditions" in said.replace("\n", " ")
     kinds = {"A": "R", "B": "R", "C": "R", "D": "R"}
     for cure in found["cures"]:
         kinds[cure["joint"]] = {"a ball joint": "S", "a cylindrical joint": "C"}[cure["by"]]

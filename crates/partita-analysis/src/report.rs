@@ -454,7 +454,7 @@ fn redundancy(found: &Mobility, cures: &[Cure]) -> String {
     );
     if !cures.is_empty() {
         let all: Vec<String> = cures.iter().map(|c| format!("{} {} by {}", c.is, c.joint, c.by)).collect();
-        told.push(format!("Nothing is superfluous and nothing else moves with {} replaced.", names(&all)));
+        told.push(format!("Replace {}: then nothing is superfluous, and nothing else moves.", names(&all)));
     }
     told.join(" ")
 }
