@@ -113,6 +113,8 @@ def test_stored_results_can_be_plotted_and_viewed(tmp_path: Path, capsys: pytest
     assert run("plot", path) == 0 and (tmp_path / "run.png").exists()
     assert run("plot", path, "--what", "A", "--what", "energy", "-o", tmp_path / "two.svg") == 0
     assert run("view", path) == 0 and (tmp_path / "run.html").exists()
+    film = tmp_path / "run.gif"
+    assert run("view", path, "-o", film) == 0 and film.read_bytes()[:3] == b"GIF"
     before = path.read_bytes()
     assert run("plot", path, "-o", path) == 2 and path.read_bytes() == before
 

@@ -4,10 +4,11 @@ The page holds everything it needs, opens from disk without a network, and asks 
 mechanism in 3-D (drag to turn, wheel to zoom), the reaction of every joint as an arrow, and the projective
 measure of every coordinate as a bar that moves with time, the independent ones marked.
 
-Rooms: `scene` says what is to be drawn, `geometry` how bodies look and from where they are seen, `packing`
-thins and stores the arrays, `page` puts the page together; `live` shows a stepper in viser. The drawing itself is
-plain JavaScript beside these files: `data`, `camera`, `shapes`, `extent`, `legends`, `scene`, `panel`, `player`,
-inlined in that order.
+Rooms: `scene` says what is to be drawn, `geometry` how bodies look and from where they are seen, `couplings` how
+gears, belts, cams and what rolls look, `hints` and `meshes` what a person or a file says of looks, `curves` what can be
+plotted, `packing` thins and stores the arrays, `page` puts the page together. The drawing itself is plain JavaScript
+beside these files, inlined in the order of `page.SCRIPTS`. `film` draws the same scene with Pillow, placed by `pose`;
+`live` shows a stepper in viser.
 """
 
 from __future__ import annotations

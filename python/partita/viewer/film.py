@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,8 @@ def save_film(
     bodies = list(result.names.bodies)
     scene = describe(result, None, solids(shapes, bodies), traced(points, bodies), packed=False)
     stage = _Stage(Pose(scene), (width, height), forces, factor)
-    pictures = (stage.picture(frame) for frame in frames)
+    runs = [(frame, len(list(same))) for frame, same in groupby(frames)]  # fewer outputs than pictures stand longer
+    pictures = ((stage.picture(frame), count) for frame, count in runs)
     if program is not None:
         _mp4(program, where, pictures, (width, height), rate)
         return where
@@ -125,11 +127,11 @@ def _chosen(t: FloatArray, fps: float, speed: float | None) -> tuple[list[int], 
     return [int(i) for i in near], fps, factor
 
 
-def _gif(pictures: Iterator[Any], rate: float) -> bytes:
+def _gif(pictures: Iterator[tuple[Any, int]], rate: float) -> bytes:
     """All pictures in the colours of the first ones: a palette of its own for each would flicker."""
     from PIL import Image
 
-    images = list(pictures)
+    images, counts = zip(*pictures, strict=True)
     width, height = images[0].size
     some = images[:: max(1, len(images) // 4)][:4]
     sheet = Image.new("RGB", (width, height * len(some)))
@@ -149,14 +151,15 @@ def _gif(pictures: Iterator[Any], rate: float) -> bytes:
     stream = io.BytesIO()
     # A GIF counts hundredths of a second.
     every = max(20, round(100.0 / rate) * 10)
-    few[0].save(stream, "GIF", save_all=True, append_images=few[1:], duration=every, loop=0, optimize=False)
+    times = [every * count for count in counts]
+    few[0].save(stream, "GIF", save_all=True, append_images=few[1:], duration=times, loop=0, optimize=False)
     return stream.getvalue()
 
 
-def _mp4(program: str, where: Path, pictures: Iterator[Any], size: tuple[int, int], rate: float) -> None:
+def _mp4(program: str, where: Path, pictures: Iterator[tuple[Any, int]], size: tuple[int, int], rate: float) -> None:
     command = [program, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}",
                "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(where)]  # fmt: skip
-    data = b"".join(image.tobytes() for image in pictures)
+    data = b"".join(image.tobytes() * count for image, count in pictures)
     done = subprocess.run(command, input=data, capture_output=True, check=False)
     if done.returncode != 0:
         said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["it gave no reason"]
