@@ -1,5 +1,5 @@
-"""What a drawing misfits by is a matter of the loops that misfit: neither what hangs beside them, nor of what size that is,
-nor the coordinates, nor how far guides stand from where they were drawn has a say in it."""
+"""What a drawing misfits by is a matter of the loops that misfit: what hangs beside them, of
+whatever size, the coordinates, and how far guides stand from where they were drawn have no say in it."""
 
 from __future__ import annotations
 

@@ -262,7 +262,9 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
 mod tests {
     use super::*;
 
-    fn parts(nodes: usize, lines: &[[usize; 2]]) -> (Vec<(Vec<usize>, Option<usize>)>, usize) {
+    type Seen = (Vec<usize>, Option<usize>);
+
+    fn parts(nodes: usize, lines: &[[usize; 2]]) -> (Vec<Seen>, usize) {
         let taken = taken_apart(nodes, lines);
         let mut parts: Vec<_> = taken.parts.into_iter().map(|x| (x.lines, x.from)).collect();
         parts.sort();
