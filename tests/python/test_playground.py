@@ -3,6 +3,7 @@
 The scripts of the page run in Node where there is one, the page itself in Chromium.
 """
 
+import base64
 import json
 import re
 import shutil
@@ -30,16 +31,19 @@ needs_node = pytest.mark.skipif(NODE is None, reason="there is no Node to run th
 def page_runs(mechanism: pt.Mechanism, initial: State | None, script: str, folder: Path) -> Any:
     """What `script` returns, run on the motion of the page at tight tolerances."""
     made = recorded(mechanism, initial)
-    head = f"const about = {json.dumps(made.about)};\nfunction program(w) {{\n{made.script}\n}}\n{text('motion.js')}\n"
-    body = (
-        "const m = makeMotion(program, about);\n"
-        f"m.accuracy.relative = {TIGHT['rtol']}; m.accuracy.absolute = {TIGHT['atol']};\n"
-        "const state = () => ({ t: m.t, q: [...m.q], v: [...m.v], rho: [...m.rho], exchanges: m.exchanges });\n"
-        "const bodies = () => [...m.look().bodies];\n"
-        f"console.log(JSON.stringify((() => {{ m.reset(about.start); {script} }})()));\n"
-    )
+    scripts = "\n".join(text(name) for name in ("module.js", "linear.js", "motion.js"))
+    body = f"""{scripts}
+        const about = {json.dumps(made.about)};
+        (async () => {{
+            const m = makeMotion(await loadProgram("{base64.b64encode(made.module).decode()}"), about);
+            m.accuracy.relative = {TIGHT["rtol"]}; m.accuracy.absolute = {TIGHT["atol"]};
+            const state = () => ({{ t: m.t, q: [...m.q], v: [...m.v], rho: [...m.rho], exchanges: m.exchanges }});
+            const bodies = () => [...m.look().bodies];
+            console.log(JSON.stringify((() => {{ m.reset(about.start); {script} }})()));
+        }})();
+    """
     file = folder / "run.js"
-    file.write_text(head + body, encoding="utf-8")
+    file.write_text(body, encoding="utf-8")
     assert NODE is not None
     ran = subprocess.run([NODE, str(file)], capture_output=True, text=True, timeout=120, check=False)
     assert ran.returncode == 0, ran.stderr[-2000:]

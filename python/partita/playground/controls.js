@@ -4,7 +4,7 @@ const $ = (id) => document.getElementById(id);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
 let motion;
 try {
-  motion = makeMotion(program, about);
+  motion = makeMotion(await loadProgram($("module").textContent), about);
   motion.reset(about.start);
 } catch (error) {
   fault(error.message);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html import escape
@@ -10,7 +11,7 @@ from typing import Any
 
 from .program import Program
 
-SCRIPTS = ("motion.js", "drawing.js", "controls.js")
+SCRIPTS = ("module.js", "linear.js", "motion.js", "drawing.js", "controls.js")
 
 
 def html(made: Program, title: str, view: dict[str, Any], speed: float) -> str:
@@ -22,11 +23,11 @@ def html(made: Program, title: str, view: dict[str, Any], speed: float) -> str:
         "TITLE": escape(title),
         "STYLE": text("style.css"),
         "DATA": data,
-        "PROGRAM": made.script,
+        "MODULE": base64.b64encode(made.module).decode("ascii"),
         "SCRIPT": "\n".join(text(name) for name in SCRIPTS),
     }
     # One pass, so that nothing inserted is searched for marks again.
-    return re.sub(r"\{\{(TITLE|STYLE|DATA|PROGRAM|SCRIPT)\}\}", lambda mark: parts[mark[1]], text("page.html"))
+    return re.sub(r"\{\{(TITLE|STYLE|DATA|MODULE|SCRIPT)\}\}", lambda mark: parts[mark[1]], text("page.html"))
 
 
 def text(name: str) -> str:

@@ -27,9 +27,9 @@ MOST_NUMBERS = 9
 
 @dataclass(frozen=True)
 class Program:
-    """The recorded equations: `script` is the body of a JavaScript function, `about` all else that the page needs."""
+    """The recorded equations: `module` is WebAssembly, `about` all else that the page needs."""
 
-    script: str
+    module: bytes
     about: dict[str, Any]
 
 
@@ -107,7 +107,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         and names.count(name) == 1
         and not (name.rpartition(".")[0] in massless and name.rpartition(".")[2] in ("mass", "com", "inertia"))
     ]
-    script, told = model.core.recorded([name for name, _ in chosen], state.t, state.q)
+    module, told, *_ = model.core.recorded([name for name, _ in chosen], state.t, state.q)
     about = json.loads(told)
     about |= {
         "drives": drives,
@@ -127,7 +127,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
             if force["kind"] == "spring" and not force["name"].startswith(PULL)
         ],
     }
-    return Program(script, about)
+    return Program(module, about)
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:
