@@ -260,11 +260,11 @@ def test_micrometres_and_kilometres(scale: float, tmp_path: Path) -> None:
 
 
 def test_names_carry_no_markup(tmp_path: Path) -> None:
-    mechanism = pt.Mechanism("</script><b>{{PROGRAM}}")
+    mechanism = pt.Mechanism("</script><b>{{MODULE}}")
     rod = mechanism.add_rod("<i>rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     mechanism.add_revolute("</script>", mechanism.ground, rod, point=(0, 0, 0))
     page = mechanism.to_playground(tmp_path / "x.html").read_text("utf-8")
-    assert page.count("</script>") == 2
+    assert page.count("</script>") == 3
     assert "<i>rod" not in page
     assert "<b>" not in page
 

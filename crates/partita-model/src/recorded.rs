@@ -11,7 +11,7 @@
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::model::Model;
-use partita_math::scalar::{Module, Recorder, Recording, Scalar, Script};
+use partita_math::scalar::{Module, Recorder, Recording, Scalar};
 use partita_math::spatial::Mat3;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::ops::Range;
@@ -21,8 +21,6 @@ use std::ops::Range;
 pub struct Recorded {
     /// The module.
     pub module: Module,
-    /// Old.
-    pub script: Script,
     /// Each parameter with the place of its first number and their count.
     pub parameters: Vec<(String, usize, usize)>,
     /// Each output with the place of its first number and their count.
@@ -116,9 +114,7 @@ impl Model {
             stages.push((stage, Range { start, end: kept.len() }));
         }
         let made = made.with_outputs(&kept);
-        let settled = 1 + nq + nv..next;
-        let (script, module) = (made.script(settled.clone(), &stages), made.module(settled, &stages));
-        Ok(Recorded { script, module, parameters, outputs, patterns })
+        Ok(Recorded { module: made.module(1 + nq + nv..next, &stages), parameters, outputs, patterns })
     }
 
     /// All outputs, in the order of [`STAGES`].

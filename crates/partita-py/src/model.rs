@@ -149,15 +149,15 @@ impl Model {
         parameters: Vec<String>,
         t: f64,
         q: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<(Py<PyBytes>, String, String)> {
+    ) -> PyResult<(Py<PyBytes>, String)> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
             let q = vector(&q, model.nq(), "q")?;
-            let (module, told, old) =
+            let (module, told) =
                 heard(py, model.is_large(), move || program::recorded(&own.get().inner, &parameters, t, &q))?
                     .map_err(|e| program::raised(py, e))?;
-            Ok((PyBytes::new(py, &module).unbind(), told, old))
+            Ok((PyBytes::new(py, &module).unbind(), told))
         })
     }
 

@@ -445,7 +445,7 @@ function makeMotion(run, about) {
   for (const [i, j] of plain) sizes[i] = reach[j];
   const typical = (j) => (j < nq ? sizes[j] : reach[independent[j - nq]]);
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
-  const oldV = new Float64Array(n), closed = new Float64Array(nq);
+  const closed = new Float64Array(nq), next = new Float64Array(n), slope = new Float64Array(n);
   // whether all levels have been evaluated at the state
   let ready = false, evaluations = 0;
   const costly = n * k * k > 20000;
@@ -454,6 +454,10 @@ function makeMotion(run, about) {
     if (ready) accelerate(y, v, stage[0]);
     else if (!derivative(t, y, stage[0])) return Infinity;
     ready = false;
+    for (let i = 0; i < n; i++) {
+      slope[i] = xi[i];
+      for (const j of over[i]) slope[i] += dt[i * k + j] * stage[0][nq + j];
+    }
     for (let i = 1; i < 7; i++) {
       for (let j = 0; j < ny; j++) {
         let z = 0;
@@ -472,32 +476,55 @@ function makeMotion(run, about) {
     }
     return error;
   }
+  // Steps pass over singular positions, where branches meet. On its branch a motion has rates that follow from those before
+  // it; thrown to another one they jump, however small the step. `next` against the rates and accelerations at its start.
+  function jumps(step) {
+    let off = 0, whole = 0;
+    for (let i = 0; i < n; i++) {
+      off = Math.max(off, Math.abs(next[i] - v[i] - step * slope[i]) / reach[i]);
+      whole = Math.max(whole, Math.abs(next[i]) / reach[i], Math.abs(v[i]) / reach[i], Math.abs(step * slope[i]) / reach[i]);
+    }
+    return off > 0.3 * whole;
+  }
   // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
   function advance(until, deadline = Infinity) {
-    let refused = 0;
+    let refused = 0, beyond = 0;
     while (t < until) {
       if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
       if (!(h > 0)) h = Math.min(rest, 1e-3);
-      const step = h >= rest * (1 - 1e-9) ? rest : h;
-      let error = attempt(step), open = 0;
+      const step = beyond || (h >= rest * (1 - 1e-9) ? rest : h);
+      let error = attempt(step), words = "the loops lose rank, and branches meet here";
       if (error <= 1) {
         normalise(y1);
         for (let i = 0; i < nq; i++) closed[i] = y1[i];
-        open = closeDependent(t + step, closed);
+        const open = closeDependent(t + step, closed);
+        if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${told(gaps())}`;
         if (!(open < 1e-8) || !tangent()) error = Infinity;
+      } else if (error < Infinity) {
+        words = "the step became too small";
+      }
+      if (error <= 1) {
+        expand(y1, next);
+        if (jumps(step)) {
+          error = Infinity;
+          words = "branches meet here, and the motion cannot be kept on its own";
+        }
       }
       if (!(error <= 1)) {
         refused += 1;
-        const words = open < 1e-8 ? "" : `: ${told(gaps())}`;
-        h = step * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.25);
-        if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 200) {
+        h = step * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
+        // a step that ends where branches meet is tried a little longer once, then shorter
+        beyond = error === Infinity && refused === 1 ? 1.3 * step : 0;
+        if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 60) {
+          h = 0;
+          // all is as it was after the step before
           settle();
-          throw new Fault(`The step became too small at t = ${t.toPrecision(5)} s${words}.`);
+          throw new Fault(`It stops at t = ${t.toPrecision(5)} s: ${words}.`);
         }
         continue;
       }
-      refused = 0;
+      refused = beyond = 0;
       if (openness(about.dropped) > about.loose) {
         const words = told(gaps());
         settle();
@@ -507,7 +534,7 @@ function makeMotion(run, about) {
       t = step === rest ? until : t + step;
       for (let i = 0; i < nq; i++) y[i] = q[i];
       for (let j = 0; j < k; j++) y[nq + j] = y1[nq + j];
-      expand(y, v);
+      v.set(next);
       velocity(t, v);
       ready = true;
       steps += 1;
@@ -526,7 +553,8 @@ function makeMotion(run, about) {
       const by = [];
       if (g.length > 0) by.push(`${digits(g.length)} m`);
       if (g.angle > 0) by.push(`${digits(g.angle)} rad`);
-      return `${g.owner} stays open by ${by.join(" and ")}`;
+      const cut = /^joint "(.*)"$/.exec(g.owner), loop = cut && about.loops[cut[1]];
+      return `${g.owner} stays open by ${by.join(" and ")}${loop ? ` (loop of ${loop.join(", ")})` : ""}`;
     }).join("; ");
   }
   function put(name, values) {

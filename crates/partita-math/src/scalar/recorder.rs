@@ -8,10 +8,8 @@
 
 mod lean;
 mod module;
-mod script;
 
 pub use module::Module;
-pub use script::Script;
 
 use super::{Arguments, Scalar};
 use std::cell::RefCell;
