@@ -231,14 +231,19 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-let last = 0, rate = 60;
+let last = 0, rate = 60, asked = 0;
 function frame(now) {
   const passed = Math.min(0.05, last ? (now - last) / 1000 : 1 / 60);
   if (last && now > last) rate += 0.05 * (1000 / (now - last) - rate);
   last = now;
   if (running) {
+    const speed = Number($("speed").value);
     try {
-      motion.advance(motion.t + passed * Number($("speed").value), performance.now() + 200);
+      // what a step went beyond the last frame is not asked for again; what could not be computed in time is left out
+      asked = Math.max(asked, motion.t - 0.1 * speed) + passed * speed;
+      if (Math.abs(asked - motion.t) > 0.2 * speed) asked = motion.t + passed * speed;
+      motion.advance(asked, performance.now() + 200);
+      asked = Math.min(asked, motion.t);
     } catch (error) {
       if (!(error instanceof motion.Fault)) throw error;
       stopped = error.message;

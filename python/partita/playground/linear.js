@@ -167,7 +167,8 @@ function makeElimination(m, entries, w) {
   const rowOf = Int32Array.from({ length: m }, (_, j) => pivotRow[step[j]]);
   // of each unknown the right-hand sides that reach it
   const reach = Array.from({ length: m }, (_, j) => [...reached[rowOf[j]]].sort((x, y) => x - y));
-  return { factor, solve, solveSides, rowOf, reach, get sign() { return sign; }, get steep() { return steep; } };
+  const operations = Target.length + lAt.length + uAt.length + m + upOf.length + downOf.length;
+  return { factor, solve, solveSides, rowOf, reach, operations, get sign() { return sign; }, get steep() { return steep; } };
 }
 
 // A symmetric positive matrix by the places of its lower triangle that are not always 0, factored from the last row to the

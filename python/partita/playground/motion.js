@@ -109,12 +109,14 @@ function makeMotion(run, about) {
     independent.forEach((j, i) => { dt[j * k + i] = 1; });
     return true;
   }
+  // how regular C_D is: its smallest pivot in parts of the largest
+  let regular = 1;
   // false where C_D is singular; a plan whose pivots have become small is made anew
   function factor() {
     if (!elimination && !plan()) return false;
-    const ratio = elimination.factor();
-    if (ratio > 1e-13 && elimination.steep < 1e3) return true;
-    return plan() && elimination.factor() > 1e-13;
+    regular = elimination.factor();
+    if (!(regular > 1e-13 && elimination.steep < 1e3)) regular = plan() ? elimination.factor() : 0;
+    return regular > 1e-13;
   }
   function tangent() {
     if (!factor()) return false;
@@ -428,6 +430,8 @@ function makeMotion(run, about) {
     expand(y, v);
     velocity(t, v);
     ready = true;
+    ahead = Infinity;
+    past.plan = null;
   }
 
   // ---- steps
@@ -447,13 +451,14 @@ function makeMotion(run, about) {
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
   const closed = new Float64Array(nq), next = new Float64Array(n), slope = new Float64Array(n);
   // whether all levels have been evaluated at the state
-  let ready = false, evaluations = 0;
+  let ready = false, evaluations = 0, regularBefore = 1;
   const costly = n * k * k > 20000;
   // one step; the estimate of its error in parts of the tolerance, infinite where a choice became singular on the way
   function attempt(step) {
     if (ready) accelerate(y, v, stage[0]);
     else if (!derivative(t, y, stage[0])) return Infinity;
     ready = false;
+    regularBefore = regular;
     for (let i = 0; i < n; i++) {
       slope[i] = xi[i];
       for (const j of over[i]) slope[i] += dt[i * k + j] * stage[0][nq + j];
@@ -486,21 +491,45 @@ function makeMotion(run, about) {
     }
     return off > 0.3 * whole;
   }
+  // C_D at the steps before: where its smallest pivot goes through 0 on its way, if it does
+  const past = { t: 0, pivot: 0, plan: null };
+  let ahead = Infinity;
+  function foresee() {
+    const pivot = elimination.sign * regular;
+    ahead = Infinity;
+    if (past.plan === elimination && past.t < t && Math.abs(pivot) < Math.abs(past.pivot)) {
+      ahead = (t - past.t) * pivot / (past.pivot - pivot);
+    }
+    Object.assign(past, { t, pivot, plan: elimination });
+  }
+  // A singular position foreseen shall lie between the stages of one step, whose nodes leave a gap from 0.3 to 0.8, and far
+  // from its ends: that step, or the one that leads before it; it may go beyond the time that was asked for.
+  function across(h, rest) {
+    if (ahead > 2 * h || ahead > rest + 0.5 * h) return [0, false];
+    if (ahead > 0.72 * h) return [Math.min(rest, ahead - 0.5 * h), false];
+    return [ahead > 0.3 * h ? ahead / 0.55 : ahead > 0.05 * h ? ahead / 0.1 : 0.6 * h, true];
+  }
   // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
   function advance(until, deadline = Infinity) {
     let refused = 0, beyond = 0;
+    const whole = 1.2 * (until - t);
     while (t < until) {
       if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
       if (!(h > 0)) h = Math.min(rest, 1e-3);
-      const step = beyond || (h >= rest * (1 - 1e-9) ? rest : h);
-      let error = attempt(step), words = "the loops lose rank, and branches meet here";
+      const [over, cross] = beyond ? [beyond, true] : across(Math.min(h, whole), rest);
+      const step = over || (h >= rest * (1 - 1e-9) ? rest : h);
+      let error = attempt(step);
+      // so near to where branches meet rates are good to a hundred-thousandth of a millionth
+      if (cross) error *= Math.min(1, accuracy.relative / 1e-11);
+      let words = "the loops lose rank, and branches meet here";
       if (error <= 1) {
         normalise(y1);
         for (let i = 0; i < nq; i++) closed[i] = y1[i];
         const open = closeDependent(t + step, closed);
         if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${told(gaps())}`;
-        if (!(open < 1e-8) || !tangent()) error = Infinity;
+        // too near to where branches meet rates are not accurate: a step ends before it or beyond
+        if (!(open < 1e-8) || !tangent() || regular < 1e-3 * regularBefore) error = Infinity;
       } else if (error < Infinity) {
         words = "the step became too small";
       }
@@ -513,9 +542,9 @@ function makeMotion(run, about) {
       }
       if (!(error <= 1)) {
         refused += 1;
-        h = step * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
+        h = Math.min(h, step) * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
         // a step that ends where branches meet is tried a little longer once, then shorter
-        beyond = error === Infinity && refused === 1 ? 1.3 * step : 0;
+        beyond = error === Infinity && refused === 1 ? 1.1 * step : 0;
         if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 60) {
           h = 0;
           // all is as it was after the step before
@@ -542,6 +571,7 @@ function makeMotion(run, about) {
         choose(true);
         for (let j = 0; j < k; j++) y[nq + j] = v[independent[j]];
       }
+      foresee();
       if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, 1e-10) ** -0.2));
     }
   }
@@ -686,6 +716,8 @@ function makeMotion(run, about) {
       h = Math.min(h, 1e-3);
     },
     get evaluations() { return evaluations; },
+    // multiplications of one elimination with its solutions
+    get operations() { return elimination ? elimination.operations : 0; },
     // rho at this state
     choose() { if (costly || !ready) settle(); },
     // poses of bodies (12 each), points of joints (3 each), kinetic and potential energy
