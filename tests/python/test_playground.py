@@ -158,6 +158,69 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
 
 
 @needs_node
+def test_the_module_computes_what_the_core_computes(tmp_path: Path) -> None:
+    """Phi, C, a, b, M and h of each entry of the zoo without drives, anywhere near its start at rates by chance."""
+    rng = np.random.default_rng(12)
+    cases, wanted = [], []
+    for name in catalogue.names():
+        mechanism = catalogue.entry(name).mechanism()
+        try:
+            made = recorded(mechanism, None)
+        except pt.errors.DescriptionError:
+            continue  # calls Python
+        if made.about["drives"]:
+            continue
+        core, about = layout_of(changed(mechanism), "relative")[0].core, made.about
+        q = np.array(about["start"]["q"]) + 0.1 * rng.standard_normal(about["coordinates"])
+        for i, j in about["coordinates_of"]:
+            if j - i == 4:
+                q[i:j] /= np.linalg.norm(q[i:j])
+        v = rng.standard_normal(about["velocities"])
+        cases.append(
+            {"module": base64.b64encode(made.module).decode(), "about": about, "q": q.tolist(), "v": v.tolist()}
+        )
+        c, lower = core.jacobian(0.0, q), np.tril_indices(core.nv)
+        rows = np.repeat(np.arange(core.rows), np.diff(about["row_start"]))
+        wanted.append(
+            {
+                "phi": core.constraints(0.0, q)[: about["holonomic"]],
+                "c": c[rows, about["columns"]],
+                "a": core.rate(0.0, q),
+                "b": core.bias(0.0, q, v),
+                "mass": core.mass_matrix(0.0, q)[lower][about["patterns"]["mass"]],
+                "h": core.forces(0.0, q, v),
+            }
+        )
+        assert np.count_nonzero(np.tril(core.mass_matrix(0.0, q))) <= len(about["patterns"]["mass"])
+    assert len(cases) > 80
+    script = f"""{text("module.js")}
+        (async () => {{
+            const found = [];
+            for (const {{ module, about, q, v }} of {json.dumps(cases)}) {{
+                const run = await loadProgram(module), w = new Float64Array(run.memory.buffer);
+                w.set(q, 1);
+                w.set(v, 1 + about.coordinates);
+                for (const [name, [at]] of Object.entries(about.parameters)) w.set(about.values[name], at);
+                run.prepare();
+                run.position();
+                run.velocity();
+                const part = ([at, count]) => [...w.subarray(at, at + count)];
+                found.push(Object.fromEntries(Object.entries(about.outputs).map(([name, where]) => [name, part(where)])));
+            }}
+            console.log(JSON.stringify(found));
+        }})();
+    """
+    assert NODE is not None
+    ran = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, timeout=120, check=False)
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    for found, known in zip(json.loads(ran.stdout), wanted, strict=True):
+        for what, values in known.items():
+            np.testing.assert_allclose(
+                found[what], values, rtol=1e-12, atol=1e-12 * max(1.0, np.abs(values).max(initial=0))
+            )
+
+
+@needs_node
 def test_a_driven_five_bar(tmp_path: Path) -> None:
     """With one crank driven it is not chaotic, whatever its lengths."""
     mechanism = catalogue.load("five-bar")
