@@ -177,7 +177,7 @@ def loads(_: Path) -> dict[str, Any]:
 
 def playground(_: Path) -> dict[str, Any]:
     """Frames of playground pages."""
-    print("\nPlayground: the motion of one frame (1/60 s) in Node; median of the later frames, and the first")
+    print("\nPlayground: the motion of one frame (1/60 s) in Node, CPU time; median of later frames, and the first")
     found = frame_costs()
     if not found:
         print("  there is no Node to run the scripts of the page")

@@ -110,7 +110,7 @@ SIX = {
 @needs_node
 @pytest.mark.parametrize("name", SIX)
 def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
-    """Changed lengths and pulls move it as in the core, over 10 s; one that cannot close is told and changes nothing."""
+    """Changed lengths and pulls move it as in the core, over 10 s; one that cannot close is told."""
     entry, zoo = catalogue.entry(name), SIX[name]
     mechanism = entry.mechanism()
     initial = entry.initial(mechanism)
@@ -135,7 +135,8 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         const old = Object.keys(wrong).map(m.get), refused = m.change(wrong), kept =
             state().q.every((x, i) => Math.abs(x - start.q[i]) < 1e-12) &&
             Object.keys(wrong).every((name, i) => m.get(name).every((x, j) => x === old[i][j]));
-        const parameters = Object.assign({json.dumps(others)}, ...lengths.map((x) => m.lengthened(x, {zoo.part} * x.drawn)));
+        const longer = lengths.map((x) => m.lengthened(x, {zoo.part} * x.drawn));
+        const parameters = Object.assign({json.dumps(others)}, ...longer);
         const words = m.change(parameters), from = state();
         m.advance(10);
         const changed = {{ from, to: state(), bodies: bodies(), parameters }};
@@ -144,7 +145,8 @@ def test_six_of_the_zoo(name: str, tmp_path: Path) -> None:
         const pull = {json.dumps(others | pull)}, again = state();
         m.load(pull);
         m.advance(2);
-        return {{ before, refused, kept, words, changed, pulled: {{ from: again, to: state(), bodies: bodies(), parameters: pull }} }};
+        const pulled = {{ from: again, to: state(), bodies: bodies(), parameters: pull }};
+        return {{ before, refused, kept, words, changed, pulled }};
     """
     found = page_runs(mechanism, initial, script, tmp_path)
     assert re.search(r'joint ".*" stays open by [\d.e-]+ (m|rad).*\(loop of .*, .*\)', found["refused"]), found[
@@ -205,7 +207,8 @@ def test_the_module_computes_what_the_core_computes(tmp_path: Path) -> None:
                 run.position();
                 run.velocity();
                 const part = ([at, count]) => [...w.subarray(at, at + count)];
-                found.push(Object.fromEntries(Object.entries(about.outputs).map(([name, where]) => [name, part(where)])));
+                const outputs = Object.entries(about.outputs);
+                found.push(Object.fromEntries(outputs.map(([name, where]) => [name, part(where)])));
             }}
             console.log(JSON.stringify(found));
         }})();
@@ -440,7 +443,7 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
         (async () => {
           await new Promise((r) => setTimeout(r, 200));
           const field = document.querySelectorAll("#lengths input[type=number]")[1], p = window.playground;
-          const fault = () => (document.getElementById("fault").hidden ? "" : document.getElementById("fault").textContent);
+          const box = document.getElementById("fault"), fault = () => (box.hidden ? "" : box.textContent);
           const take = (x) => { field.value = x; field.dispatchEvent(new Event("change")); return fault(); };
           const first = take("0.35"), length = field.value, second = take("2.9"), before = p.motion.look().energy[0];
           p.grasp({ body: 1, point: [0.4, 0, 0], to: [0.5, 2, 0] });
@@ -476,7 +479,8 @@ def test_forty_loops_at_sixty_frames_a_second(browser: Chromium, tmp_path: Path)
             took.push(performance.now() - from);
           }
           took.sort((x, z) => x - z);
-          return { evaluations: (motion.evaluations - before) / 60, median: took[30], loops: Object.keys(about.loops).length };
+          const evaluations = (motion.evaluations - before) / 60;
+          return { evaluations, median: took[30], loops: Object.keys(about.loops).length };
         })()
     """)
     assert browser.told == []
@@ -503,17 +507,19 @@ def test_pages_can_be_read(name: str, browser: Chromium, tmp_path: Path) -> None
 READABLE = """
 (() => {
   const bad = [], wide = document.documentElement.clientWidth, words = window.playground.drawing.written;
-  const meet = (a, b) => a.left < b.right - 0.5 && b.left < a.right - 0.5 && a.top < b.bottom - 0.5 && b.top < a.bottom - 0.5;
+  const meet = (a, b) => a.left < b.right - 0.5 && b.left < a.right - 0.5 &&
+    a.top < b.bottom - 0.5 && b.top < a.bottom - 0.5;
   words.forEach((a, i) => words.slice(i + 1).forEach((b) => { if (meet(a, b)) bad.push(`${a.word} on ${b.word}`); }));
   if (words.length === 0) bad.push("no names");
   for (const e of document.querySelectorAll("body *")) {
     const box = e.getBoundingClientRect();
-    if (box.width && box.right > wide + 0.5 && e.checkVisibility()) bad.push(`${e.tagName}#${e.id} is wider than the page`);
+    if (box.width && box.right > wide + 0.5 && e.checkVisibility()) bad.push(`${e.id} is wider than the page`);
   }
-  const boxes = [...document.querySelectorAll("header > *, #stage, aside, footer > *")].filter((e) => e.checkVisibility());
+  const parts = [...document.querySelectorAll("header > *, #stage, aside, footer > *")];
+  const boxes = parts.filter((e) => e.checkVisibility()), rect = (e) => e.getBoundingClientRect();
   const floats = (e) => e.parentElement.tagName === "FOOTER";
   boxes.forEach((a, i) => boxes.slice(i + 1).forEach((b) => {
-    if (floats(a) === floats(b) && meet(a.getBoundingClientRect(), b.getBoundingClientRect())) bad.push(`${a.id} over ${b.id}`);
+    if (floats(a) === floats(b) && meet(rect(a), rect(b))) bad.push(`${a.id} over ${b.id}`);
   }));
   return bad;
 })()

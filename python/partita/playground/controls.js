@@ -1,6 +1,7 @@
 // The page: fields for all that can be changed, the pointer, the clock.
 
 const $ = (id) => document.getElementById(id);
+const about = JSON.parse($("data").textContent);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
 let motion;
 try {

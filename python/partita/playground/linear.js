@@ -8,32 +8,31 @@ function planElimination(m, rows, careful, scale) {
   const active = rows.map((list) => new Map(list)), left = new Set(active.keys()), pivots = [];
   const touches = new Map();
   active.forEach((row, r) => row.forEach((_, j) => touches.set(j, (touches.get(j) || new Set()).add(r))));
-  const multipliers = [];
+  const multipliers = [], width = Int32Array.from(active, (row) => row.size);
   let first = 0;
   for (let step = 0; step < m; step++) {
     let best = null, least = Infinity, largest = 0;
-    const tops = new Map();
-    for (const [j, over] of touches) {
-      let top = 0;
-      for (const r of over) top = Math.max(top, Math.abs(active[r].get(j)));
-      tops.set(j, top);
-    }
-    for (const r of left) {
+    const looked = (r) => {
       for (const [j, x] of active[r]) {
-        if (!touches.has(j)) continue;
-        const size = Math.abs(x);
-        if (!(size > 0)) continue;
+        const over = touches.get(j), size = Math.abs(x);
+        if (!over || !(size > 0)) continue;
         if (careful) {
           const scaled = size * scale[0][r] * scale[1][j];
           if (scaled > largest) { largest = scaled; best = [r, j]; }
-        } else if (size >= 0.1 * tops.get(j)) {
-          let width = 0;
-          for (const l of active[r].keys()) if (touches.has(l)) width += 1;
-          const fill = (width - 1) * (touches.get(j).size - 1);
-          if (fill < least || (fill === least && size > largest)) { least = fill; largest = size; best = [r, j]; }
+          continue;
         }
+        const fill = (width[r] - 1) * (over.size - 1);
+        if (fill > least || (fill === least && size <= largest)) continue;
+        let top = 0;
+        for (const i of over) top = Math.max(top, Math.abs(active[i].get(j)));
+        if (size >= 0.1 * top) { least = fill; largest = size; best = [r, j]; }
       }
-    }
+    };
+    // the shortest rows fill least; the others are asked only where these have no pivot
+    let short = Infinity, asked = 0;
+    for (const r of left) short = Math.min(short, width[r]);
+    if (!careful) for (const r of left) if (width[r] <= short + 1 && asked++ < 12) looked(r);
+    if (!best) left.forEach(looked);
     if (!best) return null;
     if (careful) {
       first = first || largest;
@@ -45,8 +44,10 @@ function planElimination(m, rows, careful, scale) {
     for (const i of touches.get(j)) {
       const f = active[i].get(j) / pivot;
       below.push(i);
+      width[i] -= 1;
       for (const [l, x] of active[r]) {
         if (l === j || !touches.has(l)) continue;
+        if (!active[i].has(l)) width[i] += 1;
         active[i].set(l, (active[i].get(l) || 0) - f * x);
         touches.get(l).add(i);
       }

@@ -37,7 +37,7 @@ function makeMotion(run, about) {
   const dt = new Float64Array(n * k), md = new Float64Array(k * k), hd = new Float64Array(k);
   const sides = new Float64Array(m * k), moved = new Float64Array(n * k);
   const mass = makeSymmetric(n, about.patterns.mass), metric = light ? makeSymmetric(n, about.patterns.metric) : mass;
-  const gamma = new Float64Array(n), xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n);
+  const gamma = new Float64Array(n), xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n), slope = new Float64Array(n);
   const ny = nq + k;
   const stage = Array.from({ length: 7 }, () => new Float64Array(ny));
   const y = new Float64Array(ny), y1 = new Float64Array(ny), trial = new Float64Array(ny);
@@ -91,6 +91,8 @@ function makeMotion(run, about) {
 
   // ---- P1: C_D factored, D^T; a row of D^T has entries at `over` of it
   let elimination = null, over = [];
+  const freedom = new Int32Array(n).fill(-1);
+  const NO_MASS = "No mass moves with one of the freedoms: its acceleration is not determined.";
   const entriesOf = (i, of) => {
     const list = [];
     for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) list.push([of(about.columns[e]), C + e]);
@@ -106,8 +108,47 @@ function makeMotion(run, about) {
     dependent.forEach((j, i) => { over[j] = Int32Array.from(elimination.reach[i]); });
     independent.forEach((j, i) => { over[j] = Int32Array.of(i); });
     dt.fill(0);
-    independent.forEach((j, i) => { dt[j * k + i] = 1; });
+    freedom.fill(-1);
+    independent.forEach((j, i) => { dt[j * k + i] = 1; freedom[j] = i; });
+    wide = worthwhile();
     return true;
+  }
+  // The accelerations solve  [M C^T; C 0] [v'; -lambda] = [h; -b]  as well, sparse however many freedoms there are: taken
+  // where that costs less than D M D^T. The order of its elimination does not depend on the choice.
+  let whole = null, wide = false;
+  function worthwhile() {
+    let projection = elimination.operations + k * k * k / 6;
+    for (let e = 0; e < mass.row.length; e++) projection += over[mass.row[e]].length + over[mass.column[e]].length;
+    for (let i = 0; i < n; i++) projection += over[i].length * k / 2;
+    if (light || projection < 10000) return false;
+    if (!whole) {
+      run.velocity();
+      const entries = Array.from({ length: n + m }, () => []);
+      for (let e = 0; e < mass.row.length; e++) {
+        const i = mass.row[e], j = mass.column[e];
+        entries[i].push([j, MASS + e]);
+        if (i !== j) entries[j].push([i, MASS + e]);
+      }
+      kept.forEach((i, r) => {
+        for (const [j, at] of entriesOf(i, (x) => x)) {
+          entries[j].push([n + r, at]);
+          entries[n + r].push([j, at]);
+        }
+      });
+      whole = makeElimination(n + m, entries, w);
+    }
+    return whole !== null && whole.operations < projection;
+  }
+  const both = new Float64Array(n + m);
+  function solveWhole() {
+    for (let i = 0; i < n; i++) both[i] = w[H + i];
+    for (let r = 0; r < m; r++) both[n + r] = -b[kept[r]];
+    if (!(whole.factor() > 0) || whole.steep > 1e5) {
+      whole = null;
+      if (!worthwhile() || !(whole.factor() > 0)) throw new Fault(NO_MASS);
+    }
+    whole.solve(both);
+    for (let i = 0; i < n; i++) slope[i] = both[whole.rowOf[i]];
   }
   // how regular C_D is: its smallest pivot in parts of the largest
   let regular = 1;
@@ -134,13 +175,20 @@ function makeMotion(run, about) {
     out.fill(0);
     for (let r = 0; r < m; r++) out[dependent[r]] = right[elimination.rowOf[r]];
   }
+  // P2
   function expand(state, out) {
-    particular(a, gamma);
-    for (let i = 0; i < n; i++) {
-      let z = gamma[i];
-      for (const j of over[i]) z += dt[i * k + j] * state[nq + j];
-      out[i] = z;
+    for (let r = 0; r < m; r++) {
+      const i = kept[r];
+      let z = a[i];
+      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) {
+        const f = freedom[about.columns[e]];
+        if (f >= 0) z += w[C + e] * state[nq + f];
+      }
+      right[r] = -z;
     }
+    elimination.solve(right);
+    for (let r = 0; r < m; r++) out[dependent[r]] = right[elimination.rowOf[r]];
+    for (let j = 0; j < k; j++) out[independent[j]] = state[nq + j];
   }
   function turn(at, dv, out) {
     for (const [i, j] of plain) out[i] = dv[j];
@@ -171,6 +219,8 @@ function makeMotion(run, about) {
       for (let j = 0; j < 4; j++) at[i + j] /= l;
     }
   }
+  // what an evaluation needs of C_D
+  const evaluated = () => (wide ? factor() : tangent());
   // P3: D X D^T of a symmetric X
   function projected(x, from, out) {
     moved.fill(0);
@@ -191,13 +241,19 @@ function makeMotion(run, about) {
   const vHere = new Float64Array(n);
   function derivative(s, state, out) {
     position(s, state);
-    if (!tangent()) return false;
+    if (!evaluated()) return false;
     expand(state, vHere);
     velocity(s, vHere);
     accelerate(state, vHere, out);
     return true;
   }
   function accelerate(state, rate, out) {
+    turn(state, rate, out);
+    if (wide) {
+      solveWhole();
+      for (let j = 0; j < k; j++) out[nq + j] = slope[independent[j]];
+      return;
+    }
     particular(b, xi);
     for (let i = 0; i < n; i++) force[i] = w[H + i];
     for (let e = 0; e < mass.row.length; e++) {
@@ -208,11 +264,14 @@ function makeMotion(run, about) {
     hd.fill(0);
     for (let i = 0; i < n; i++) for (const p of over[i]) hd[p] += dt[i * k + p] * force[i];
     projected(mass, MASS, md);
-    if (!cholesky(md, k)) throw new Fault("No mass moves with one of the freedoms: its acceleration is not determined.");
+    if (!cholesky(md, k)) throw new Fault(NO_MASS);
     forward(md, k, hd);
     backward(md, k, hd);
-    turn(state, rate, out);
     for (let j = 0; j < k; j++) out[nq + j] = hd[j];
+    for (let i = 0; i < n; i++) {
+      slope[i] = xi[i];
+      for (const j of over[i]) slope[i] += dt[i * k + j] * hd[j];
+    }
   }
 
   // ---- closing
@@ -412,7 +471,7 @@ function makeMotion(run, about) {
     if (first || (!known && !tangent()) || !measure()) {
       any = true;
       anyChoice();
-      measure();
+      if (!measure()) throw new Fault(NO_MASS);
     }
     const best = span(null);
     if (!any && span(independent).volume >= EXCHANGE * best.volume) return;
@@ -449,7 +508,7 @@ function makeMotion(run, about) {
   for (const [i, j] of plain) sizes[i] = reach[j];
   const typical = (j) => (j < nq ? sizes[j] : reach[independent[j - nq]]);
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
-  const closed = new Float64Array(nq), next = new Float64Array(n), slope = new Float64Array(n);
+  const closed = new Float64Array(nq), next = new Float64Array(n), first = new Float64Array(n);
   // whether all levels have been evaluated at the state
   let ready = false, evaluations = 0, regularBefore = 1;
   const costly = n * k * k > 20000;
@@ -459,10 +518,7 @@ function makeMotion(run, about) {
     else if (!derivative(t, y, stage[0])) return Infinity;
     ready = false;
     regularBefore = regular;
-    for (let i = 0; i < n; i++) {
-      slope[i] = xi[i];
-      for (const j of over[i]) slope[i] += dt[i * k + j] * stage[0][nq + j];
-    }
+    first.set(slope);
     for (let i = 1; i < 7; i++) {
       for (let j = 0; j < ny; j++) {
         let z = 0;
@@ -486,8 +542,8 @@ function makeMotion(run, about) {
   function jumps(step) {
     let off = 0, whole = 0;
     for (let i = 0; i < n; i++) {
-      off = Math.max(off, Math.abs(next[i] - v[i] - step * slope[i]) / reach[i]);
-      whole = Math.max(whole, Math.abs(next[i]) / reach[i], Math.abs(v[i]) / reach[i], Math.abs(step * slope[i]) / reach[i]);
+      off = Math.max(off, Math.abs(next[i] - v[i] - step * first[i]) / reach[i]);
+      whole = Math.max(whole, Math.abs(next[i]) / reach[i], Math.abs(v[i]) / reach[i], Math.abs(step * first[i]) / reach[i]);
     }
     return off > 0.3 * whole;
   }
@@ -529,7 +585,7 @@ function makeMotion(run, about) {
         const open = closeDependent(t + step, closed);
         if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${told(gaps())}`;
         // too near to where branches meet rates are not accurate: a step ends before it or beyond
-        if (!(open < 1e-8) || !tangent() || regular < 1e-3 * regularBefore) error = Infinity;
+        if (!(open < 1e-8) || !evaluated() || regular < 1e-3 * regularBefore) error = Infinity;
       } else if (error < Infinity) {
         words = "the step became too small";
       }
@@ -568,7 +624,7 @@ function makeMotion(run, about) {
       ready = true;
       steps += 1;
       if (!costly || steps % 8 === 0) {
-        choose(true);
+        choose(!wide);
         for (let j = 0; j < k; j++) y[nq + j] = v[independent[j]];
       }
       foresee();
