@@ -16,6 +16,8 @@ from loads import AIM as LOADS_AIM
 from loads import load_costs
 from many_freedoms import QUESTIONS, Cost, Question, apart
 from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
+from playground import AIM as FRAME_AIM
+from playground import frame_costs
 from poses import AIM as POSES_AIM
 from poses import poses_cost
 from public_face import RUNS, face_cost
@@ -173,6 +175,21 @@ def loads(_: Path) -> dict[str, Any]:
     return {title: {**asdict(cost), "ratio": cost.ratio} for title, cost in found.items()}
 
 
+def playground(_: Path) -> dict[str, Any]:
+    """Frames of playground pages."""
+    print("\nPlayground: the motion of one frame (1/60 s) in Node, CPU time; median of later frames, and the first")
+    found = frame_costs()
+    if not found:
+        print("  there is no Node to run the scripts of the page")
+    for title, cost in found.items():
+        mark = "" if cost.seconds <= FRAME_AIM else " !"
+        print(
+            f"  {title:<27}{told(cost.seconds):>9} (aim: at most {told(FRAME_AIM)}){mark}, first {told(cost.first)}; "
+            f"{cost.evaluations:.1f} evaluations; module of {cost.module / 1e3:.0f} kB"
+        )
+    return {title: asdict(cost) for title, cost in found.items()}
+
+
 def _ratio(seconds: float, limit: Figure | None) -> float | None:
     return None if limit is None else seconds / limit.seconds
 
@@ -185,4 +202,5 @@ SECTIONS = {
     "face": face,
     "poses": poses,
     "loads": loads,
+    "playground": playground,
 }

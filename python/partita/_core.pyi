@@ -57,7 +57,7 @@ class Model:
     def with_parameters(self, changes: list[tuple[str, list[float]]]) -> Model:
         """The same mechanism with other parameters: names and numbers."""
 
-    def recorded(self, parameters: list[str], t: float, q: Array) -> tuple[str, str]:
+    def recorded(self, parameters: list[str], t: float, q: Array) -> tuple[bytes, str]:
         """The equations as JavaScript with these parameters as inputs; what a page must know of them (JSON)."""
 
     def parameters(self) -> list[tuple[str, list[float]]]:

@@ -18,7 +18,7 @@
     if (found < 4.5) bad.push(`${e.tagName}#${e.id}.${e.className} "${e.textContent.trim().slice(0, 30)}": ${found.toFixed(2)}`);
   }
   const paper = behind(document.getElementById("stage"));
-  for (const word of partita.written()) {
+  for (const word of globalThis.partita ? partita.written() : []) {
     canvas.fillStyle = word.colour;
     const hex = canvas.fillStyle, colour = [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
     if (ratio(colour, paper) < 4.5) bad.push(`"${word.text}" on the drawing: ${ratio(colour, paper).toFixed(2)}`);

@@ -16,7 +16,7 @@ mod recorder;
 
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use recorder::{Recorder, Recording, Script};
+pub use recorder::{Module, Recorder, Recording};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

@@ -3,28 +3,30 @@
 //! ```text
 //! inputs    t | q | v | parameters
 //! position  Φ, values of C in pattern order, a                                                (S3, S4)
-//! velocity  b, lower triangle of M, h                                                         (S5, S1)
-//! metric    lower triangle of M with what light links count with
+//! velocity  b, lower triangle of M without its zeros, h                                        (S5, S1)
+//! metric    the same of M with what light links count with; nothing where all have mass
 //! look      of each body position and axes (row by row), of each joint its point; kinetic, potential energy
 //! ```
 
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::model::Model;
-use partita_math::scalar::{Recorder, Recording, Scalar, Script};
+use partita_math::scalar::{Module, Recorder, Recording, Scalar};
 use partita_math::spatial::Mat3;
 use partita_system::{ConstrainedSystem, SystemError};
 use std::ops::Range;
 
-/// A mechanism's equations as a script, and where its numbers are.
+/// A mechanism's equations as a module, and where its numbers are.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// The script.
-    pub script: Script,
+    /// The module.
+    pub module: Module,
     /// Each parameter with the place of its first number and their count.
     pub parameters: Vec<(String, usize, usize)>,
     /// Each output with the place of its first number and their count.
     pub outputs: Vec<(&'static str, usize, usize)>,
+    /// Of `mass` and `metric` the places in the lower triangle, counted row by row: what is not always 0.
+    pub patterns: Vec<(&'static str, Vec<usize>)>,
 }
 
 /// Stages, and their outputs.
@@ -34,6 +36,9 @@ const STAGES: [(&str, &[&str]); 4] = [
     ("metric", &["metric"]),
     ("look", &["bodies", "joints", "energy"]),
 ];
+
+/// Triangles of which the zeros are left out.
+const PATTERNED: [&str; 2] = ["mass", "metric"];
 
 /// Of a dense symmetric matrix.
 fn lower<S: Scalar>(full: &[S], n: usize) -> impl Iterator<Item = S> + '_ {
@@ -92,18 +97,24 @@ impl Model {
             Ok::<_, DescriptionError>(groups.concat())
         })?
         .lean();
-        let (mut outputs, mut stages) = (Vec::new(), Vec::new());
-        let (mut place, mut size) = (0, sizes.iter());
+        let (mut outputs, mut stages, mut patterns) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut from, mut kept, mut size) = (0, Vec::new(), sizes.iter());
         for (stage, names) in STAGES {
-            let start = place;
+            let start = kept.len();
             for name in names {
-                let count = size.next().copied().unwrap_or(0);
-                outputs.push((*name, next + place, count));
-                place += count;
+                let (all, first) = (size.next().copied().unwrap_or(0), kept.len());
+                let sparse = PATTERNED.contains(name);
+                kept.extend((from..from + all).filter(|&o| !(sparse && made.is_zero(o))));
+                if sparse {
+                    patterns.push((*name, kept[first..].iter().map(|o| o - from).collect()));
+                }
+                outputs.push((*name, next + first, kept.len() - first));
+                from += all;
             }
-            stages.push((stage, Range { start, end: place }));
+            stages.push((stage, Range { start, end: kept.len() }));
         }
-        Ok(Recorded { script: made.script(1 + nq + nv..next, &stages), parameters, outputs })
+        let made = made.with_outputs(&kept);
+        Ok(Recorded { module: made.module(1 + nq + nv..next, &stages), parameters, outputs, patterns })
     }
 
     /// All outputs, in the order of [`STAGES`].
@@ -118,14 +129,16 @@ impl Model {
         e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
         e.velocity(t, q, v, &mut s, &mut b)?;
         e.dynamics(t, q, v, &mut s, &mut mass, &mut h)?;
-        let mut metric = mass.clone();
+        let lower = |m: &[Recorder]| lower(m, nv).collect::<Vec<_>>();
+        let mut metric = Vec::new();
         if self.lacks_mass() {
-            with_engine!(e, s, |tree, x| tree.add_light(x, &mut metric));
+            let mut heavier = mass.clone();
+            with_engine!(e, s, |tree, x| tree.add_light(x, &mut heavier));
+            metric = lower(&heavier);
         }
         e.look(q, v, &mut s);
         let (bodies, joints) = e.places(&s);
         let [kinetic, potential, _] = e.energies(t, q, v, &s)?;
-        let lower = |m: &[Recorder]| lower(m, nv).collect::<Vec<_>>();
-        Ok(vec![phi, c, a, b, lower(&mass), h, lower(&metric), bodies, joints, vec![kinetic, potential]])
+        Ok(vec![phi, c, a, b, lower(&mass), h, metric, bodies, joints, vec![kinetic, potential]])
     }
 }

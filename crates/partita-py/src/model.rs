@@ -20,7 +20,7 @@ use partita_system::kinematics::{assembly, projection::dense_rows};
 use partita_system::ConstrainedSystem;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::sync::{Arc, OnceLock};
 
 /// Numbers, and rows of numbers, as Python hands them over.
@@ -157,15 +157,22 @@ impl Model {
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         self.inner.parameters()
     }
-    /// The equations as JavaScript with these parameters as inputs, and what a page needs to know of them (JSON): sizes,
-    /// places of numbers, pattern of C, the rows that are redundant at the closed position q.
-    fn recorded(slf: &Bound<'_, Self>, parameters: Vec<String>, t: f64, q: Vector<'_>) -> PyResult<(String, String)> {
+    /// The equations as a WebAssembly module with these parameters as inputs, and what a page needs to know of them (JSON):
+    /// sizes, places of numbers, patterns of C and M, the rows that are redundant at the closed position q.
+    fn recorded(
+        slf: &Bound<'_, Self>,
+        parameters: Vec<String>,
+        t: f64,
+        q: Vector<'_>,
+    ) -> PyResult<(Py<PyBytes>, String)> {
         let py = slf.py();
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
             let q = vector(&q, model.nq(), "q")?;
-            heard(py, model.is_large(), move || program::recorded(&own.get().inner, &parameters, t, &q))?
-                .map_err(|e| program::raised(py, e))
+            let (module, told) =
+                heard(py, model.is_large(), move || program::recorded(&own.get().inner, &parameters, t, &q))?
+                    .map_err(|e| program::raised(py, e))?;
+            Ok((PyBytes::new(py, &module).unbind(), told))
         })
     }
 

@@ -22,8 +22,8 @@ pub(crate) fn raised(py: Python<'_>, e: Refused) -> PyErr {
     }
 }
 
-/// The script, and the rest as JSON.
-pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Result<(String, String), Refused> {
+/// The module, and the rest as JSON.
+pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Result<(Vec<u8>, String), Refused> {
     let made = model.recorded(names).map_err(Refused::Description)?;
     let size = model.size();
     let dropped = start::analyse(model, t, q).map_err(Refused::System)?.dropped;
@@ -44,7 +44,8 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
     let told = json!({
         "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
-        "work": made.script.work, "operations": made.script.operations,
+        "work": made.module.work, "operations": made.module.operations,
+        "patterns": made.patterns.iter().map(|(name, at)| (name.to_string(), json!(at))).collect::<Map<_, _>>(),
         "parameters": places(parameters), "outputs": places(made.outputs.clone()),
         "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
         "coordinates_of": coordinates,
@@ -52,5 +53,5 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         "names": (0..size.nv).map(|i| model.velocity_name(i)).collect::<Vec<_>>(),
         "length": model.placed.length,
     });
-    Ok((made.script.text, told.to_string()))
+    Ok((made.module.bytes, told.to_string()))
 }

@@ -1,10 +1,11 @@
 // The page: fields for all that can be changed, the pointer, the clock.
 
 const $ = (id) => document.getElementById(id);
+const about = JSON.parse($("data").textContent);
 const fault = (words) => { $("fault").hidden = !words; $("fault").textContent = words; };
 let motion;
 try {
-  motion = makeMotion(program, about);
+  motion = makeMotion(await loadProgram($("module").textContent), about);
   motion.reset(about.start);
 } catch (error) {
   fault(error.message);
@@ -68,11 +69,23 @@ function field(parent, words, unit, read, write, slider) {
 }
 const has = (name) => name in about.parameters;
 
-for (const one of about.lengths.slice(0, 60)) {
+// the first dozen in sight, the rest folded
+const more = (parent, number, count) => {
+  if (number < 12 || count <= 15) return parent;
+  if (!parent.querySelector("details")) {
+    const fold = document.createElement("details"), words = document.createElement("summary");
+    words.textContent = `${count - 12} more`;
+    fold.append(words);
+    parent.append(fold);
+  }
+  return parent.querySelector("details");
+};
+about.lengths.slice(0, 60).forEach((one, i) => {
   const words = `${one.body}: ${one.what}`;
   const set = (x) => (x > 0 ? motion.change(motion.lengthened(one, x)) : `${words} must be above 0.`);
-  field($("lengths"), words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
-}
+  const parent = more($("lengths"), i, Math.min(60, about.lengths.length));
+  field(parent, words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
+});
 if (about.lengths.length === 0) $("lengths").textContent = "No body has two joints that turn.";
 const scalar = (parent, name, words, unit, positive) => {
   const x = about.values[name][0];
@@ -84,7 +97,8 @@ if (has("gravity")) {
   const size = () => motion.get("gravity").reduce((s, x, i) => s + x * way[i], 0);
   field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: way.map((w) => w * x) }), [0, Math.max(20, 2 * g)]);
 }
-for (const body of about.bodies.slice(0, 40)) if (has(`${body}.mass`)) scalar($("masses"), `${body}.mass`, `${body}: mass`, "kg", true);
+const heavy = about.bodies.slice(0, 40).filter((body) => has(`${body}.mass`));
+heavy.forEach((body, i) => scalar(more($("masses"), i, heavy.length), `${body}.mass`, `${body}: mass`, "kg", true));
 for (const name of Object.keys(about.parameters)) {
   const [, what] = [name.slice(0, name.lastIndexOf(".")), name.slice(name.lastIndexOf(".") + 1)];
   if (name.startsWith("pull ") || name === "gravity" || what === "mass") continue;
@@ -218,14 +232,19 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-let last = 0, rate = 60;
+let last = 0, rate = 60, asked = 0;
 function frame(now) {
   const passed = Math.min(0.05, last ? (now - last) / 1000 : 1 / 60);
   if (last && now > last) rate += 0.05 * (1000 / (now - last) - rate);
   last = now;
   if (running) {
+    const speed = Number($("speed").value);
     try {
-      motion.advance(motion.t + passed * Number($("speed").value), performance.now() + 200);
+      // what a step went beyond the last frame is not asked for again; what could not be computed in time is left out
+      asked = Math.max(asked, motion.t - 0.1 * speed) + passed * speed;
+      if (Math.abs(asked - motion.t) > 0.2 * speed) asked = motion.t + passed * speed;
+      motion.advance(asked, performance.now() + 200);
+      asked = Math.min(asked, motion.t);
     } catch (error) {
       if (!(error instanceof motion.Fault)) throw error;
       stopped = error.message;
@@ -234,16 +253,16 @@ function frame(now) {
     }
   }
   drawing.draw(pull);
-  show();
+  show(drawing.places.energy);
   requestAnimationFrame(frame);
 }
 let frames = 0;
-function show() {
+function show(energy) {
   frames += 1;
   // many bars are read no faster
   if (about.names.length > 24 && frames % 6) return;
   try { motion.choose(); } catch (error) { if (!(error instanceof motion.Fault)) throw error; }
-  const { energy } = motion.look(), chosen = new Set(motion.independent);
+  const chosen = new Set(motion.independent);
   bars.forEach(({ row, fill, value }, i) => {
     row.classList.toggle("free", chosen.has(i));
     fill.style.transform = `scaleX(${motion.rho[i]})`;
@@ -255,5 +274,5 @@ function show() {
   $("clock").textContent = `${motion.t.toFixed(3)} s`;
 }
 // for tests and for the curious
-window.playground = { motion, about, grasp, release };
+window.playground = { motion, about, drawing, grasp, release };
 requestAnimationFrame(frame);

@@ -19,15 +19,42 @@ function makeDrawing(canvas, about, motion) {
   // the frame is that of the start, so that a longer link looks longer
   let frame = null;
   function fit() {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    const { joints, bodies } = motion.look();
     const all = [];
-    for (let i = 0; i < joints.length; i += 3) all.push(joints.subarray(i, i + 3));
-    for (let i = 0; i < bodies.length; i += 12) all.push(bodies.subarray(i, i + 3));
-    for (const p of all) for (let c = 0; c < 3; c++) { low[c] = Math.min(low[c], p[c]); high[c] = Math.max(high[c], p[c]); }
-    const middle = low.map((x, c) => (all.length ? (x + high[c]) / 2 : 0));
-    const size = Math.hypot(...low.map((x, c) => (all.length ? high[c] - x : 1))) || 1;
-    frame = { middle, size };
+    for (let j = 0; j < about.joints.length; j++) all.push(jointPoint(j));
+    about.bodies.forEach((_, i) => all.push(...bodyPoints(i)));
+    for (const spring of about.springs) all.push(...springEnds(spring));
+    if (all.length === 0) all.push([0, 0, 0]);
+    const span = (axis) => {
+      const along = all.map((p) => dot(p, axis));
+      return [Math.min(...along), Math.max(...along)];
+    };
+    const spans = [view.right, view.up, view.back].map(span);
+    const middle = [0, 1, 2].map((c) => [view.right, view.up, view.back].reduce((z, axis, i) => z + axis[c] * (spans[i][0] + spans[i][1]) / 2, 0));
+    const [across, high, deep] = spans.map(([low, top]) => top - low);
+    const lengths = about.bodies.map((_, i) => {
+      const points = bodyPoints(i);
+      return points.length < 2 ? 0 : Math.hypot(...points[0].map((x, c) => x - points[1][c]));
+    }).filter((l) => l > 0).sort((x, z) => x - z);
+    const size = Math.hypot(across, high, deep) || 1;
+    frame = { middle, size, across, high, link: lengths.length ? lengths[Math.floor(lengths.length / 2)] : size };
+  }
+  // links swing out of the frame of the start: room for that, and as large as it may be
+  function fitted() {
+    const whole = (0.62 * Math.min(width, height)) / frame.size;
+    if (!view.planar) return whole;
+    return Math.max(whole, Math.min((0.82 * width) / (frame.across || frame.size), (0.5 * height) / Math.max(frame.high, 0.25 * frame.size)));
+  }
+  // what leaves the picture makes it smaller, unless the view was set by hand
+  let shrunk = 1;
+  function shrink() {
+    if (eye.zoom !== 1 || eye.right !== 0 || eye.up !== 0) return;
+    let out = 1;
+    for (let j = 0; j < about.joints.length; j++) {
+      const [x, y] = screen(jointPoint(j));
+      out = Math.max(out, Math.abs(x - width / 2) / Math.max(20, width / 2 - 30), Math.abs(y - height / 2) / Math.max(20, height / 2 - 30));
+    }
+    shrunk = Math.max(0.1, shrunk / out);
+    scale = fitted() * shrunk;
   }
   const screen = (p) => {
     const d = [p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]];
@@ -51,8 +78,18 @@ function makeDrawing(canvas, about, motion) {
   const shapes = about.bodies.map((name) => about.joints.flatMap((joint, j) => (joint.child === name || joint.parent === name ? [j] : [])));
   const ground = about.joints.flatMap((joint, j) => (joint.child === "ground" || joint.parent === "ground" ? [j] : []));
   const slides = (j) => ["prismatic", "cylindrical"].includes(about.joints[j].kind);
+  const springEnds = (spring) => [1, 2].map((e) => {
+    const point = motion.get(`${spring.name}.point${e}`), body = number.get(spring[`body${e}`]);
+    return body === undefined ? point : onBody(body, point);
+  });
+  // where springs hold a body beside its joints
+  const held = about.bodies.map((name) => about.springs.flatMap((spring) => [1, 2].flatMap((e) => (spring[`body${e}`] === name ? [`${spring.name}.point${e}`] : []))));
   const bodyPoints = (i) => {
     const points = shapes[i].map(jointPoint);
+    for (const name of held[i]) {
+      const point = onBody(i, motion.get(name));
+      if (points.length && points.every((p) => Math.hypot(...p.map((x, c) => x - point[c])) > 1e-6 * about.length)) points.push(point);
+    }
     const com = about.parameters[`${about.bodies[i]}.com`] && onBody(i, motion.get(`${about.bodies[i]}.com`));
     if (points.length < 2 && com) points.push(com);
     if (points.length === 0) points.push(onBody(i, [0, 0, 0]));
@@ -69,6 +106,54 @@ function makeDrawing(canvas, about, motion) {
     points.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
     if (closed) pen.closePath();
   }
+  // whether a line passes a box
+  function passes([p, r], box) {
+    let from = 0, to = 1;
+    for (const [x, d, low, high] of [[p[0], r[0] - p[0], box.left, box.right], [p[1], r[1] - p[1], box.top, box.bottom]]) {
+      if (Math.abs(d) < 1e-9) {
+        if (x < low || x > high) return false;
+      } else {
+        const one = (low - x) / d, other = (high - x) / d;
+        from = Math.max(from, Math.min(one, other));
+        to = Math.min(to, Math.max(one, other));
+      }
+    }
+    return from <= to;
+  }
+  // names beside their joints, where they cover least; a name keeps its side while it is as good as free there
+  const sides = new Map();
+  const around = [[1, -1], [-1, -1], [1, 1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
+  let written = [];
+  function write(pins, lines) {
+    pen.fillStyle = colours["--quiet"];
+    pen.font = "12px system-ui, sans-serif";
+    written = [];
+    const named = new Set();
+    pins.forEach((pin, j) => {
+      if (!pin || named.has(j)) return;
+      // one word for those at one place
+      const here = pins.flatMap((other, i) => (other && Math.hypot(other[0] - pin[0], other[1] - pin[1]) < 3 ? [i] : []));
+      here.forEach((i) => named.add(i));
+      const word = here.map((i) => about.joints[i].name).join(", "), long = pen.measureText(word).width, half = slides(j) ? 14 : 8;
+      const cost = (side) => {
+        const [dx, dy] = around[side % 8], far = half + (side < 8 ? 0 : 14);
+        const left = pin[0] + dx * far - (dx < 0 ? long : dx === 0 ? long / 2 : 0), middle = pin[1] + dy * (far + 2);
+        const box = { left, right: left + long, top: middle - 7, bottom: middle + 7, word };
+        let z = 0.02 * side;
+        if (box.left < 2 || box.right > width - 2 || box.top < 2 || box.bottom > height - 2) z += 10;
+        for (const one of lines) if (passes(one, box)) z += 1;
+        for (const other of pins) if (other && other[0] > box.left - 6 && other[0] < box.right + 6 && other[1] > box.top - 6 && other[1] < box.bottom + 6) z += 1;
+        for (const other of written) if (box.left < other.right + 2 && other.left < box.right + 2 && box.top < other.bottom && other.top < box.bottom) z += 5;
+        return { z, box, side };
+      };
+      const tried = around.flatMap((_, side) => [cost(side), cost(side + 8)]).sort((a, b) => a.z - b.z);
+      const kept = sides.has(j) ? cost(sides.get(j)) : null;
+      const best = kept && kept.z < tried[0].z + 0.9 ? kept : tried[0];
+      sides.set(j, best.side);
+      written.push(best.box);
+      pen.fillText(word, best.box.left, best.box.bottom - 3);
+    });
+  }
   function draw(pull) {
     const ratio = window.devicePixelRatio || 1;
     width = canvas.clientWidth;
@@ -79,14 +164,25 @@ function makeDrawing(canvas, about, motion) {
     }
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
+    places = motion.look();
     if (!frame) fit();
     centre = frame.middle;
-    scale = (0.62 * Math.min(width, height) * eye.zoom) / frame.size;
+    scale = fitted() * shrunk * eye.zoom;
     turned();
-    places = motion.look();
+    shrink();
+    // pins and marks shrink with links that are short on the screen
+    const slim = Math.min(1, Math.max(0.3, (scale * frame.link) / 45));
+    const lines = [];
+    const foot = ([x, y]) => {
+      pen.strokeStyle = colours["--edge"];
+      pen.lineWidth = 2 * slim;
+      line([[x, y], [x - 11 * slim, y + 18 * slim], [x + 11 * slim, y + 18 * slim]], true);
+      pen.stroke();
+      line([[x - 16 * slim, y + 18 * slim], [x + 16 * slim, y + 18 * slim]], false);
+      pen.stroke();
+    };
     pen.lineCap = pen.lineJoin = "round";
     for (const joint of ground) {
-      const [x, y] = screen(jointPoint(joint));
       if (slides(joint)) {
         const axis = about.joints[joint].axis;
         if (!axis) continue;
@@ -98,20 +194,13 @@ function makeDrawing(canvas, about, motion) {
         pen.stroke();
         pen.setLineDash([]);
       } else {
-        pen.strokeStyle = colours["--edge"];
-        pen.lineWidth = 2;
-        line([[x, y], [x - 11, y + 18], [x + 11, y + 18]], true);
-        pen.stroke();
-        line([[x - 16, y + 18], [x + 16, y + 18]], false);
-        pen.stroke();
+        foot(screen(jointPoint(joint)));
       }
     }
     for (const spring of about.springs) {
-      const ends = [1, 2].map((e) => {
-        const point = motion.get(`${spring.name}.point${e}`), body = number.get(spring[`body${e}`]);
-        return screen(body === undefined ? point : onBody(body, point));
-      });
-      const [a, b] = ends, dx = b[0] - a[0], dy = b[1] - a[1], l = Math.hypot(dx, dy) || 1, coil = [a];
+      const [a, b] = springEnds(spring).map(screen);
+      const dx = b[0] - a[0], dy = b[1] - a[1], l = Math.hypot(dx, dy) || 1, coil = [a];
+      [a, b].forEach((end, e) => { if (spring[`body${e + 1}`] === "ground") foot(end); });
       for (let i = 1; i < 16; i++) {
         const s = i / 16, out = (i % 2 ? 1 : -1) * Math.min(7, l / 8) * (i > 1 && i < 15 ? 1 : 0);
         coil.push([a[0] + dx * s - (dy / l) * out, a[1] + dy * s + (dx / l) * out]);
@@ -120,6 +209,7 @@ function makeDrawing(canvas, about, motion) {
       pen.lineWidth = 1.5;
       line([...coil, b], false);
       pen.stroke();
+      lines.push([a, b]);
     }
     about.bodies.forEach((_, i) => {
       const points = bodyPoints(i).map(screen);
@@ -130,7 +220,9 @@ function makeDrawing(canvas, about, motion) {
         pen.fill();
         pen.globalAlpha = 1;
       }
-      pen.lineWidth = 6;
+      pen.lineWidth = 6 * slim;
+      points.forEach((p, e) => { if (e) lines.push([points[e - 1], p]); });
+      if (points.length > 2) lines.push([points[points.length - 1], points[0]]);
       line(points, points.length > 2);
       pen.stroke();
       if (points.length === 1) {
@@ -139,29 +231,19 @@ function makeDrawing(canvas, about, motion) {
         pen.fill();
       }
     });
-    const written = [];
-    about.joints.forEach((joint, j) => {
-      if (joint.kind === "free") return;
-      const [x, y] = screen(jointPoint(j));
+    const pins = about.joints.map((joint, j) => (joint.kind === "free" ? null : screen(jointPoint(j))));
+    about.joints.forEach((_, j) => {
+      if (!pins[j]) return;
+      const [x, y] = pins[j];
       pen.fillStyle = colours["--paper"];
       pen.strokeStyle = colours["--ink"];
-      pen.lineWidth = 1.8;
+      pen.lineWidth = 1.8 * slim;
       pen.beginPath();
-      if (slides(j)) pen.rect(x - 12, y - 8, 24, 16); else pen.arc(x, y, 5, 0, 7);
+      if (slides(j)) pen.rect(x - 12 * slim, y - 8 * slim, 24 * slim, 16 * slim); else pen.arc(x, y, 5 * slim, 0, 7);
       pen.fill();
       pen.stroke();
-      if (about.joints.length > 24) return;
-      pen.fillStyle = colours["--quiet"];
-      pen.font = "12px system-ui, sans-serif";
-      // one below the other where they would meet
-      const long = pen.measureText(joint.name).width, left = Math.min(x + 9, width - long - 4);
-      let down = Math.max(y - 9, 14);
-      for (const box of written) {
-        if (left < box.right && left + long > box.left && Math.abs(down - box.down) < 14) down = box.down + 15;
-      }
-      written.push({ left, right: left + long, down });
-      pen.fillText(joint.name, left, down);
     });
+    if (about.joints.length <= 24) write(pins, lines);
     if (pull) {
       const from = screen(onBody(pull.body, pull.point)), to = screen(pull.to);
       pen.strokeStyle = pen.fillStyle = colours["--force"];
@@ -198,5 +280,5 @@ function makeDrawing(canvas, about, motion) {
   }
   restyle();
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
-  return { draw, pick, world, eye };
+  return { draw, pick, world, eye, get written() { return written; }, get places() { return places; } };
 }

@@ -6,19 +6,20 @@
 //   v_D = A v_I + eta,  A = -C_D^-1 C_I,  eta = -C_D^-1 a        (P1, P2)
 //   M_d = D M D^T,      h_d = D (h - M [0; xi])                   (P3)
 // Steps are those of Dormand and Prince, of order 5, with control of their error; at the end of each the dependent
-// coordinates are closed by Newton's method, and the choice is looked at.
+// coordinates are closed by Newton's method, and the choice is looked at. The work of a step is in proportion to the
+// entries of C, M and D that are not 0: they are eliminated along plans, each made when the choice is.
 
-function makeMotion(program, about) {
-  const w = new Float64Array(about.work);
-  const run = program(w);
+function makeMotion(run, about) {
+  const w = new Float64Array(run.memory.buffer);
   const nq = about.coordinates, n = about.velocities, rows = about.rows, holonomic = about.holonomic;
   const kept = [];
   for (let i = 0; i < rows; i++) if (!about.dropped.includes(i)) kept.push(i);
   const m = kept.length, k = n - m;
   const closing = kept.filter((i) => i < holonomic), mh = closing.length;
   const place = (name) => about.outputs[name][0];
-  const PHI = place("phi"), C = place("c"), A = place("a"), B = place("b"), MASS = place("mass"), H = place("h"),
-    METRIC = place("metric");
+  const PHI = place("phi"), C = place("c"), A = place("a"), B = place("b"), H = place("h");
+  // what light links count with is in the metric alone
+  const light = about.outputs.metric[1] > 0, MASS = place("mass"), METRIC = light ? place("metric") : MASS;
   const Q = 1, V = 1 + nq;
   const balls = [], plain = [];
   for (let i = 0; i < n;) {
@@ -33,10 +34,11 @@ function makeMotion(program, about) {
   let independent = [], dependent = [];
   const rates = about.drives.map((d) => ({ ...d, factor: 1, clock: 0, since: 0, shift: 0 }));
   const phi = new Float64Array(rows), a = new Float64Array(rows), b = new Float64Array(rows);
-  const c = new Float64Array(rows * n), lu = new Float64Array(m * m), pivot = new Int32Array(m);
   const dt = new Float64Array(n * k), md = new Float64Array(k * k), hd = new Float64Array(k);
-  const gamma = new Float64Array(n), xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n);
-  const mass = new Float64Array(n * n), ny = nq + k;
+  const sides = new Float64Array(m * k), moved = new Float64Array(n * k);
+  const mass = makeSymmetric(n, about.patterns.mass), metric = light ? makeSymmetric(n, about.patterns.metric) : mass;
+  const gamma = new Float64Array(n), xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n), slope = new Float64Array(n);
+  const ny = nq + k;
   const stage = Array.from({ length: 7 }, () => new Float64Array(ny));
   const y = new Float64Array(ny), y1 = new Float64Array(ny), trial = new Float64Array(ny);
 
@@ -64,12 +66,9 @@ function makeMotion(program, about) {
     w[0] = s;
     for (let i = 0; i < nq; i++) w[Q + i] = at[i];
     run.position();
+    evaluations += 1;
     for (let i = 0; i < holonomic; i++) phi[i] = w[PHI + i];
     for (let i = 0; i < rows; i++) a[i] = w[A + i];
-    c.fill(0);
-    for (let i = 0; i < rows; i++) {
-      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) c[i * n + about.columns[e]] = w[C + e];
-    }
     for (const d of rates) {
       course(d, s, drawn);
       if (d.level === "position") {
@@ -89,115 +88,107 @@ function makeMotion(program, about) {
       b[d.row] -= d.level === "position" ? drawn[2] : drawn[1] * d.factor;
     }
   }
-  function symmetric(from, out) {
-    for (let i = 0, e = from; i < n; i++) for (let j = 0; j <= i; j++, e++) out[i * n + j] = out[j * n + i] = w[e];
-  }
 
-  // ---- dense kernels
-  // L U of an (m x m) matrix, rows exchanged; the ratio of its smallest to its largest pivot
-  function factor() {
-    let small = Infinity, large = 0;
-    for (let j = 0; j < m; j++) {
-      let best = j;
-      for (let i = j + 1; i < m; i++) if (Math.abs(lu[i * m + j]) > Math.abs(lu[best * m + j])) best = i;
-      pivot[j] = best;
-      if (best !== j) {
-        for (let l = 0; l < m; l++) {
-          const x = lu[j * m + l];
-          lu[j * m + l] = lu[best * m + l];
-          lu[best * m + l] = x;
-        }
-      }
-      const p = lu[j * m + j], size = Math.abs(p);
-      if (!(size > 0)) return 0;
-      small = Math.min(small, size);
-      large = Math.max(large, size);
-      for (let i = j + 1; i < m; i++) {
-        const f = lu[i * m + j] / p;
-        if (f === 0) continue;
-        lu[i * m + j] = f;
-        for (let l = j + 1; l < m; l++) lu[i * m + l] -= f * lu[j * m + l];
-      }
-    }
-    return m === 0 ? 1 : small / large;
-  }
-  function solve(x) {
-    for (let j = 0; j < m; j++) {
-      const p = pivot[j], z = x[p];
-      if (p !== j) { x[p] = x[j]; x[j] = z; }
-    }
-    for (let i = 0; i < m; i++) {
-      let z = x[i];
-      for (let j = 0; j < i; j++) z -= lu[i * m + j] * x[j];
-      x[i] = z;
-    }
-    for (let i = m - 1; i >= 0; i--) {
-      let z = x[i];
-      for (let j = i + 1; j < m; j++) z -= lu[i * m + j] * x[j];
-      x[i] = z / lu[i * m + i];
-    }
-  }
-  function cholesky(l, size) {
-    for (let j = 0; j < size; j++) {
-      let d = l[j * size + j];
-      for (let p = 0; p < j; p++) d -= l[j * size + p] * l[j * size + p];
-      if (!(d > 0)) return false;
-      const root = Math.sqrt(d);
-      l[j * size + j] = root;
-      for (let i = j + 1; i < size; i++) {
-        let z = l[i * size + j];
-        for (let p = 0; p < j; p++) z -= l[i * size + p] * l[j * size + p];
-        l[i * size + j] = z / root;
-      }
-    }
+  // ---- P1: C_D factored, D^T; a row of D^T has entries at `over` of it
+  let elimination = null, over = [];
+  const freedom = new Int32Array(n).fill(-1);
+  const NO_MASS = "No mass moves with one of the freedoms: its acceleration is not determined.";
+  const entriesOf = (i, of) => {
+    const list = [];
+    for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) list.push([of(about.columns[e]), C + e]);
+    return list;
+  };
+  function plan() {
+    const place = new Int32Array(n);
+    dependent.forEach((j, i) => { place[j] = i; });
+    independent.forEach((j, i) => { place[j] = m + i; });
+    elimination = makeElimination(m, kept.map((i) => entriesOf(i, (j) => place[j])), w);
+    if (!elimination) return false;
+    over = new Array(n);
+    dependent.forEach((j, i) => { over[j] = Int32Array.from(elimination.reach[i]); });
+    independent.forEach((j, i) => { over[j] = Int32Array.of(i); });
+    dt.fill(0);
+    freedom.fill(-1);
+    independent.forEach((j, i) => { dt[j * k + i] = 1; freedom[j] = i; });
+    wide = worthwhile();
     return true;
   }
-  function forward(l, size, x) {
-    for (let i = 0; i < size; i++) {
-      let z = x[i];
-      for (let j = 0; j < i; j++) z -= l[i * size + j] * x[j];
-      x[i] = z / l[i * size + i];
+  // The accelerations solve  [M C^T; C 0] [v'; -lambda] = [h; -b]  as well, sparse however many freedoms there are: taken
+  // where that costs less than D M D^T. The order of its elimination does not depend on the choice.
+  let whole = null, wide = false;
+  function worthwhile() {
+    let projection = elimination.operations + k * k * k / 6;
+    for (let e = 0; e < mass.row.length; e++) projection += over[mass.row[e]].length + over[mass.column[e]].length;
+    for (let i = 0; i < n; i++) projection += over[i].length * k / 2;
+    if (light || projection < 10000) return false;
+    if (!whole) {
+      run.velocity();
+      const entries = Array.from({ length: n + m }, () => []);
+      for (let e = 0; e < mass.row.length; e++) {
+        const i = mass.row[e], j = mass.column[e];
+        entries[i].push([j, MASS + e]);
+        if (i !== j) entries[j].push([i, MASS + e]);
+      }
+      kept.forEach((i, r) => {
+        for (const [j, at] of entriesOf(i, (x) => x)) {
+          entries[j].push([n + r, at]);
+          entries[n + r].push([j, at]);
+        }
+      });
+      whole = makeElimination(n + m, entries, w);
     }
+    return whole !== null && whole.operations < projection;
   }
-  function backward(l, size, x) {
-    for (let i = size - 1; i >= 0; i--) {
-      let z = x[i];
-      for (let j = i + 1; j < size; j++) z -= l[j * size + i] * x[j];
-      x[i] = z / l[i * size + i];
+  const both = new Float64Array(n + m);
+  function solveWhole() {
+    for (let i = 0; i < n; i++) both[i] = w[H + i];
+    for (let r = 0; r < m; r++) both[n + r] = -b[kept[r]];
+    if (!(whole.factor() > 0) || whole.steep > 1e5) {
+      whole = null;
+      if (!worthwhile() || !(whole.factor() > 0)) throw new Fault(NO_MASS);
     }
+    whole.solve(both);
+    for (let i = 0; i < n; i++) slope[i] = both[whole.rowOf[i]];
   }
-
-  // ---- P1: C_D factored, D^T
-  function loadDependent() {
-    for (let r = 0; r < m; r++) for (let j = 0; j < m; j++) lu[r * m + j] = c[kept[r] * n + dependent[j]];
-    return factor();
+  // how regular C_D is: its smallest pivot in parts of the largest
+  let regular = 1;
+  // false where C_D is singular; a plan whose pivots have become small is made anew
+  function factor() {
+    if (!elimination && !plan()) return false;
+    regular = elimination.factor();
+    if (!(regular > 1e-13 && elimination.steep < 1e3)) regular = plan() ? elimination.factor() : 0;
+    return regular > 1e-13;
   }
   function tangent() {
-    if (!(loadDependent() > 1e-13)) {
-      throw new Fault(`Singular position at t = ${t.toPrecision(5)} s: the loops do not single out one motion here.`);
+    if (!factor()) return false;
+    elimination.solveSides(sides, k);
+    for (let r = 0; r < m; r++) {
+      const at = elimination.rowOf[r] * k, to = dependent[r] * k;
+      for (const j of over[dependent[r]]) dt[to + j] = sides[at + j];
     }
-    dt.fill(0);
-    for (let j = 0; j < k; j++) {
-      dt[independent[j] * k + j] = 1;
-      for (let r = 0; r < m; r++) right[r] = -c[kept[r] * n + independent[j]];
-      solve(right);
-      for (let r = 0; r < m; r++) dt[dependent[r] * k + j] = right[r];
-    }
+    return true;
   }
   // [0; -C_D^-1 x]
   function particular(x, out) {
     for (let r = 0; r < m; r++) right[r] = -x[kept[r]];
-    solve(right);
+    elimination.solve(right);
     out.fill(0);
-    for (let r = 0; r < m; r++) out[dependent[r]] = right[r];
+    for (let r = 0; r < m; r++) out[dependent[r]] = right[elimination.rowOf[r]];
   }
+  // P2
   function expand(state, out) {
-    particular(a, gamma);
-    for (let i = 0; i < n; i++) {
-      let z = gamma[i];
-      for (let j = 0; j < k; j++) z += dt[i * k + j] * state[nq + j];
-      out[i] = z;
+    for (let r = 0; r < m; r++) {
+      const i = kept[r];
+      let z = a[i];
+      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) {
+        const f = freedom[about.columns[e]];
+        if (f >= 0) z += w[C + e] * state[nq + f];
+      }
+      right[r] = -z;
     }
+    elimination.solve(right);
+    for (let r = 0; r < m; r++) out[dependent[r]] = right[elimination.rowOf[r]];
+    for (let j = 0; j < k; j++) out[independent[j]] = state[nq + j];
   }
   function turn(at, dv, out) {
     for (const [i, j] of plain) out[i] = dv[j];
@@ -228,42 +219,63 @@ function makeMotion(program, about) {
       for (let j = 0; j < 4; j++) at[i + j] /= l;
     }
   }
-  // y' of P1 to P3
+  // what an evaluation needs of C_D
+  const evaluated = () => (wide ? factor() : tangent());
+  // P3: D X D^T of a symmetric X
+  function projected(x, from, out) {
+    moved.fill(0);
+    for (let e = 0; e < x.row.length; e++) {
+      const i = x.row[e], j = x.column[e], z = w[from + e];
+      for (const p of over[j]) moved[i * k + p] += z * dt[j * k + p];
+      if (i !== j) for (const p of over[i]) moved[j * k + p] += z * dt[i * k + p];
+    }
+    out.fill(0);
+    for (let i = 0; i < n; i++) {
+      for (const p of over[i]) {
+        const d = dt[i * k + p];
+        for (let r = 0; r <= p; r++) out[p * k + r] += d * moved[i * k + r];
+      }
+    }
+  }
+  // y' of P1 to P3; false where the choice is singular
   const vHere = new Float64Array(n);
   function derivative(s, state, out) {
     position(s, state);
-    tangent();
+    if (!evaluated()) return false;
     expand(state, vHere);
     velocity(s, vHere);
+    accelerate(state, vHere, out);
+    return true;
+  }
+  function accelerate(state, rate, out) {
+    turn(state, rate, out);
+    if (wide) {
+      solveWhole();
+      for (let j = 0; j < k; j++) out[nq + j] = slope[independent[j]];
+      return;
+    }
     particular(b, xi);
-    symmetric(MASS, mass);
-    for (let i = 0; i < n; i++) {
-      let f = w[H + i];
-      for (let j = 0; j < n; j++) f -= mass[i * n + j] * xi[j];
-      force[i] = f;
+    for (let i = 0; i < n; i++) force[i] = w[H + i];
+    for (let e = 0; e < mass.row.length; e++) {
+      const i = mass.row[e], j = mass.column[e], z = w[MASS + e];
+      force[i] -= z * xi[j];
+      if (i !== j) force[j] -= z * xi[i];
     }
     hd.fill(0);
-    md.fill(0);
-    for (let i = 0; i < n; i++) {
-      for (let p = 0; p < k; p++) {
-        const d = dt[i * k + p];
-        if (d === 0) continue;
-        hd[p] += d * force[i];
-        for (let j = 0; j < n; j++) {
-          const f = d * mass[i * n + j];
-          if (f !== 0) for (let r = 0; r <= p; r++) md[p * k + r] += f * dt[j * k + r];
-        }
-      }
-    }
-    if (!cholesky(md, k)) throw new Fault("No mass moves with one of the freedoms: its acceleration is not determined.");
+    for (let i = 0; i < n; i++) for (const p of over[i]) hd[p] += dt[i * k + p] * force[i];
+    projected(mass, MASS, md);
+    if (!cholesky(md, k)) throw new Fault(NO_MASS);
     forward(md, k, hd);
     backward(md, k, hd);
-    turn(state, vHere, out);
     for (let j = 0; j < k; j++) out[nq + j] = hd[j];
+    for (let i = 0; i < n; i++) {
+      slope[i] = xi[i];
+      for (const j of over[i]) slope[i] += dt[i * k + j] * hd[j];
+    }
   }
 
   // ---- closing
-  const dv = new Float64Array(n), size = new Float64Array(m * m);
+  const dv = new Float64Array(n), size = new Float64Array(mh * mh), spread = new Float64Array(n);
   function openness(list) {
     let worst = 0;
     for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * opening[i]);
@@ -271,18 +283,20 @@ function makeMotion(program, about) {
   }
   // Newton's method on the dependent coordinates; conditions on rates close nothing, so there the least move does
   function closeDependent(s, at) {
-    let before = Infinity;
+    let before = Infinity, settled = false;
     for (let step = 0; step < 12; step++) {
       position(s, at);
       const open = openness(closing);
-      if (!(open < 1e3)) return open;
-      dv.fill(0);
+      if (settled || !(open < 1e3)) return open;
+      let fresh = true;
       if (mh === m) {
         // the factors of the first step serve as long as it closes quickly
-        if (!(open < 0.05 * before) && !(loadDependent() > 1e-13)) return open;
+        fresh = !(open < 0.05 * before);
+        if (fresh && !factor()) return Infinity;
         for (let r = 0; r < m; r++) right[r] = -phi[kept[r]];
-        solve(right);
-        for (let r = 0; r < m; r++) dv[dependent[r]] = right[r];
+        elimination.solve(right);
+        dv.fill(0);
+        for (let r = 0; r < m; r++) dv[dependent[r]] = right[elimination.rowOf[r]];
       } else if (!least(dependent, 0)) {
         return open;
       }
@@ -290,36 +304,41 @@ function makeMotion(program, about) {
       let far = 0;
       for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
       move(at, dv);
-      if (far < 1e-11) {
-        position(s, at);
-        return openness(closing);
-      }
+      // with the matrix of the place itself the next remainder is the square of this one
+      settled = far < (fresh ? 1e-8 : 1e-11);
     }
     position(s, at);
     return openness(closing);
   }
   // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the reaches
   function least(which, damping) {
+    const weight = (j) => reach[j] * reach[j];
+    spread.fill(0);
+    dv.fill(0);
+    for (const j of which) dv[j] = weight(j);
     for (let r = 0; r < mh; r++) {
+      const [r0, r1] = [about.row_start[closing[r]], about.row_start[closing[r] + 1]];
+      for (let e = r0; e < r1; e++) spread[about.columns[e]] = w[C + e] * dv[about.columns[e]];
       for (let p = 0; p <= r; p++) {
         let z = 0;
-        for (const j of which) {
-          z += c[closing[r] * n + j] * c[closing[p] * n + j] * reach[j] * reach[j];
-        }
+        for (let e = about.row_start[closing[p]]; e < about.row_start[closing[p] + 1]; e++) z += w[C + e] * spread[about.columns[e]];
         size[r * mh + p] = z * opening[closing[r]] * opening[closing[p]];
       }
+      for (let e = r0; e < r1; e++) spread[about.columns[e]] = 0;
       size[r * mh + r] += damping + 1e-14 * size[r * mh + r];
       right[r] = -phi[closing[r]] * opening[closing[r]];
     }
+    dv.fill(0);
     if (!cholesky(size, mh)) return false;
     forward(size, mh, right);
     backward(size, mh, right);
-    dv.fill(0);
-    for (const j of which) {
-      let z = 0;
-      for (let r = 0; r < mh; r++) z += c[closing[r] * n + j] * opening[closing[r]] * right[r];
-      dv[j] = z * reach[j] * reach[j];
+    for (let r = 0; r < mh; r++) {
+      const i = closing[r];
+      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) dv[about.columns[e]] += w[C + e] * opening[i] * right[r];
     }
+    spread.fill(0);
+    for (const j of which) spread[j] = dv[j] * weight(j);
+    dv.set(spread);
     return true;
   }
   const all = Array.from({ length: n }, (_, i) => i);
@@ -370,112 +389,108 @@ function makeMotion(program, about) {
     return [...found.values()].filter((g) => g.part > 1e-9).sort((x, z) => z.part - x.part);
   }
 
-  // ---- the projective criterion (P4, P5): rho, and the choice by Cholesky with diagonal pivoting
-  const metric = new Float64Array(n * n), wide = new Float64Array(Math.max(1, m) * n), inner = new Float64Array(m * m),
-    tangential = new Float64Array(n * n), column = new Float64Array(Math.max(n, 1)), length = new Float64Array(n);
+  // ---- the projective criterion (P4, P5): rho, and the choice by Gram and Schmidt with pivoting
+  //   rho_i^2 = d_i (D X D^T)^-1 d_i^T / (X^-1)_ii,  d_i row i of D^T, X the mass matrix with light links
+  // The rows of D^T, made orthonormal by the factor of D X D^T, stand for the tangential parts of unit velocities.
+  const unit = new Float64Array(n * k), length = new Float64Array(n), rest = new Float64Array(n * k), left = new Float64Array(n),
+    taken = new Uint8Array(n), row = new Float64Array(k), gram = new Float64Array(k * k);
+  // at the position evaluated last, after `tangent`, with M there
   function measure() {
-    run.velocity();
-    run.metric();
-    symmetric(METRIC, metric);
-    if (!cholesky(metric, n)) throw new Fault("The mass matrix is not positive definite here.");
-    // columns of L^-1 and of L^-1 C^T: M^-1 = L^-T L^-1
-    for (let r = 0; r < m; r++) {
-      for (let i = 0; i < n; i++) column[i] = c[kept[r] * n + i];
-      forward(metric, n, column);
-      for (let i = 0; i < n; i++) wide[r * n + i] = column[i];
-    }
-    for (let r = 0; r < m; r++) {
-      for (let p = 0; p <= r; p++) {
-        let z = 0;
-        for (let i = 0; i < n; i++) z += wide[r * n + i] * wide[p * n + i];
-        inner[r * m + p] = z;
-      }
-    }
-    const regular = cholesky(inner, m);
-    // orthonormal rows
-    for (let r = 0; regular && r < m; r++) {
-      for (let p = 0; p < r; p++) {
-        const f = inner[r * m + p];
-        if (f !== 0) for (let i = 0; i < n; i++) wide[r * n + i] -= f * wide[p * n + i];
-      }
-      for (let i = 0; i < n; i++) wide[r * n + i] /= inner[r * m + r];
-    }
-    // unit vectors e_i as columns of L^-1, less their part along the rows
+    if (light) run.metric();
+    if (!metric.factor(w, METRIC)) throw new Fault("The mass matrix is not positive definite here.");
+    projected(metric, METRIC, gram);
+    if (!cholesky(gram, k)) return false;
     for (let i = 0; i < n; i++) {
-      column.fill(0);
-      column[i] = 1;
-      forward(metric, n, column);
-      let whole = 0;
-      for (let j = 0; j < n; j++) whole += column[j] * column[j];
-      if (regular) {
-        for (let r = 0; r < m; r++) {
-          let z = 0;
-          for (let j = 0; j < n; j++) z += wide[r * n + j] * column[j];
-          if (z !== 0) for (let j = 0; j < n; j++) column[j] -= z * wide[r * n + j];
-        }
+      for (let j = 0; j < k; j++) row[j] = dt[i * k + j];
+      forward(gram, k, row);
+      const whole = metric.inverse(i), scale = 1 / Math.sqrt(whole);
+      let sum = 0;
+      for (let j = 0; j < k; j++) {
+        unit[i * k + j] = row[j] * scale;
+        sum += row[j] * row[j];
       }
-      let left = 0;
-      for (let j = 0; j < n; j++) {
-        tangential[i * n + j] = column[j] / Math.sqrt(whole);
-        left += column[j] * column[j];
-      }
-      length[i] = left / whole;
+      length[i] = sum / whole;
       rho[i] = Math.min(1, Math.sqrt(length[i]));
     }
-    return regular;
+    return true;
   }
-  // the volume that a choice spans, by Gram and Schmidt; `wanted` null: the best, one after the other
+  // the volume that a choice spans; `wanted` null: the best, one after the other
   function span(wanted) {
-    const left = Float64Array.from(length), rowsOf = Float64Array.from(tangential), chosen = [];
+    left.set(length);
+    rest.set(unit);
+    taken.fill(0);
+    const chosen = [];
     let volume = 1;
     for (let step = 0; step < k; step++) {
       let best = -1;
       if (wanted) best = wanted[step];
-      else for (let i = 0; i < n; i++) if (!chosen.includes(i) && (best < 0 || left[i] > left[best] * (1 + 1e-9))) best = i;
+      else for (let i = 0; i < n; i++) if (!taken[i] && (best < 0 || left[i] > left[best] * (1 + 1e-9))) best = i;
       const norm = Math.sqrt(Math.max(left[best], 0));
       volume *= norm;
       chosen.push(best);
+      taken[best] = 1;
       if (!(norm > 0)) continue;
       for (let i = 0; i < n; i++) {
-        if (i === best) continue;
+        if (taken[i]) continue;
         let z = 0;
-        for (let j = 0; j < n; j++) z += rowsOf[i * n + j] * rowsOf[best * n + j];
+        for (let j = 0; j < k; j++) z += rest[i * k + j] * rest[best * k + j];
         z /= norm * norm;
         if (z === 0) continue;
-        let rest = 0;
-        for (let j = 0; j < n; j++) {
-          rowsOf[i * n + j] -= z * rowsOf[best * n + j];
-          rest += rowsOf[i * n + j] ** 2;
+        let sum = 0;
+        for (let j = 0; j < k; j++) {
+          rest[i * k + j] -= z * rest[best * k + j];
+          sum += rest[i * k + j] ** 2;
         }
-        left[i] = rest;
+        left[i] = sum;
       }
-      left[best] = 0;
-      rowsOf.fill(0, best * n, best * n + n);
     }
     return { chosen: chosen.sort((x, z) => x - z), volume };
   }
   const EXCHANGE = 0.7;
   let exchanges = 0;
-  function choose() {
-    if (!measure()) {
+  function adopt(chosen) {
+    independent = chosen;
+    const free = new Set(chosen);
+    dependent = all.filter((i) => !free.has(i));
+    elimination = null;
+    return tangent();
+  }
+  // any regular choice at the position evaluated last: what an elimination with the largest pivots leaves
+  function anyChoice() {
+    const numbers = kept.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
+    const found = planElimination(m, numbers, true, [kept.map((i) => opening[i]), reach]);
+    const used = found && new Set(found.pivots.map(([, j]) => j));
+    if (!found || !adopt(all.filter((i) => !used.has(i)))) {
       throw new Fault(`Singular position at t = ${t.toPrecision(5)} s: the loops lose rank, and branches meet here.`);
     }
-    const best = span(null);
-    if (dependent.length === m && independent.length === k) {
-      if (span(independent).volume >= EXCHANGE * best.volume) return;
-      exchanges += 1;
-    }
-    independent = best.chosen;
-    dependent = all.filter((i) => !independent.includes(i));
   }
-  // rates that satisfy S4 next to v, in the independent coordinates
+  // with M of the position evaluated last
+  function choose(known = false) {
+    const first = dependent.length !== m || independent.length !== k;
+    let any = first;
+    if (first || (!known && !tangent()) || !measure()) {
+      any = true;
+      anyChoice();
+      if (!measure()) throw new Fault(NO_MASS);
+    }
+    const best = span(null);
+    if (!any && span(independent).volume >= EXCHANGE * best.volume) return;
+    if (!first) exchanges += 1;
+    const old = independent;
+    if (!adopt(best.chosen) || !measure()) adopt(old);
+  }
+  // rates that satisfy S4 next to v, in the independent coordinates; all levels at (t, q, v)
   function settle() {
     position(t, q);
+    velocity(t, v);
     choose();
-    tangent();
     for (let i = 0; i < nq; i++) y[i] = q[i];
     for (let j = 0; j < k; j++) y[nq + j] = v[independent[j]];
     expand(y, v);
+    velocity(t, v);
+    ready = true;
+    ahead = Infinity;
+    past.plan = null;
   }
 
   // ---- steps
@@ -493,56 +508,126 @@ function makeMotion(program, about) {
   for (const [i, j] of plain) sizes[i] = reach[j];
   const typical = (j) => (j < nq ? sizes[j] : reach[independent[j - nq]]);
   const accuracy = { relative: 1e-8, absolute: 1e-10 };
+  const closed = new Float64Array(nq), next = new Float64Array(n), first = new Float64Array(n);
+  // whether all levels have been evaluated at the state
+  let ready = false, evaluations = 0, regularBefore = 1;
+  const costly = n * k * k > 20000;
+  // one step; the estimate of its error in parts of the tolerance, infinite where a choice became singular on the way
+  function attempt(step) {
+    if (ready) accelerate(y, v, stage[0]);
+    else if (!derivative(t, y, stage[0])) return Infinity;
+    ready = false;
+    regularBefore = regular;
+    first.set(slope);
+    for (let i = 1; i < 7; i++) {
+      for (let j = 0; j < ny; j++) {
+        let z = 0;
+        for (let l = 0; l < i; l++) z += weights[i][l] * stage[l][j];
+        trial[j] = y[j] + step * z;
+      }
+      if (i === 6) y1.set(trial);
+      if (!derivative(t + nodes[i] * step, trial, stage[i])) return Infinity;
+    }
+    let error = 0;
+    for (let j = 0; j < ny; j++) {
+      let z = 0;
+      for (let l = 0; l < 7; l++) z += errors[l] * stage[l][j];
+      const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
+      error = Math.max(error, Math.abs(step * z) / scale);
+    }
+    return error;
+  }
+  // Steps pass over singular positions, where branches meet. On its branch a motion has rates that follow from those before
+  // it; thrown to another one they jump, however small the step. `next` against the rates and accelerations at its start.
+  function jumps(step) {
+    let off = 0, whole = 0;
+    for (let i = 0; i < n; i++) {
+      off = Math.max(off, Math.abs(next[i] - v[i] - step * first[i]) / reach[i]);
+      whole = Math.max(whole, Math.abs(next[i]) / reach[i], Math.abs(v[i]) / reach[i], Math.abs(step * first[i]) / reach[i]);
+    }
+    return off > 0.3 * whole;
+  }
+  // C_D at the steps before: where its smallest pivot goes through 0 on its way, if it does
+  const past = { t: 0, pivot: 0, plan: null };
+  let ahead = Infinity;
+  function foresee() {
+    const pivot = elimination.sign * regular;
+    ahead = Infinity;
+    if (past.plan === elimination && past.t < t && Math.abs(pivot) < Math.abs(past.pivot)) {
+      ahead = (t - past.t) * pivot / (past.pivot - pivot);
+    }
+    Object.assign(past, { t, pivot, plan: elimination });
+  }
+  // A singular position foreseen shall lie between the stages of one step, whose nodes leave a gap from 0.3 to 0.8, and far
+  // from its ends: that step, or the one that leads before it; it may go beyond the time that was asked for.
+  function across(h, rest) {
+    if (ahead > 2 * h || ahead > rest + 0.5 * h) return [0, false];
+    if (ahead > 0.72 * h) return [Math.min(rest, ahead - 0.5 * h), false];
+    return [ahead > 0.3 * h ? ahead / 0.55 : ahead > 0.05 * h ? ahead / 0.1 : 0.6 * h, true];
+  }
   // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
   function advance(until, deadline = Infinity) {
-    let refused = 0;
+    let refused = 0, beyond = 0;
+    const whole = 1.2 * (until - t);
     while (t < until) {
       if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
       if (!(h > 0)) h = Math.min(rest, 1e-3);
-      const step = h >= rest * (1 - 1e-9) ? rest : h;
-      derivative(t, y, stage[0]);
-      for (let i = 1; i < 7; i++) {
-        for (let j = 0; j < ny; j++) {
-          let z = 0;
-          for (let l = 0; l < i; l++) z += weights[i][l] * stage[l][j];
-          trial[j] = y[j] + step * z;
-        }
-        if (i === 6) y1.set(trial);
-        derivative(t + nodes[i] * step, trial, stage[i]);
+      const [over, cross] = beyond ? [beyond, true] : across(Math.min(h, whole), rest);
+      const step = over || (h >= rest * (1 - 1e-9) ? rest : h);
+      let error = attempt(step);
+      // so near to where branches meet rates are good to a hundred-thousandth of a millionth
+      if (cross) error *= Math.min(1, accuracy.relative / 1e-11);
+      let words = "the loops lose rank, and branches meet here";
+      if (error <= 1) {
+        normalise(y1);
+        for (let i = 0; i < nq; i++) closed[i] = y1[i];
+        const open = closeDependent(t + step, closed);
+        if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${told(gaps())}`;
+        // too near to where branches meet rates are not accurate: a step ends before it or beyond
+        if (!(open < 1e-8) || !evaluated() || regular < 1e-3 * regularBefore) error = Infinity;
+      } else if (error < Infinity) {
+        words = "the step became too small";
       }
-      let error = 0;
-      for (let j = 0; j < ny; j++) {
-        let z = 0;
-        for (let l = 0; l < 7; l++) z += errors[l] * stage[l][j];
-        const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
-        error = Math.max(error, Math.abs(step * z) / scale);
+      if (error <= 1) {
+        expand(y1, next);
+        if (jumps(step)) {
+          error = Infinity;
+          words = "branches meet here, and the motion cannot be kept on its own";
+        }
       }
       if (!(error <= 1)) {
         refused += 1;
-        h = step * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.1);
-        if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 200) {
-          throw new Fault(`The step became too small at t = ${t.toPrecision(5)} s.`);
+        h = Math.min(h, step) * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
+        // a step that ends where branches meet is tried a little longer once, then shorter
+        beyond = error === Infinity && refused === 1 ? 1.1 * step : 0;
+        if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 60) {
+          h = 0;
+          // all is as it was after the step before
+          settle();
+          throw new Fault(`It stops at t = ${t.toPrecision(5)} s: ${words}.`);
         }
         continue;
       }
-      refused = 0;
-      normalise(y1);
-      for (let i = 0; i < nq; i++) q[i] = y1[i];
-      const open = closeDependent(t + step, q);
-      if (!(open < 1e-8)) {
-        throw new Fault(`The loops cannot be kept closed at t = ${t.toPrecision(5)} s: ${told(gaps())}.`);
-      }
+      refused = beyond = 0;
       if (openness(about.dropped) > about.loose) {
-        throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${told(gaps())}.`);
+        const words = told(gaps());
+        settle();
+        throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${words}.`);
       }
+      q.set(closed);
       t = step === rest ? until : t + step;
       for (let i = 0; i < nq; i++) y[i] = q[i];
       for (let j = 0; j < k; j++) y[nq + j] = y1[nq + j];
-      tangent();
-      expand(y, v);
+      v.set(next);
+      velocity(t, v);
+      ready = true;
       steps += 1;
-      if (n <= 24 || steps % 8 === 0) settle();
+      if (!costly || steps % 8 === 0) {
+        choose(!wide);
+        for (let j = 0; j < k; j++) y[nq + j] = v[independent[j]];
+      }
+      foresee();
       if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, 1e-10) ** -0.2));
     }
   }
@@ -554,12 +639,14 @@ function makeMotion(program, about) {
       const by = [];
       if (g.length > 0) by.push(`${digits(g.length)} m`);
       if (g.angle > 0) by.push(`${digits(g.angle)} rad`);
-      return `${g.owner} stays open by ${by.join(" and ")}`;
+      const cut = /^joint "(.*)"$/.exec(g.owner), loop = cut && about.loops[cut[1]];
+      return `${g.owner} stays open by ${by.join(" and ")}${loop ? ` (loop of ${loop.join(", ")})` : ""}`;
     }).join("; ");
   }
   function put(name, values) {
     const [at, count] = about.parameters[name];
     for (let i = 0; i < count; i++) w[at + i] = values[i];
+    ready = false;
   }
   function get(name) {
     const [at, count] = about.parameters[name];
@@ -684,7 +771,11 @@ function makeMotion(program, about) {
       settle();
       h = Math.min(h, 1e-3);
     },
-    choose() { position(t, q); measure(); },
+    get evaluations() { return evaluations; },
+    // multiplications of one elimination with its solutions
+    get operations() { return elimination ? elimination.operations : 0; },
+    // rho at this state
+    choose() { if (costly || !ready) settle(); },
     // poses of bodies (12 each), points of joints (3 each), kinetic and potential energy
     look() {
       w[0] = t;

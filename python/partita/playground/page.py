@@ -1,34 +1,22 @@
-"""The page: template, style, scripts and the program of one mechanism."""
+"""The page: what is seen, its scripts and the equations of one mechanism."""
 
 from __future__ import annotations
 
-import json
-import re
-from html import escape
-from importlib import resources
+import base64
 from typing import Any
 
+from ..webpage import part_of, whole_page
 from .program import Program
 
-SCRIPTS = ("motion.js", "drawing.js", "controls.js")
+SCRIPTS = ("module.js", "linear.js", "motion.js", "drawing.js", "controls.js")
 
 
 def html(made: Program, title: str, view: dict[str, Any], speed: float) -> str:
     """The page as text. It contains all it needs and loads nothing; names and titles are escaped."""
     about = {**made.about, "title": title, "view": view, "speed": speed}
-    # Inside a script element only "<" could end the data early; JSON allows it escaped.
-    data = json.dumps(about, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    parts = {
-        "TITLE": escape(title),
-        "STYLE": text("style.css"),
-        "DATA": data,
-        "PROGRAM": made.script,
-        "SCRIPT": "\n".join(text(name) for name in SCRIPTS),
-    }
-    # One pass, so that nothing inserted is searched for marks again.
-    return re.sub(r"\{\{(TITLE|STYLE|DATA|PROGRAM|SCRIPT)\}\}", lambda mark: parts[mark[1]], text("page.html"))
+    return whole_page(__package__, title, about, SCRIPTS, base64.b64encode(made.module).decode("ascii"))
 
 
 def text(name: str) -> str:
     """A file beside this one."""
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return part_of(__package__, name)

@@ -27,9 +27,9 @@ MOST_NUMBERS = 9
 
 @dataclass(frozen=True)
 class Program:
-    """The recorded equations: `script` is the body of a JavaScript function, `about` all else that the page needs."""
+    """The recorded equations: `module` is WebAssembly, `about` all else that the page needs."""
 
-    script: str
+    module: bytes
     about: dict[str, Any]
 
 
@@ -107,7 +107,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         and names.count(name) == 1
         and not (name.rpartition(".")[0] in massless and name.rpartition(".")[2] in ("mass", "com", "inertia"))
     ]
-    script, told = model.core.recorded([name for name, _ in chosen], state.t, state.q)
+    module, told = model.core.recorded([name for name, _ in chosen], state.t, state.q)
     about = json.loads(told)
     about |= {
         "drives": drives,
@@ -117,6 +117,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         # what redundant conditions may open by: rounding, or the misfit of a drawing that is bridged
         "loose": max(1e-6, 10.0 * float(model.summary.get("misfit", 0.0))),
         "normal": None if normal is None else normal.tolist(),
+        "loops": loops(model.summary),
         "bodies": [body["name"] for body in drawn["bodies"]],
         "joints": [
             {key: joint.get(key) for key in ("name", "kind", "parent", "child", "axis")} for joint in drawn["joints"]
@@ -127,7 +128,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
             if force["kind"] == "spring" and not force["name"].startswith(PULL)
         ],
     }
-    return Program(script, about)
+    return Program(module, about)
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:
@@ -153,6 +154,31 @@ def plane_of(summary: Mapping[str, Any], drawn: Mapping[str, Any]) -> NDArray[np
     axis = np.array(axes[0], dtype=float)
     normal: NDArray[np.float64] = axis / np.linalg.norm(axis)
     return normal
+
+
+def loops(summary: Mapping[str, Any]) -> dict[str, list[str]]:
+    """The bodies of the loop that each joint off the tree closes, in order: from its parent round to its child."""
+    beside = dict[str, list[str]]()
+    for joint in summary["joints"]:
+        if joint["tree"]:
+            beside.setdefault(joint["parent"], []).append(joint["child"])
+            beside.setdefault(joint["child"], []).append(joint["parent"])
+    found = {}
+    for joint in summary["joints"]:
+        if joint["tree"]:
+            continue
+        came, waiting = {joint["child"]: ""}, [joint["child"]]
+        while waiting:
+            body = waiting.pop()
+            for other in beside.get(body, ()):
+                if other not in came:
+                    came[other] = body
+                    waiting.append(other)
+        way = [joint["parent"]]
+        while came.get(way[-1]):
+            way.append(came[way[-1]])
+        found[joint["name"]] = way
+    return found
 
 
 def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> list[dict[str, Any]]:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
-from html import escape
-from importlib import resources
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +11,7 @@ from ..errors import ArgumentError
 from ..files import put, target
 from ..numeric import shown
 from ..readable import Readable, checked_run
+from ..webpage import part_of, whole_page
 from .hints import solids, traced
 from .scene import describe
 
@@ -64,16 +61,7 @@ def html(
         )
     bodies = list(result.names.bodies)
     scene = describe(result, title, solids(shapes, bodies), traced(points, bodies))
-    # Inside a script element only "<" could end the data early; JSON allows it escaped.
-    data = json.dumps(scene, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    parts = {
-        "TITLE": escape(scene["title"]),
-        "STYLE": _file("style.css"),
-        "DATA": data,
-        "SCRIPT": "\n".join(_file(name) for name in SCRIPTS),
-    }
-    # One pass, so that nothing inserted is searched for marks again.
-    return re.sub(r"\{\{(TITLE|STYLE|DATA|SCRIPT)\}\}", lambda mark: parts[mark[1]], _file("page.html"))
+    return whole_page(__package__, scene["title"], scene, SCRIPTS)
 
 
 def write_html(
@@ -100,8 +88,4 @@ def write_html(
 
 def fixed_bytes() -> int:
     """Size of what every page holds: template, style and scripts."""
-    return sum(len(_file(name).encode("utf-8")) for name in ("page.html", "style.css", *SCRIPTS))
-
-
-def _file(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return sum(len(part_of(__package__, name).encode("utf-8")) for name in ("page.html", "style.css", *SCRIPTS))

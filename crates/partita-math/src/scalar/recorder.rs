@@ -7,9 +7,9 @@
 //! The tape belongs to the thread and to one recording: numbers that outlive it, or meet another one, are NaN.
 
 mod lean;
-mod script;
+mod module;
 
-pub use script::Script;
+pub use module::Module;
 
 use super::{Arguments, Scalar};
 use std::cell::RefCell;
@@ -296,6 +296,17 @@ impl Recording {
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.outputs.len()
+    }
+
+    /// Whether an output is the constant 0, whatever the inputs. Of a [`lean`](Self::lean) recording that tells a pattern.
+    pub fn is_zero(&self, output: usize) -> bool {
+        matches!(self.operations[self.outputs[output] as usize], Operation::Constant(c) if c == 0.0)
+    }
+
+    /// The recording with these of its outputs, in this order.
+    #[must_use]
+    pub fn with_outputs(&self, wanted: &[usize]) -> Self {
+        Self { outputs: wanted.iter().map(|&o| self.outputs[o]).collect(), ..self.clone() }
     }
 
     /// Number of operations, inputs and constants counted: the length of `work` in [`evaluate`](Self::evaluate).
