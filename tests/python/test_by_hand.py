@@ -342,11 +342,11 @@ def told(run: pt.results.Result) -> str:
 def test_an_inconsistent_start_is_told() -> None:
     assert not told(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
     run = pt.simulate(circle(), 1.0, [1.0 + 1e-6, 0.0], [0.0, 1.0])
-    assert "constraint 0 is open by 1.000e-6" in told(run) and "positions by up to" in told(run)
-    with pytest.raises(ArgumentError, match=r"constraint 0 is open by 2\.000e0.*assemble"):
+    assert "constraint 0 is open by 1e-6" in told(run) and "positions by up to" in told(run)
+    with pytest.raises(ArgumentError, match=r"constraint 0 is open by 2; start from what assemble"):
         pt.simulate(circle(), 1.0, [1.0, 2.0], [0.0, 0.0])
     run = pt.simulate(circle(), 1.0, [1.0, 0.0], [0.25, 1.0])
-    assert "opens by 2.500e-1 a second" in told(run) and "velocities by up to 2.500e-1 (x)" in told(run)
+    assert "opens by 0.25 a second" in told(run) and "velocities by up to 0.25 (x)" in told(run)
 
 
 def test_an_inconsistent_start_of_a_mechanism_is_told() -> None:

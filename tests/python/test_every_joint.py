@@ -139,6 +139,57 @@ def test_efforts_on_turns_about_all_axes(kind: str, count: int) -> None:
                 assert np.abs(x - y).max() < 1e-8, (kind, coordinate, where)
 
 
+def spatial() -> pt.Mechanism:
+    """A hinge that may turn on and on, and what it carries turns out of its plane."""
+    m = pt.Mechanism("spatial", gravity=(0.0, -9.81, 0.0))
+    m.add_body("body", mass=1.0, inertia=(0.1, 0.2, 0.3), com=(0.1, 0.2, 0.05))
+    m.add_revolute("J", m.ground, "body", point=(0.0, 0.0, 0.0), axis=AXIS)
+    m.add_body("more", mass=0.2, inertia=(0.01, 0.02, 0.03), com=(0.1, 0.2, 0.25))
+    m.add_revolute("K", "body", "more", point=(0.2, 0.1, 0.0), axis=(1.0, 0.0, 0.3))
+    return m
+
+
+TURNS: dict[str, tuple[Callable[[pt.Mechanism], Any], bool]] = {
+    "gas force of two strokes": (lambda m: over(m, 2.0 * np.pi, True), True),
+    "thrice a turn": (lambda m: over(m, 2.0 * np.pi / 3.0, True), True),
+    "gas force of four strokes": (lambda m: over(m, 4.0 * np.pi, True), False),
+    "period that is no part of a turn": (lambda m: over(m, 3.0, True), False),
+    "table of many turns": (lambda m: over(m, 40.0, False), False),
+    "end behind": (lambda m: m.add_stop("J", lower=-1.0, stiffness=10.0), False),
+    "end more than half a turn ahead": (lambda m: m.add_stop("J", upper=5.0, stiffness=10.0), False),
+    "spring wound at the start": (lambda m: m.add_torsion_spring("J", stiffness=2.0, angle=-3.911), False),
+}
+
+
+def over(m: pt.Mechanism, period: float, periodic: bool) -> None:
+    angles = np.linspace(0.0 if periodic else -period, period, 9)
+    efforts = 0.5 * np.sin(2.0 * np.pi * angles / period)
+    efforts[-1] = efforts[0]
+    m.add_torque("J", (angles, efforts), over=pt.Coordinate("J", 0), periodic=periodic)
+
+
+@pytest.mark.parametrize("what", list(TURNS))
+def test_turns_that_are_not_known_are_refused_where_they_matter(what: str) -> None:
+    """Off the pose an angle is known up to whole turns: the same motion as in the tree, or a word that says so."""
+    add, known = TURNS[what]
+    m = spatial()
+    add(m)
+    start = m.assemble(rates={"J": 12.0})
+    options: Any = {"rtol": 1e-10, "t_eval": np.linspace(0.0, 1.0, 41)}
+    tree = m.simulate(1.0, initial=start, **options)
+    assert tree.success and np.abs(tree.joint("J").position).max() > 3.2
+    try:
+        run = m.simulate(1.0, initial=spatial().convert(start, "absolute"), coordinates="absolute", **options)
+    except pt.errors.DescriptionError as error:
+        assert not known and "half a turn" in str(error), error
+        return
+    assert run.success == known, run.message
+    rows = len(run.t)
+    assert np.abs(run.joint("J").position - tree.joint("J").position[:rows]).max() < 1e-6
+    if not known:
+        assert "half a turn" in run.message and "J" in run.message
+
+
 def test_quaternions_do_not_jump() -> None:
     """A body that turns more than once: the same quaternions in the tree and read off the pose."""
     for kind in ("spherical", "free"):

@@ -131,6 +131,9 @@ def test_absolute_coordinates_give_the_same(name: str) -> None:
 def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
     _, m, start, times = problem("four-bar")
     start = m.convert(start, "absolute")
+    if formulation == "user-tangent":
+        # that of one coordinate, and no single coordinate of a body is free of dead points over so much motion
+        times = times[times < 1.0]
     more = {"tangent": tangent(m.compile("absolute"), start)} if formulation == "user-tangent" else {}
     run = m.simulate(
         times[-1],
@@ -143,7 +146,7 @@ def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
         **more,
     )
     if formulation == "fixed":
-        # no single coordinate of a body is free of dead points over so much motion
+        # nor is the one that is kept here
         assert run.status == "singular" and "coupler.x stand at a dead point" in run.message
         assert 1.0 < run.t[-1] < times[-1]
     else:

@@ -168,7 +168,7 @@ def test_a_drive_that_jumps_teleports_nothing(make: object, formulation: str) ->
         return
     assert not run.success
     assert run.t[-1] <= 0.5 and np.max(np.abs(run.joint("A").position)) <= 1e-9
-    assert "the drive of A jumps by 4.0" in run.message and "at t = 0.5" in run.message
+    assert "the drive of A jumps by 0.4 at" in run.message and "at t = 0.5" in run.message
 
 
 def test_a_table_ends_where_it_ends() -> None:
@@ -203,7 +203,7 @@ def test_a_start_that_misses_its_conditions_is_told() -> None:
     rest = m.assemble()
     still = pt.State(0.0, rest.q, 0.0 * rest.v, rest.names, rest.velocity_names)
     run = m.simulate(0.1, initial=still)
-    assert any("drive of A opens by 3.142e0 a second" in note for note in run.notes), run.notes
+    assert any("drive of A opens by 3.142 a second" in note for note in run.notes), run.notes
     assert not any("does not satisfy the constraints" in note for note in m.simulate(0.1, initial=rest).notes)
 
 

@@ -21,6 +21,7 @@ from .outline import PARTS, REFERENCE
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 
+NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
 STYLE, SIGN = "partita.css", "favicon.svg"
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
@@ -43,7 +44,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     for page in sorted(DOCS.rglob("*.md")):
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(page, target)
+        # notebooks are pages of the site, beside the others
+        target.write_text(NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8")), encoding="utf-8")
     for name in ("conf.py", "scorer.js", STYLE, SIGN):
         target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)

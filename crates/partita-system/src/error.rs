@@ -69,8 +69,8 @@ pub enum SystemError {
     },
     /// A spring was wound farther than its angle can be told.
     #[error(
-        "{what}: it is wound by {by:.3} rad, and the turns of its joint, which closes a loop in space, are known within half \
-         a turn only; keep the joint in the tree (cut = \"never\", relative coordinates)"
+        "{what}: it is wound by {by:.3} rad, or turned so far from the middle of its range, and the turns of a joint that closes a \
+         loop in space are known within half a turn only; keep the joint in the tree (cut = \"never\", relative coordinates)"
     )]
     Wound {
         /// Which element.

@@ -11,7 +11,7 @@ use crate::gauge;
 use crate::joint::Motion;
 use crate::numbers::{DescribedForce, Numbers};
 use crate::place::{Placed, PlacedJoint};
-use crate::spec::{Axes, Force, Spec, Value};
+use crate::spec::{Axes, Force, Spec, Table, Value};
 use crate::tree::Tree;
 use crate::validate;
 use crate::value::{Source, VectorSource};
@@ -108,7 +108,8 @@ impl<G: Space> Element<G> {
                     let along = Reading::new(placed, numbers, name, (joint, *coordinate), G::S::zero())?;
                     let over = gauge::Maker::<G>::new(spec, placed, numbers, tree)?.reading(over, "force", name)?;
                     let (name, curve, periodic) = (name.clone(), curve.clone(), *periodic);
-                    elements.push(Self::EffortOver(Box::new(EffortOver { name, along, over, curve, periodic })));
+                    let turns = over.wraps && over.adds_up.is_empty() && !(periodic && each_turn(&curve));
+                    elements.push(Self::EffortOver(Box::new(EffortOver { name, along, over, curve, periodic, turns })));
                 }
                 Force::Torque { name, joint, coordinate, value, .. } => {
                     elements.push(maker.torque(name, joint, *coordinate, value, n)?);
@@ -241,6 +242,13 @@ pub(super) fn unit<G: Space>(p: &PlacedJoint, motion: Motion, which: usize) -> U
         // turns in space are counted in the child's axes
         (Motion::Ball, _) => moment(Vec3::zero(), p.on_child.column(which)),
     }
+}
+
+/// Is a periodic curve the same after a whole turn?
+fn each_turn(curve: &Table) -> bool {
+    let (Some(first), Some(last)) = (curve.breaks.first(), curve.breaks.last()) else { return true };
+    let times = 2.0 * std::f64::consts::PI / (last - first);
+    times >= 0.5 && (times - times.round()).abs() <= 1e-9 * times
 }
 
 /// Index of a joint that exists.

@@ -1,13 +1,9 @@
 //! Spring and damper in a coordinate of a joint that closes a loop.
 
+use super::reading::KNOWN;
 use super::{stored, At, Effect, Reading};
-use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
-
-/// Turns (rad) up to which a spring is known to be wound where whole turns are not: a little less than half a turn either
-/// way, so that no step passes the place where the angle starts again unseen.
-const WOUND: f64 = 3.0;
 
 /// Drives a coordinate back to `angle` by `stiffness (x − angle) + damping x'`.
 #[derive(Clone, Debug)]
@@ -31,11 +27,7 @@ impl<G: Space> CutTorsion<G> {
     pub(crate) fn wrench(&self, at: &At<G>) -> Result<Effect<G>, SystemError> {
         let read = self.along.read(at);
         let stretch = read.value - self.angle;
-        if self.along.wraps() {
-            if let Some(by) = stretch.outside(-WOUND, WOUND) {
-                return Err(SystemError::Wound { what: self.name.clone(), by });
-            }
-        }
+        self.along.known(&self.name, stretch, KNOWN)?;
         let effort = -(self.stiffness * stretch + self.damping * read.rate);
         Ok(Effect {
             acts: self.along.acts(&read, effort),

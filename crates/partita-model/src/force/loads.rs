@@ -1,6 +1,7 @@
 //! Elements of the forces that are described by records of their own.
 
 use super::law::Seen;
+use super::reading::KNOWN;
 use super::spot::Spot;
 use super::{
     Bearing, Buffer, Bushing, Contact, Element, Friction, Gravity, Law, Place, Reading, Stop, Surface, Tyre, Weightless,
@@ -107,7 +108,10 @@ pub(super) fn element<G: Space>(
                 }
             }
             let buffer = maker.buffer(n, x.exponent, x.damping);
-            Element::Stop(Box::new(Stop { along, lower, upper, buffer }))
+            let half = x.lower.zip(x.upper).map_or(0.0, |(a, b)| 0.5 * (b - a));
+            // beyond an end there is room for what it gives way
+            let middle = (middle, KNOWN.max(0.5 * (half + std::f64::consts::PI)));
+            Element::Stop(Box::new(Stop { name: x.name.clone(), along, lower, upper, middle, buffer }))
         }
         Force::Contact(x) => {
             two_bodies(&x.name, &x.body1, &x.body2)?;

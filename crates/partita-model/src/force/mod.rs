@@ -237,7 +237,7 @@ impl<G: Space> Element<G> {
             Self::CutTorsion(e) => e.wrench(at),
             Self::EffortOver(e) => e.wrench(at),
             Self::Friction(e) => e.wrench(at, room),
-            Self::Stop(e) => Ok(e.wrench(at)),
+            Self::Stop(e) => e.wrench(at),
             Self::Contact(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),
             Self::Law(e) => e.wrench(at, room),

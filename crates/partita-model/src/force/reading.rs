@@ -9,6 +9,12 @@ use crate::numbers::Numbers;
 use crate::place::{Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
+use partita_system::SystemError;
+use std::f64::consts::PI;
+
+/// A little less than half a turn (rad): up to here an angle read off the pose is known from the middle of what can be told,
+/// so that no step passes the place where it starts again unseen.
+pub(crate) const KNOWN: f64 = 3.0;
 
 /// A joint coordinate that is a slide or an angle.
 #[derive(Clone, Debug)]
@@ -111,7 +117,16 @@ impl<G: Space> Reading<G> {
         let value = match motion {
             Motion::Slide(_) | Motion::Ball => Value::Slide,
             Motion::Turn(axis) if placed.planar => Value::Sum(gauge::in_plane(placed, p, axis)),
-            Motion::Turn(axis) => angle(p, axis, middle),
+            Motion::Turn(axis) => match middle.outside(-PI, PI) {
+                None => angle(p, axis, middle),
+                Some(middle) => {
+                    return fail(format!(
+                        "the angle of joint \"{joint}\", which closes a loop in space, is read off the pose up to full turns, and \
+                         {middle:.3} rad is more than half a turn from the drawing; keep the joint in the tree \
+                         (cut=\"never\", relative coordinates)"
+                    ));
+                }
+            },
         };
         Ok(Self::Cut(Box::new(Cut {
             parent: place(p.parent, parent_point),
@@ -119,6 +134,17 @@ impl<G: Space> Reading<G> {
             unit: unit(p, motion, 0),
             value,
         })))
+    }
+
+    /// Refuse a value so far from the middle of what can be told that the next one may be a full turn beside it.
+    #[inline(always)]
+    pub(crate) fn known(&self, name: &str, from_middle: G::S, within: f64) -> Result<(), SystemError> {
+        if self.wraps() {
+            if let Some(by) = from_middle.outside(-within, within) {
+                return Err(SystemError::Wound { what: name.to_string(), by });
+            }
+        }
+        Ok(())
     }
 
     /// Is its value known up to full turns only?
