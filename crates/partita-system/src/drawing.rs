@@ -47,6 +47,9 @@ const SHORT: (f64, usize) = (MOVED, STEPS);
 /// A misfit opens a row by no more than this part of what it adds, on so short a motion; next to a singular position, where
 /// it adds as much as the distance, the motion opens it by half its own square.
 const GROWS: f64 = 0.4;
+/// Nor, unless it stays as weak, by more than twice of what is in proportion (arms of a sixtieth of the base, half a degree from
+/// flat, came to three times that).
+const BENDS: f64 = 2.0 * MOVED;
 /// A misfit belongs to the drawing and stays about as weak wherever the mechanism goes (within a quarter in all that were
 /// tried); what lies near a singular position changes with the distance from it, here by a tenth of a reach (to twice, or to
 /// nothing).
@@ -208,7 +211,9 @@ pub fn judged<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f6
             continue; // what is left out says nothing; what is kept may still be a misfit beyond the tolerance
         }
         let sums = (found.weak.max(1) as f64).sqrt();
-        if seen.weak <= EACH * sums * tolerance && seen.opened <= bridged_gap(tolerance) {
+        // what opens by more than in proportion, and elsewhere at another rate, is a condition next to a singular position
+        let bends = !seen.stays && seen.opened > (BENDS * seen.weak).max(MOVED * tolerance);
+        if seen.weak <= EACH * sums * tolerance && seen.opened <= bridged_gap(tolerance) && !bends {
             return Ok(Judged::Misfits(fit));
         }
         if found.weak > 0 && seen.opened <= GROWS * seen.weak && seen.stays {

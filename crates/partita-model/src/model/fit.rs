@@ -4,14 +4,17 @@
 //! closing, every point is measured in the same length, and every body by its centre of mass: the verdict is the same in any
 //! coordinates, axes, units and order, and each [block](super::blocks) has its own.
 
+use super::blocks::Blocks;
 use super::Model;
 use partita_system::drawing::{judged, Judged};
-use partita_system::{Fit, SystemError};
+use partita_system::{ConstrainedSystem, Fit, SystemError};
 
 impl Model {
     /// Every block by itself: what else there is, and of what size, is nothing to it.
     pub(super) fn judged_by_blocks(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        let Some(parts) = self.blocks(q) else { return Ok(None) };
+        // between free bodies couplings may hold rates alone, which say nothing of where things are
+        let whole = |parts: &Blocks| parts.blocks.iter().all(|x| x.twin.size().rows == x.twin.size().holonomic);
+        let Some(parts) = self.blocks(q).filter(whole) else { return Ok(None) };
         let fits = Fit { freedoms: 0, drawn: 0, misfit: 0.0, within: true };
         let (mut all, mut within, mut beyond) = (parts.freedoms, Vec::new(), Vec::new());
         let mut is_clear = true;
