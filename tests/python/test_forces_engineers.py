@@ -199,21 +199,27 @@ def test_an_elastic_stop_throws_back_with_all_energy() -> None:
 
 
 def test_an_end_beyond_half_a_turn_is_felt_where_the_angle_is_read_off_the_pose() -> None:
-    """In absolute coordinates and in space the angle comes out of the pose, between -pi and pi."""
+    """In absolute coordinates and in space the angle comes out of the pose, up to whole turns: an end is known where it is
+    within half a turn of the drawing, and felt as far beyond as it gives way."""
     m = pt.Mechanism("far", gravity=None)
     for name in "bc":
         m.add_body(name, mass=1.0, inertia=(1, 1, 1))
     m.add_revolute("A", m.ground, "b", point=(0, 0, 0))
-    m.add_stop("A", lower=3.5, stiffness=50.0, exponent=3.0)
-    m.add_stop("A", upper=4.5, stiffness=50.0, exponent=3.0)
+    m.add_stop("A", lower=2.2, stiffness=50.0, exponent=3.0)
+    m.add_stop("A", upper=3.1, stiffness=50.0, exponent=3.0)
     times = np.linspace(0.0, 2.0, 9)
-    for angle, rate in ((3.0, 0.5), (4.4, 1.5)):
+    for angle, rate in ((1.4, 0.5), (3.0, 1.5)):
         start = m.assemble(targets={"A": angle}, rates={"A": rate})
         runs = [
             m.simulate(2.0, initial=start, coordinates=c, t_eval=times, rtol=1e-11) for c in ("relative", "absolute")
         ]
         np.testing.assert_allclose(runs[1].body("b").rotation, runs[0].body("b").rotation, atol=1e-9)
         assert np.ptp(runs[0].joint("A").velocity) > 0.1
+    assert runs[0].joint("A").position.max() > 3.2
+    m.add_stop("A", upper=4.5, stiffness=50.0)
+    m.compile()
+    with pytest.raises(DescriptionError, match="half a turn"):
+        m.compile(coordinates="absolute")
 
 
 def test_ends_that_cannot_be_told_apart_are_refused() -> None:

@@ -212,7 +212,7 @@ pub fn judged<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], tolerance: f6
         }
         let sums = (found.weak.max(1) as f64).sqrt();
         // what opens by more than in proportion, and elsewhere at another rate, is a condition next to a singular position
-        let bends = !seen.stays && seen.opened > (BENDS * seen.weak).max(MOVED * tolerance);
+        let bends = !seen.stays && seen.opened - seen.home > (BENDS * seen.weak).max(MOVED * tolerance);
         if seen.weak <= EACH * sums * tolerance && seen.opened <= bridged_gap(tolerance) && !bends {
             return Ok(Judged::Misfits(fit));
         }
@@ -284,6 +284,8 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], found: &Candidates)
 struct Seen {
     /// The largest rate at which the joints open, for a motion of one reach, where it begins.
     weak: f64,
+    /// What they are open by there.
+    home: f64,
     /// The most they opened by.
     opened: f64,
     /// Are they about as weak where the motions ended?
@@ -301,7 +303,8 @@ fn seen<S: ConstrainedSystem>(
     let mut r = Reduction::geometric_dense(system, found.closings);
     let Some(home) = started(&mut r, t, q)? else { return Ok(None) };
     let Some(stresses) = SelfStresses::new(&r) else { return Ok(None) };
-    let mut seen = Seen { weak: 0.0, opened: stresses.opened(&r), stays: true };
+    let open = stresses.opened(&r);
+    let mut seen = Seen { weak: 0.0, home: open, opened: open, stays: true };
     if r.k() == 0 {
         return Ok(Some(seen));
     }
