@@ -199,8 +199,8 @@ def test_an_elastic_stop_throws_back_with_all_energy() -> None:
 
 
 def test_an_end_beyond_half_a_turn_is_felt_where_the_angle_is_read_off_the_pose() -> None:
-    """In absolute coordinates and in space the angle comes out of the pose, up to whole turns: an end is known within half
-    a turn of the drawing, and felt as far beyond as it gives way."""
+    """In absolute coordinates and in space the angle comes out of the pose, up to whole turns: an end is known within
+    half a turn of the drawing, and felt as far beyond as it gives way."""
     m = pt.Mechanism("far", gravity=None)
     for name in "bc":
         m.add_body(name, mass=1.0, inertia=(1, 1, 1))
