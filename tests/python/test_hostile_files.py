@@ -189,7 +189,8 @@ def test_a_hundred_thousand_keys_and_tables_without_end(tmp_path: Path) -> None:
     keys = "".join(f"k{i} = {i}\n" for i in range(100_000))
     refused(put(tmp_path, "a.toml", TOML + keys), '"k0" is no key', 15)
     for deep in (f"a = {10_000 * '['}", f"[{'.'.join(5_000 * 'a')}]"):
-        with pytest.raises(FileFormatError, match="recur"):
-            pt.load(put(tmp_path, "a.toml", deep))
+        with pytest.raises(FileFormatError, match="recur") as caught:
+            pt.load(put(tmp_path, "a.toml", f"# deep\n{deep}"))
+        assert caught.value.line == 2
     deep_xml = f'<robot name="r">{10_000 * "<x>"}'
     refused(put(tmp_path, "a.urdf", deep_xml), "nest more than 512 deep", 1)
