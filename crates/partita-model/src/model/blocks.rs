@@ -59,16 +59,9 @@ impl Model {
     /// The blocks of this mechanism, standing where it has q; None where one of them cannot be compiled by itself.
     pub(super) fn blocks(&self, q: &[f64]) -> Option<Blocks> {
         let (spec, moved) = (&self.spec, self.moved(q));
-        let index: HashMap<&str, usize> =
-            spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect();
+        let index = nodes(spec);
         let node = |name: &str| index.get(name).copied().unwrap_or(0);
-        let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
-        for c in &spec.couplings {
-            // what a condition ties together is one block: a ring of lines around it
-            let held: Vec<usize> =
-                bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
-            lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
-        }
+        let lines = lines(spec, &index);
         let taken = taken_apart(spec.bodies.len() + 1, &lines);
         let of_one = if self.is_planar() { 3 } else { 6 };
         let mut found = Blocks { blocks: Vec::new(), freedoms: taken.afloat * of_one };
@@ -125,6 +118,14 @@ impl Model {
         Some(found)
     }
 
+    /// The joints of each block, without the blocks. Cost: proportional to bodies and joints.
+    pub(super) fn joints_of_blocks(&self) -> Vec<Vec<usize>> {
+        let spec = &self.spec;
+        let taken = taken_apart(spec.bodies.len() + 1, &lines(spec, &nodes(spec)));
+        let rings = taken.parts.into_iter().map(|x| x.lines).filter(|x| x.len() > 1);
+        rings.map(|x| x.into_iter().filter(|i| *i < spec.joints.len()).collect()).collect()
+    }
+
     /// Where the ground and every body have gone.
     fn moved(&self, q: &[f64]) -> Vec<Moved> {
         let mut s = self.full.scratch();
@@ -152,6 +153,23 @@ impl Model {
             *size = size.map(|x| x * by);
         }
     }
+}
+
+/// The number of each body; the ground's is 0.
+fn nodes(spec: &Spec) -> HashMap<&str, usize> {
+    spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i + 1)).collect()
+}
+
+/// Joints as lines between bodies, in their order, and behind them what conditions tie together.
+fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
+    let node = |name: &str| index.get(name).copied().unwrap_or(0);
+    let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
+    for c in &spec.couplings {
+        // what a condition ties together is one block: a ring of lines around it
+        let held: Vec<usize> = bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
+        lines.extend((0..held.len()).map(|i| [held[i], held[(i + 1) % held.len()]]).filter(|x| x[0] != x[1]));
+    }
+    lines
 }
 
 /// The median diameter of bodies, as they stand: what slides reaches from one end of its rail to the other.

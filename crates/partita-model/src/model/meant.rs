@@ -173,7 +173,7 @@ impl Model {
     ) -> Result<Option<Vec<f64>>, SystemError> {
         let (t, q, normal) = at;
         let (spec, tolerance) = (&self.spec, self.spec.drawing_tolerance);
-        if OWN.pow(3) * spec.joints.len().pow(3) > LARGEST || !spec.couplings.is_empty() {
+        if !is_sought(spec.joints.len()) || !spec.couplings.is_empty() {
             return Ok(None);
         }
         let found = if misfits { judged(self, t, q, tolerance)? } else { Judged::Unclear };
@@ -389,6 +389,11 @@ impl Model {
             }
         }
     }
+}
+
+/// Is what was meant sought in a block of so many joints?
+fn is_sought(joints: usize) -> bool {
+    (OWN * joints).saturating_pow(3) <= LARGEST
 }
 
 /// How much a joint is changed.
