@@ -1,7 +1,9 @@
 //! After the first call an evaluation of a mechanism allocates nothing, whichever way its equations are projected.
 
-use crate::counting::allocations;
+use crate::counting::{allocations, bytes};
 use crate::mechanisms::{body, compile, couple, drawing, empty, joint, loads, Moment, Wishes, COUPLINGS, ROLLS};
+use partita_analysis::run::{meant::Stand, run};
+use partita_integrate::simulate::Status;
 use partita_model::place::Coordinates;
 use partita_model::spec::{Follows, Force, Friction, JointKind, Spec, Value};
 use partita_model::Model;
@@ -10,6 +12,7 @@ use partita_system::formulation::registry;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
 use partita_system::{start, ConstrainedSystem};
+use std::ops::ControlFlow;
 
 const Z: Option<[f64; 3]> = Some([0.0, 0.0, 1.0]);
 
@@ -264,5 +267,33 @@ fn frictions_that_follow_reactions_allocate_nothing() {
                 count_named(name, &model);
             }
         }
+    }
+}
+
+/// From the look at its drawing to the end of a few steps: nothing in a run is kept for each pair of loops, let alone for each
+/// three of them.
+#[test]
+fn memory_of_a_run_grows_as_the_loops_do() {
+    let text = r#"{"t_end": 0.004, "rtol": 1e-8, "atol": 1e-10, "method": "rk4", "formulation": "projective", "step": 1e-3,
+        "correction": "partition", "exchange": 1.25, "max_steps": 100, "selection": "collective", "renew": 0.5}"#;
+    let request = serde_json::from_str(text).unwrap();
+    for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
+        let [few, many] = [60, 240].map(|loops| {
+            let mut spec = chain(loops);
+            for body in &mut spec.bodies {
+                let at = spec.joints.iter().find(|j| j.child == body.name).expect("all hang on something").point;
+                body.position = [at[0] + 0.2, at[1] + 0.3, at[2] + 0.1];
+            }
+            let model = compile(&spec, coordinates).expect("a chain compiles");
+            let (q, v) = (model.initial(), vec![0.0; model.size().nv]);
+            let (done, taken) = bytes(|| {
+                assert!(Stand::of(&model, 0.0, (&q, &v)).is_none(), "it fits as it is drawn");
+                run(&model, &request, None, &[0.004], (&q, &v), &mut |_| ControlFlow::Continue(())).unwrap()
+            });
+            assert_eq!(done.outcome.status, Status::Finished, "{}", done.outcome.message);
+            taken
+        });
+        // four times the loops
+        assert!(many < 6 * few, "{coordinates:?}: {few} bytes for 60 loops, {many} for 240");
     }
 }
