@@ -169,3 +169,27 @@ def test_guides_that_meet_far_from_where_they_were_drawn(off: float, pendulum: b
         assert np.abs(ends[-1][-1] - ends[-1][0]).max() < 1e-9  # held
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
     assert abs(ends[0][0, 0] - 0.5) == pytest.approx(apart / np.tan(off), rel=1e-6)
+
+
+@pytest.mark.parametrize("ends", ["fixed", "hinged", "one hinged"])
+def test_the_width_of_a_gantry_has_no_say(ends: str) -> None:
+    """A beam on two small carriages: guides out of parallel are so however far apart they are, and what is bridged
+    balances."""
+    for wide in (0.3, 60.0):
+        for off, freedoms in ((1e-4, 1), (1e-3, 0)):
+            m = pt.Mechanism("gantry", gravity=(0.1, -1.0, 0.2))
+            for name, at in (("left", 0.0), ("beam", 0.5 * wide), ("right", wide)):
+                m.add_body(name, mass=1.0, inertia=(0.1,) * 3, position=(0.0, at, 0.0))
+            m.add_prismatic("s1", m.ground, "left", point=(0, 0, 0), axis=(1, 0, 0))
+            m.add_prismatic("s2", m.ground, "right", point=(0, wide, 0), axis=(1.0, 0.6 * off, 0.8 * off))
+            for name, parent, child, at in (("f1", "left", "beam", 0.1), ("f2", "beam", "right", wide - 0.1)):
+                if ends == "fixed" or (ends, name) == ("one hinged", "f2"):
+                    m.add_fixed(name, parent, child, point=(0, at, 0))
+                else:  # along the guides: a hinge upright would leave a beam that is a dead position for ever
+                    axis = (1.0, 0, 0) if ends == "hinged" else (0, 0, 1.0)
+                    m.add_revolute(name, parent, child, point=(0, at, 0), axis=axis)
+            for coordinates in BOTH:
+                found = m.report(coordinates=coordinates).to_dict()
+                assert found["mobility"] == freedoms, (wide, off, coordinates)
+                run = m.simulate(0.05, coordinates=coordinates)
+                assert run.success and run.certificate.verdict == "holds", (wide, off, run.certificate.findings)

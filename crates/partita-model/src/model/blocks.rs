@@ -100,7 +100,8 @@ impl Model {
             }
             let from = base.map_or(Moved::nowhere(), |x| moved[x]);
             let stands: BTreeMap<usize, Moved> = own.iter().map(|&i| (i, moved[i].seen_from(&from))).collect();
-            let length = length(&drawn, |name| stands.get(&node(name)).copied().unwrap_or(Moved::nowhere()));
+            let is_rigid = |i: usize| self.placed.joints[joints[i]].shape.freedoms() == 0;
+            let length = length(&drawn, is_rigid, |name| stands.get(&node(name)).copied().unwrap_or(Moved::nowhere()));
             let functions = self.callers.functions.clone();
             let mut twin = Self::compiled(drawn, functions, (Coordinates::Absolute, false), true).ok()?;
             let mut there = twin.initial();
@@ -143,14 +144,14 @@ impl Model {
         all
     }
 
-    /// Count displacements in parts of this length.
+    /// Count displacements in parts of this length; what opens on a longer arm, in parts of the arm.
     fn measure_in(&mut self, length: f64) {
-        let by = length / self.placed.length;
+        let before = self.placed.length;
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
-            self.reach[l.v] *= by;
+            self.reach[l.v] = length;
         }
         for (size, _) in self.row_reach.iter_mut().zip(&self.row_is_angle).filter(|x| !x.1) {
-            *size = size.map(|x| x * by);
+            *size = size.map(|x| if x > before { x.max(length) } else { length });
         }
     }
 }
@@ -172,22 +173,37 @@ fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
     lines
 }
 
-/// The median diameter of bodies, as they stand: what slides reaches from one end of its rail to the other.
-fn length(spec: &Spec, moved: impl Fn(&str) -> Moved) -> Option<f64> {
-    let mut extents: Vec<f64> = Vec::with_capacity(spec.bodies.len());
-    for body in &spec.bodies {
-        let com = Vec3(body.position) + Mat3(body.orientation).apply(Vec3(body.com));
-        let mut points = vec![moved(&body.name).of(com)];
-        for j in spec.joints.iter().filter(|j| j.parent == body.name || j.child == body.name) {
-            points.push(moved(&j.parent).of(Vec3(j.point)));
-            points.push(moved(&j.child).of(Vec3(j.child_point.unwrap_or(j.point))));
-        }
-        extents.push(diameter(&points));
+/// Half of all that bodies measure belongs to bodies of this diameter or more, as they stand: what slides reaches from one end
+/// of its rail to the other, and what is fixed to each other is one body. A beam between two small carriages is as long as
+/// their way, which the median of three would not see.
+fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) -> Moved) -> Option<f64> {
+    let index = nodes(spec);
+    let node = |name: &str| index.get(name).copied().unwrap_or(0);
+    // the first of those that are fixed to each other, the ground before all
+    let mut first: Vec<usize> = (0..=spec.bodies.len()).collect();
+    for j in spec.joints.iter().enumerate().filter(|x| is_rigid(x.0)).map(|x| x.1) {
+        let (a, b) = (first[node(&j.parent)], first[node(&j.child)]);
+        first.iter_mut().filter(|x| **x == a.max(b)).for_each(|x| *x = a.min(b));
     }
+    let mut points: Vec<Vec<Vec3<f64>>> = vec![Vec::new(); first.len()];
+    for (body, &own) in spec.bodies.iter().zip(&first[1..]) {
+        let com = Vec3(body.position) + Mat3(body.orientation).apply(Vec3(body.com));
+        points[own].push(moved(&body.name).of(com));
+    }
+    for j in &spec.joints {
+        let ends = [moved(&j.parent).of(Vec3(j.point)), moved(&j.child).of(Vec3(j.child_point.unwrap_or(j.point)))];
+        let sides = BTreeSet::from([first[node(&j.parent)], first[node(&j.child)]]);
+        sides.into_iter().for_each(|own| points[own].extend(ends));
+    }
+    let mut extents: Vec<f64> = points[1..].iter().filter(|x| !x.is_empty()).map(|x| diameter(x)).collect();
     let largest = extents.iter().fold(0.0, |m: f64, x| m.max(*x));
     extents.retain(|x| *x > POINT * largest && x.is_finite());
     extents.sort_by(f64::total_cmp);
-    extents.get(extents.len() / 2).copied()
+    let mut left = 0.5 * extents.iter().sum::<f64>();
+    extents.into_iter().find(|x| {
+        left -= x;
+        left <= 0.0
+    })
 }
 
 /// Bodies and the ground that a condition ties together.
