@@ -23,7 +23,7 @@ from partita import catalogue
 from partita.mechanism import solve
 from partita.mechanism.models import layout_of
 from partita.mechanism.playground import changed, recorded
-from partita.playground.page import text
+from partita.playground.page import COMPUTES, text
 from partita.state import State
 
 NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
@@ -41,7 +41,7 @@ def page_runs(
 ) -> Any:
     """What `script` returns, run on the motion of the page."""
     made = recorded(mechanism, initial)
-    scripts = "\n".join(text(name) for name in ("module.js", "linear.js", "motion.js"))
+    scripts = "\n".join(text(name) for name in COMPUTES)
     body = f"""{scripts}
         const about = {json.dumps(made.about)};
         (async () => {{
