@@ -5,61 +5,78 @@
 // The rows of D^T, made orthonormal by the factor of D X D^T, stand for the tangential parts of unit velocities.
 
 function makeChoice(eq) {
-  const { w, n, m, k, kept, reach, opening, all, dt, light, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
+  const { w, n, m, k, kept, reach, opening, all, light, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
   const rho = new Float64Array(n).fill(1);
   const unit = new Float64Array(n * k), length = new Float64Array(n), rest = new Float64Array(n * k), left = new Float64Array(n),
-    taken = new Uint8Array(n), row = new Float64Array(k), gram = new Float64Array(k * k);
+    taken = new Uint8Array(n), gram = new Float64Array(k * k), turned = new Float64Array(k * k);
+  // ln of the volume that the choice in use spans: its rows of D^T are those of the unit matrix
+  let spanned = 0;
   // at the position evaluated last, after `tangent`, with M there
   function measure() {
     if (light) eq.run.metric();
     if (!metric.factor(w, METRIC)) throw new Fault("The mass matrix is not positive definite here.");
     projected(metric, METRIC, gram);
     if (!cholesky(gram, k)) return false;
-    for (let i = 0; i < n; i++) {
-      for (let j = 0; j < k; j++) row[j] = dt[i * k + j];
-      forward(gram, k, row);
-      const whole = metric.inverse(i), scale = 1 / Math.sqrt(whole);
-      let sum = 0;
-      for (let j = 0; j < k; j++) {
-        unit[i * k + j] = row[j] * scale;
-        sum += row[j] * row[j];
+    // row j of `turned` is column j of the inverse of the factor
+    for (let j = 0; j < k; j++) {
+      turned[j * k + j] = 1 / gram[j * k + j];
+      for (let i = j + 1; i < k; i++) {
+        let z = 0;
+        for (let r = j; r < i; r++) z += gram[i * k + r] * turned[j * k + r];
+        turned[j * k + i] = -z / gram[i * k + i];
       }
-      length[i] = sum / whole;
-      rho[i] = Math.min(1, Math.sqrt(length[i]));
     }
+    const { start, column, value } = eq.tangents;
+    unit.fill(0);
+    for (let i = 0; i < n; i++) {
+      const whole = metric.inverse(i), scale = 1 / Math.sqrt(whole), own = i * k;
+      for (let s = start[i]; s < start[i + 1]; s++) {
+        const j = column[s], f = value[s] * scale;
+        for (let r = j; r < k; r++) unit[own + r] += f * turned[j * k + r];
+      }
+      let sum = 0;
+      for (let j = 0; j < k; j++) sum += unit[own + j] * unit[own + j];
+      length[i] = sum;
+      rho[i] = Math.min(1, Math.sqrt(sum));
+    }
+    spanned = 0;
+    eq.independent.forEach((i, j) => { spanned += Math.log(unit[i * k + j]); });
     return true;
   }
-  // the volume that a choice spans; `wanted` null: the best, one after the other
-  function span(wanted) {
+  // the choice that spans the largest volume, one after the other; null where that is found to be less than `enough` (ln)
+  function best(enough) {
     left.set(length);
     rest.set(unit);
     taken.fill(0);
     const chosen = [];
-    let volume = 1;
+    let volume = 0;
     for (let step = 0; step < k; step++) {
-      let best = -1;
-      if (wanted) best = wanted[step];
-      else for (let i = 0; i < n; i++) if (!taken[i] && (best < 0 || left[i] > left[best] * (1 + 1e-9))) best = i;
-      const norm = Math.sqrt(Math.max(left[best], 0));
-      volume *= norm;
-      chosen.push(best);
-      taken[best] = 1;
-      if (!(norm > 0)) continue;
+      let top = -1;
+      for (let i = 0; i < n; i++) if (!taken[i] && (top < 0 || left[i] > left[top] * (1 + 1e-9))) top = i;
+      const norm2 = Math.max(left[top], 0), own = top * k;
+      volume += Math.log(norm2) / 2;
+      // those to come are no longer than this one
+      if (volume + (k - step - 1) * (Math.log(norm2) / 2 + 1e-8) < enough) return null;
+      chosen.push(top);
+      taken[top] = 1;
+      if (!(norm2 > 0)) continue;
       for (let i = 0; i < n; i++) {
         if (taken[i]) continue;
+        const row = i * k;
         let z = 0;
-        for (let j = 0; j < k; j++) z += rest[i * k + j] * rest[best * k + j];
-        z /= norm * norm;
+        for (let j = 0; j < k; j++) z += rest[row + j] * rest[own + j];
+        z /= norm2;
         if (z === 0) continue;
         let sum = 0;
         for (let j = 0; j < k; j++) {
-          rest[i * k + j] -= z * rest[best * k + j];
-          sum += rest[i * k + j] ** 2;
+          const x = rest[row + j] - z * rest[own + j];
+          rest[row + j] = x;
+          sum += x * x;
         }
         left[i] = sum;
       }
     }
-    return { chosen: chosen.sort((x, z) => x - z), volume };
+    return volume < enough ? null : chosen.sort((x, z) => x - z);
   }
   const EXCHANGE = 0.7;
   let exchanges = 0;
@@ -81,11 +98,11 @@ function makeChoice(eq) {
       anyChoice();
       if (!measure()) throw new Fault(NO_MASS);
     }
-    const best = span(null);
-    if (!any && span(eq.independent).volume >= EXCHANGE * best.volume) return;
+    const chosen = best(any ? -Infinity : spanned - Math.log(EXCHANGE));
+    if (!chosen) return;
     if (!first) exchanges += 1;
     const old = eq.independent;
-    if (!adopt(best.chosen) || !measure()) adopt(old);
+    if (!adopt(chosen) || !measure()) adopt(old);
   }
 
   return { rho, choose, get exchanges() { return exchanges; }, set exchanges(x) { exchanges = x; } };

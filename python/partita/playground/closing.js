@@ -2,7 +2,7 @@
 // number was changed, and what stays open in words.
 
 function makeClosing(eq) {
-  const { w, n, m, nq, C, kept, closing, holonomic, reach, opening, phi, all, about, position, move } = eq;
+  const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, reach, opening, phi, all, about, position, move } = eq;
   const mh = closing.length, right = new Float64Array(m);
   const dv = new Float64Array(n), size = new Float64Array(mh * mh), spread = new Float64Array(n);
   function openness(list) {
@@ -47,14 +47,14 @@ function makeClosing(eq) {
     dv.fill(0);
     for (const j of which) dv[j] = weight(j);
     for (let r = 0; r < mh; r++) {
-      const [r0, r1] = [about.row_start[closing[r]], about.row_start[closing[r] + 1]];
-      for (let e = r0; e < r1; e++) spread[about.columns[e]] = w[C + e] * dv[about.columns[e]];
+      const [r0, r1] = [rowStart[closing[r]], rowStart[closing[r] + 1]];
+      for (let e = r0; e < r1; e++) spread[columns[e]] = w[C + e] * dv[columns[e]];
       for (let p = 0; p <= r; p++) {
         let z = 0;
-        for (let e = about.row_start[closing[p]]; e < about.row_start[closing[p] + 1]; e++) z += w[C + e] * spread[about.columns[e]];
+        for (let e = rowStart[closing[p]]; e < rowStart[closing[p] + 1]; e++) z += w[C + e] * spread[columns[e]];
         size[r * mh + p] = z * opening[closing[r]] * opening[closing[p]];
       }
-      for (let e = r0; e < r1; e++) spread[about.columns[e]] = 0;
+      for (let e = r0; e < r1; e++) spread[columns[e]] = 0;
       size[r * mh + r] += damping + 1e-14 * size[r * mh + r];
       right[r] = -phi[closing[r]] * opening[closing[r]];
     }
@@ -64,7 +64,7 @@ function makeClosing(eq) {
     backward(size, mh, right);
     for (let r = 0; r < mh; r++) {
       const i = closing[r];
-      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) dv[about.columns[e]] += w[C + e] * opening[i] * right[r];
+      for (let e = rowStart[i]; e < rowStart[i + 1]; e++) dv[columns[e]] += w[C + e] * opening[i] * right[r];
     }
     spread.fill(0);
     for (const j of which) spread[j] = dv[j] * weight(j);

@@ -28,14 +28,14 @@ function makeEquations(run, about) {
     const [from, to] = about.coordinates_of[i];
     if (to - from === 4) { balls.push([from, i]); i += 3; } else { plain.push([from, i]); i += 1; }
   }
-  const reach = about.reach;
+  const reach = about.reach, rowStart = Int32Array.from(about.row_start), columns = Int32Array.from(about.columns);
   const opening = about.conditions.map((c) => 1 / (c.reach > 0 ? c.reach : c.angle ? 1 : about.length || 1));
 
   let independent = [], dependent = [], evaluations = 0;
   const all = Array.from({ length: n }, (_, i) => i);
   const rates = about.drives.map((d) => ({ ...d, factor: 1, clock: 0, since: 0, shift: 0 }));
   const phi = new Float64Array(rows), a = new Float64Array(rows), b = new Float64Array(rows);
-  const dt = new Float64Array(n * k), md = new Float64Array(k * k), hd = new Float64Array(k);
+  const md = new Float64Array(k * k), hd = new Float64Array(k);
   const sides = new Float64Array(m * k), moved = new Float64Array(n * k);
   const mass = makeSymmetric(n, about.patterns.mass), metric = light ? makeSymmetric(n, about.patterns.metric) : mass;
   const xi = new Float64Array(n), right = new Float64Array(m), force = new Float64Array(n), slope = new Float64Array(n);
@@ -84,12 +84,14 @@ function makeEquations(run, about) {
       b[d.row] -= d.level === "position" ? drawn[2] : drawn[1] * d.factor;
     }
   }
-  // ---- P1: C_D factored, D^T; a row of D^T has entries at `over` of it
-  let elimination = null, over = [];
+  // ---- P1: C_D factored, D^T by rows: what is not always 0 of row i stands in `dt` from dtStart[i], in the columns dtColumn
+  let elimination = null;
+  let dtColumn = new Int32Array(0), dt = new Float64Array(0);
+  const dtStart = new Int32Array(n + 1);
   const freedom = new Int32Array(n).fill(-1);
   const entriesOf = (i, of) => {
     const list = [];
-    for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) list.push([of(about.columns[e]), C + e]);
+    for (let e = rowStart[i]; e < rowStart[i + 1]; e++) list.push([of(columns[e]), C + e]);
     return list;
   };
   function plan() {
@@ -98,12 +100,15 @@ function makeEquations(run, about) {
     independent.forEach((j, i) => { place[j] = m + i; });
     elimination = makeElimination(m, kept.map((i) => entriesOf(i, (j) => place[j])), w);
     if (!elimination) return false;
-    over = new Array(n);
-    dependent.forEach((j, i) => { over[j] = Int32Array.from(elimination.reach[i]); });
-    independent.forEach((j, i) => { over[j] = Int32Array.of(i); });
-    dt.fill(0);
+    const over = new Array(n);
+    dependent.forEach((j, i) => { over[j] = elimination.reach[i]; });
     freedom.fill(-1);
-    independent.forEach((j, i) => { dt[j * k + i] = 1; freedom[j] = i; });
+    independent.forEach((j, i) => { over[j] = [i]; freedom[j] = i; });
+    for (let i = 0; i < n; i++) dtStart[i + 1] = dtStart[i] + over[i].length;
+    dtColumn = Int32Array.from(over.flat());
+    dt = new Float64Array(dtColumn.length);
+    for (const j of independent) dt[dtStart[j]] = 1;
+    pairUp();
     wide = worthwhile();
     return true;
   }
@@ -112,8 +117,9 @@ function makeEquations(run, about) {
   let whole = null, wide = false;
   function worthwhile() {
     let projection = elimination.operations + k * k * k / 6;
-    for (let e = 0; e < mass.row.length; e++) projection += over[mass.row[e]].length + over[mass.column[e]].length;
-    for (let i = 0; i < n; i++) projection += over[i].length * k / 2;
+    const over = (i) => dtStart[i + 1] - dtStart[i];
+    for (let e = 0; e < mass.row.length; e++) projection += over(mass.row[e]) + over(mass.column[e]);
+    projection += dt.length * k / 2;
     if (light || projection < 10000) return false;
     if (!whole) {
       run.velocity();
@@ -156,8 +162,8 @@ function makeEquations(run, about) {
     if (!factor()) return false;
     elimination.solveSides(sides, k);
     for (let r = 0; r < m; r++) {
-      const at = elimination.rowOf[r] * k, to = dependent[r] * k;
-      for (const j of over[dependent[r]]) dt[to + j] = sides[at + j];
+      const at = elimination.rowOf[r] * k, i = dependent[r];
+      for (let s = dtStart[i]; s < dtStart[i + 1]; s++) dt[s] = sides[at + dtColumn[s]];
     }
     return true;
   }
@@ -181,8 +187,8 @@ function makeEquations(run, about) {
     for (let r = 0; r < m; r++) {
       const i = kept[r];
       let z = a[i];
-      for (let e = about.row_start[i]; e < about.row_start[i + 1]; e++) {
-        const f = freedom[about.columns[e]];
+      for (let e = rowStart[i]; e < rowStart[i + 1]; e++) {
+        const f = freedom[columns[e]];
         if (f >= 0) z += w[C + e] * state[nq + f];
       }
       right[r] = -z;
@@ -222,19 +228,50 @@ function makeEquations(run, about) {
   }
   // what an evaluation needs of C_D
   const evaluated = () => (wide ? factor() : tangent());
-  // P3: D X D^T of a symmetric X
+  // P3: the lower triangle of D X D^T of a symmetric X. Where rows of D^T are short that of M is the sum of products
+  //   out[pair.to] += w[pair.entry] dt[pair.first] dt[pair.second], those from pair.twice on twice
+  let pair = null;
+  function pairUp() {
+    let count = 0, parts = (n + dt.length / 2) * k;
+    for (let e = 0; e < mass.row.length; e++) {
+      const i = mass.row[e], j = mass.column[e], p = dtStart[i + 1] - dtStart[i], r = dtStart[j + 1] - dtStart[j];
+      count += p * r;
+      parts += p + r;
+    }
+    pair = null;
+    if (count > parts) return;
+    const once = [], twice = [];
+    for (let e = 0; e < mass.row.length; e++) {
+      const i = mass.row[e], j = mass.column[e];
+      for (let s = dtStart[i]; s < dtStart[i + 1]; s++) {
+        for (let u = dtStart[j]; u < dtStart[j + 1]; u++) {
+          const p = dtColumn[s], r = dtColumn[u];
+          if (i === j && p < r) continue;
+          (i !== j && p === r ? twice : once).push([Math.max(p, r) * k + Math.min(p, r), MASS + e, s, u]);
+        }
+      }
+    }
+    const column = (c) => Int32Array.from([...once, ...twice], (one) => one[c]);
+    pair = { to: column(0), entry: column(1), first: column(2), second: column(3), twice: once.length };
+  }
   function projected(x, from, out) {
+    out.fill(0);
+    if (pair && from === MASS) {
+      const { to, entry, first, second, twice } = pair;
+      for (let e = 0; e < twice; e++) out[to[e]] += w[entry[e]] * dt[first[e]] * dt[second[e]];
+      for (let e = twice; e < to.length; e++) out[to[e]] += 2 * w[entry[e]] * dt[first[e]] * dt[second[e]];
+      return;
+    }
     moved.fill(0);
     for (let e = 0; e < x.row.length; e++) {
       const i = x.row[e], j = x.column[e], z = w[from + e];
-      for (const p of over[j]) moved[i * k + p] += z * dt[j * k + p];
-      if (i !== j) for (const p of over[i]) moved[j * k + p] += z * dt[i * k + p];
+      for (let s = dtStart[j]; s < dtStart[j + 1]; s++) moved[i * k + dtColumn[s]] += z * dt[s];
+      if (i !== j) for (let s = dtStart[i]; s < dtStart[i + 1]; s++) moved[j * k + dtColumn[s]] += z * dt[s];
     }
-    out.fill(0);
     for (let i = 0; i < n; i++) {
-      for (const p of over[i]) {
-        const d = dt[i * k + p];
-        for (let r = 0; r <= p; r++) out[p * k + r] += d * moved[i * k + r];
+      for (let s = dtStart[i]; s < dtStart[i + 1]; s++) {
+        const p = dtColumn[s], d = dt[s], to = p * k, from = i * k;
+        for (let r = 0; r <= p; r++) out[to + r] += d * moved[from + r];
       }
     }
   }
@@ -263,7 +300,7 @@ function makeEquations(run, about) {
       if (i !== j) force[j] -= z * xi[i];
     }
     hd.fill(0);
-    for (let i = 0; i < n; i++) for (const p of over[i]) hd[p] += dt[i * k + p] * force[i];
+    for (let i = 0; i < n; i++) for (let s = dtStart[i]; s < dtStart[i + 1]; s++) hd[dtColumn[s]] += dt[s] * force[i];
     projected(mass, MASS, md);
     if (!cholesky(md, k)) throw new Fault(NO_MASS);
     forward(md, k, hd);
@@ -271,14 +308,16 @@ function makeEquations(run, about) {
     for (let j = 0; j < k; j++) out[nq + j] = hd[j];
     for (let i = 0; i < n; i++) {
       slope[i] = xi[i];
-      for (const j of over[i]) slope[i] += dt[i * k + j] * hd[j];
+      for (let s = dtStart[i]; s < dtStart[i + 1]; s++) slope[i] += dt[s] * hd[dtColumn[s]];
     }
   }
 
   return {
     run, about, w, nq, n, m, k, rows, holonomic, kept, closing, balls, plain, reach, opening, all, rates,
-    phi, dt, mass, metric, light, slope, C, MASS, METRIC,
+    rowStart, columns, phi, mass, metric, light, slope, C, METRIC,
     position, velocity, entriesOf, factor, tangent, evaluated, adopt, expand, derivative, accelerate, projected, move, normalise,
+    // row i of D^T: columns and values from start[i] to start[i + 1]
+    get tangents() { return { start: dtStart, column: dtColumn, value: dt }; },
     forget() { independent = dependent = []; },
     get independent() { return independent; },
     get dependent() { return dependent; },

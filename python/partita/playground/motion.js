@@ -47,6 +47,15 @@ function makeMotion(run, about) {
   // whether all levels have been evaluated at the state
   let ready = false, regularBefore = 1;
   const costly = n * k * k > 20000;
+  const sum = new Float64Array(ny);
+  // the first slopes, each times its factor
+  function combined(factors, count) {
+    sum.fill(0);
+    for (let l = 0; l < count; l++) {
+      const f = factors[l], from = stage[l];
+      if (f !== 0) for (let j = 0; j < ny; j++) sum[j] += f * from[j];
+    }
+  }
   // one step; the estimate of its error in parts of the tolerance, infinite where a choice became singular on the way
   function attempt(step) {
     if (ready) accelerate(y, v, stage[0]);
@@ -55,20 +64,16 @@ function makeMotion(run, about) {
     regularBefore = eq.regular;
     first.set(eq.slope);
     for (let i = 1; i < 7; i++) {
-      for (let j = 0; j < ny; j++) {
-        let z = 0;
-        for (let l = 0; l < i; l++) z += weights[i][l] * stage[l][j];
-        trial[j] = y[j] + step * z;
-      }
+      combined(weights[i], i);
+      for (let j = 0; j < ny; j++) trial[j] = y[j] + step * sum[j];
       if (i === 6) y1.set(trial);
       if (!derivative(t + nodes[i] * step, trial, stage[i])) return Infinity;
     }
     let error = 0;
+    combined(errors, 7);
     for (let j = 0; j < ny; j++) {
-      let z = 0;
-      for (let l = 0; l < 7; l++) z += errors[l] * stage[l][j];
       const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
-      error = Math.max(error, Math.abs(step * z) / scale);
+      error = Math.max(error, Math.abs(step * sum[j]) / scale);
     }
     return error;
   }
