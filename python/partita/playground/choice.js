@@ -5,7 +5,7 @@
 // The rows of D^T, made orthonormal by the factor of D X D^T, stand for the tangential parts of unit velocities.
 
 function makeChoice(eq) {
-  const { w, n, m, k, kept, reach, opening, all, light, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
+  const { w, n, m, k, kept, closing, dropped, holonomic, phi, reach, opening, all, light, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
   const rho = new Float64Array(n).fill(1);
   const unit = new Float64Array(n * k), length = new Float64Array(n), rest = new Float64Array(n * k), left = new Float64Array(n),
     taken = new Uint8Array(n), gram = new Float64Array(k * k), turned = new Float64Array(k * k);
@@ -80,29 +80,35 @@ function makeChoice(eq) {
   }
   const EXCHANGE = 0.7;
   let exchanges = 0;
-  // any regular choice at the position evaluated last: what an elimination with the largest pivots leaves
+  // Any regular choice at the position evaluated last: what an elimination with the largest pivots leaves. Redundant rows
+  // that agree with those in use may take their place: which are redundant depends on the position.
   function anyChoice() {
-    const numbers = kept.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
-    const found = planElimination(m, numbers, true, [kept.map((i) => opening[i]), reach]);
+    const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * opening[i] < 1e-9);
+    const from = agree ? [...kept, ...dropped] : [...kept], numbers = from.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
+    const found = planElimination(m, numbers, true, [from.map((i) => opening[i]), reach]);
     const used = found && new Set(found.pivots.map(([, j]) => j));
-    if (!found || !adopt(all.filter((i) => !used.has(i)))) {
+    const rows = found && new Set(found.pivots.map(([r]) => from[r])), closes = closing.length;
+    if (!found || !adopt(all.filter((i) => !used.has(i)), dropped.length ? rows : null) || closing.length !== closes) {
       throw new Fault(`Singular position at t = ${w[0].toPrecision(5)} s: the loops lose rank, and branches meet here.`);
     }
   }
+  // how regular C_D was with the rows in use when they were chosen; far less, and others are asked
+  let regular = 0;
   // with M of the position evaluated last
   function choose(known = false) {
     const { dependent, independent } = eq, first = dependent.length !== m || independent.length !== k;
     let any = first;
-    if (first || (!known && !tangent()) || !measure()) {
+    if (first || (!known && !tangent()) || (dropped.length > 0 && eq.regular < 0.3 * regular) || !measure()) {
       any = true;
       anyChoice();
       if (!measure()) throw new Fault(NO_MASS);
     }
     const chosen = best(any ? -Infinity : spanned - Math.log(EXCHANGE));
     if (!chosen) return;
-    if (!first) exchanges += 1;
     const old = eq.independent;
+    if (!first && chosen.some((i, j) => i !== independent[j])) exchanges += 1;
     if (!adopt(chosen) || !measure()) adopt(old);
+    regular = eq.regular;
   }
 
   return { rho, choose, get exchanges() { return exchanges; }, set exchanges(x) { exchanges = x; } };

@@ -14,10 +14,16 @@ const NO_MASS = "No mass moves with one of the freedoms: its acceleration is not
 function makeEquations(run, about) {
   const w = new Float64Array(run.memory.buffer);
   const nq = about.coordinates, n = about.velocities, rows = about.rows, holonomic = about.holonomic;
-  const kept = [];
-  for (let i = 0; i < rows; i++) if (!about.dropped.includes(i)) kept.push(i);
+  // rows in use, those of them that close, and those that are redundant; which is which may change on the way
+  const kept = [], closing = [], dropped = [];
+  function keep(chosen) {
+    kept.length = closing.length = dropped.length = 0;
+    for (let i = 0; i < rows; i++) (chosen.has(i) ? kept : dropped).push(i);
+    for (const i of kept) if (i < holonomic) closing.push(i);
+  }
+  const asDrawn = new Set(Array.from({ length: rows }, (_, i) => i).filter((i) => !about.dropped.includes(i)));
+  keep(asDrawn);
   const m = kept.length, k = n - m;
-  const closing = kept.filter((i) => i < holonomic), mh = closing.length;
   const place = (name) => about.outputs[name][0];
   const PHI = place("phi"), C = place("c"), A = place("a"), B = place("b"), H = place("h");
   // what light links count with is in the metric alone
@@ -167,8 +173,12 @@ function makeEquations(run, about) {
     }
     return true;
   }
-  // these coordinates become independent; false where C_D is singular with them
-  function adopt(chosen) {
+  // these coordinates become independent, and these rows are used; false where C_D is singular with them
+  function adopt(chosen, used = null) {
+    if (used) {
+      keep(used);
+      whole = null;
+    }
     independent = chosen;
     const free = new Set(chosen);
     dependent = all.filter((i) => !free.has(i));
@@ -313,12 +323,16 @@ function makeEquations(run, about) {
   }
 
   return {
-    run, about, w, nq, n, m, k, rows, holonomic, kept, closing, balls, plain, reach, opening, all, rates,
+    run, about, w, nq, n, m, k, rows, holonomic, kept, closing, dropped, balls, plain, reach, opening, all, rates,
     rowStart, columns, phi, mass, metric, light, slope, C, METRIC,
     position, velocity, entriesOf, factor, tangent, evaluated, adopt, expand, derivative, accelerate, projected, move, normalise,
     // row i of D^T: columns and values from start[i] to start[i + 1]
     get tangents() { return { start: dtStart, column: dtColumn, value: dt }; },
-    forget() { independent = dependent = []; },
+    forget() {
+      independent = dependent = [];
+      keep(asDrawn);
+      whole = null;
+    },
     get independent() { return independent; },
     get dependent() { return dependent; },
     get evaluations() { return evaluations; },

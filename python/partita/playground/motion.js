@@ -150,7 +150,7 @@ function makeMotion(run, about) {
         continue;
       }
       refused = beyond = 0;
-      if (openness(about.dropped) > about.loose) {
+      if (openness(eq.dropped) > about.loose) {
         const words = told(gaps());
         settle();
         throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${words}.`);
@@ -217,7 +217,7 @@ function makeMotion(run, about) {
       run.prepare();
       const tried = Float64Array.from(at);
       const open = closeAll(t, tried);
-      const dropped = openness(about.dropped);
+      const dropped = openness(eq.dropped);
       let far = 0;
       for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / reach[j]);
       if (open < 1e-10 && dropped < about.loose && (far < 0.3 || part < 1e-3)) {
