@@ -12,7 +12,7 @@ from many_freedoms import MECHANISMS
 
 import partita as pt
 from partita.mechanism.playground import recorded
-from partita.playground.page import text
+from partita.playground.page import COMPUTES, text
 from partita.state import State
 
 AIM = 8e-3
@@ -73,7 +73,7 @@ def frame_costs() -> dict[str, Frame]:
     found = {}
     for title, (mechanism, initial, speed) in mechanisms().items():
         made = recorded(mechanism, initial)
-        scripts = "\n".join(text(name) for name in ("module.js", "linear.js", "motion.js"))
+        scripts = "\n".join(text(name) for name in COMPUTES)
         given = {
             "about": made.about,
             "module": base64.b64encode(made.module).decode("ascii"),

@@ -134,7 +134,7 @@ function makeDrawing(canvas, about, motion) {
       // one word for those at one place
       const here = pins.flatMap((other, i) => (other && Math.hypot(other[0] - pin[0], other[1] - pin[1]) < 3 ? [i] : []));
       here.forEach((i) => named.add(i));
-      const word = here.map((i) => about.joints[i].name).join(", "), long = pen.measureText(word).width, half = slides(j) ? 14 : 8;
+      const word = here.map((i) => about.joints[i].name).join(", "), long = pen.measureText(word).width, half = here.some(slides) ? 14 : 8;
       const cost = (side) => {
         const [dx, dy] = around[side % 8], far = half + (side < 8 ? 0 : 14);
         const left = pin[0] + dx * far - (dx < 0 ? long : dx === 0 ? long / 2 : 0), middle = pin[1] + dy * (far + 2);

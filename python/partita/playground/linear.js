@@ -185,23 +185,25 @@ function makeSymmetric(n, places) {
     if (row[e] !== column[e]) below[i].add(column[e]);
   });
   for (let k = n - 1; k >= 0; k--) for (const a of below[k]) for (const b of below[k]) if (b < a) below[a].add(b);
-  const lists = below.map((set) => Int32Array.from([...set].sort((x, y) => y - x)));
+  // columns of row k to the left of its diagonal, downwards, from start[k]
+  const start = new Int32Array(n + 1), list = Int32Array.from(below.flatMap((set) => [...set].sort((x, y) => y - x)));
+  below.forEach((set, k) => { start[k + 1] = start[k] + set.size; });
   const l = new Float64Array(n * n), y = new Float64Array(n);
   return {
     row, column,
     factor(w, from) {
       for (let k = 0; k < n; k++) {
         l[k * n + k] = 0;
-        for (const j of lists[k]) l[k * n + j] = 0;
+        for (let p = start[k]; p < start[k + 1]; p++) l[k * n + list[p]] = 0;
       }
       for (let e = 0; e < row.length; e++) l[row[e] * n + column[e]] = w[from + e];
       for (let k = n - 1; k >= 0; k--) {
-        const d = l[k * n + k], list = lists[k];
+        const d = l[k * n + k], end = start[k + 1];
         if (!(d > 0)) return false;
         // columns run downwards, so that what is read has not been divided yet
-        for (let p = 0; p < list.length; p++) {
+        for (let p = start[k]; p < end; p++) {
           const a = list[p], f = l[k * n + a] / d;
-          for (let r = p; r < list.length; r++) l[a * n + list[r]] -= f * l[k * n + list[r]];
+          for (let r = p; r < end; r++) l[a * n + list[r]] -= f * l[k * n + list[r]];
           l[k * n + a] = f;
         }
       }
@@ -215,7 +217,7 @@ function makeSymmetric(n, places) {
       for (let k = i; k >= 0; k--) {
         const x = y[k];
         if (x === 0) continue;
-        for (const j of lists[k]) y[j] -= l[k * n + j] * x;
+        for (let p = start[k], own = k * n; p < start[k + 1]; p++) y[list[p]] -= l[own + list[p]] * x;
         z += x * x / l[k * n + k];
       }
       return z;

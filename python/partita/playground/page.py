@@ -8,7 +8,9 @@ from typing import Any
 from ..webpage import part_of, whole_page
 from .program import Program
 
-SCRIPTS = ("module.js", "linear.js", "motion.js", "drawing.js", "controls.js")
+COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "motion.js")
+"""Scripts that know nothing of a page: `makeMotion` is what they make."""
+SCRIPTS = (*COMPUTES, "drawing.js", "controls.js")
 
 
 def html(made: Program, title: str, view: dict[str, Any], speed: float) -> str:

@@ -1,0 +1,134 @@
+// Closing the loops: Newton's method on the dependent coordinates at the end of a step, damped steps of all of them where a
+// number was changed, and what stays open in words.
+
+function makeClosing(eq) {
+  const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, reach, opening, phi, all, about, position, move } = eq;
+  const mh = closing.length, right = new Float64Array(m);
+  const dv = new Float64Array(n), size = new Float64Array(mh * mh), spread = new Float64Array(n);
+  function openness(list) {
+    let worst = 0;
+    for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * opening[i]);
+    return worst;
+  }
+  // Newton's method on the dependent coordinates; conditions on rates close nothing, so there the least move does
+  function closeDependent(s, at) {
+    const { dependent } = eq;
+    let before = Infinity, settled = false;
+    for (let step = 0; step < 12; step++) {
+      position(s, at);
+      const open = openness(closing);
+      if (settled || !(open < 1e3)) return open;
+      let fresh = true;
+      if (mh === m) {
+        // the factors of the first step serve as long as it closes quickly
+        fresh = !(open < 0.05 * before);
+        if (fresh && !eq.factor()) return Infinity;
+        for (let r = 0; r < m; r++) right[r] = -phi[kept[r]];
+        eq.elimination.solve(right);
+        dv.fill(0);
+        for (let r = 0; r < m; r++) dv[dependent[r]] = right[eq.elimination.rowOf[r]];
+      } else if (!least(dependent, 0)) {
+        return open;
+      }
+      before = open;
+      let far = 0;
+      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
+      move(at, dv);
+      // with the matrix of the place itself the next remainder is the square of this one
+      settled = far < (fresh ? 1e-8 : 1e-11);
+    }
+    position(s, at);
+    return openness(closing);
+  }
+  // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the reaches
+  function least(which, damping) {
+    const weight = (j) => reach[j] * reach[j];
+    spread.fill(0);
+    dv.fill(0);
+    for (const j of which) dv[j] = weight(j);
+    for (let r = 0; r < mh; r++) {
+      const [r0, r1] = [rowStart[closing[r]], rowStart[closing[r] + 1]];
+      for (let e = r0; e < r1; e++) spread[columns[e]] = w[C + e] * dv[columns[e]];
+      for (let p = 0; p <= r; p++) {
+        let z = 0;
+        for (let e = rowStart[closing[p]]; e < rowStart[closing[p] + 1]; e++) z += w[C + e] * spread[columns[e]];
+        size[r * mh + p] = z * opening[closing[r]] * opening[closing[p]];
+      }
+      for (let e = r0; e < r1; e++) spread[columns[e]] = 0;
+      size[r * mh + r] += damping + 1e-14 * size[r * mh + r];
+      right[r] = -phi[closing[r]] * opening[closing[r]];
+    }
+    dv.fill(0);
+    if (!cholesky(size, mh)) return false;
+    forward(size, mh, right);
+    backward(size, mh, right);
+    for (let r = 0; r < mh; r++) {
+      const i = closing[r];
+      for (let e = rowStart[i]; e < rowStart[i + 1]; e++) dv[columns[e]] += w[C + e] * opening[i] * right[r];
+    }
+    spread.fill(0);
+    for (const j of which) spread[j] = dv[j] * weight(j);
+    dv.set(spread);
+    return true;
+  }
+  // closes with all coordinates, by damped steps that never open it further; what stays open
+  function closeAll(s, at) {
+    const from = new Float64Array(nq);
+    const residual = () => {
+      let z = 0;
+      for (const i of closing) z += (phi[i] * opening[i]) ** 2;
+      return z;
+    };
+    position(s, at);
+    let before = residual(), damping = 0;
+    for (let step = 0; step < 200 && before > 1e-30; step++) {
+      from.set(at);
+      if (!least(all, damping)) { damping = damping ? damping * 10 : 1e-12; position(s, at); continue; }
+      let far = 0;
+      for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / reach[i]);
+      if (far > 0.3) for (let i = 0; i < n; i++) dv[i] *= 0.3 / far;
+      move(at, dv);
+      position(s, at);
+      const now = residual();
+      if (now < before) {
+        const settled = now > 0.9999 * before && damping > 0;
+        before = now;
+        damping = damping > 1e-10 ? damping / 10 : 0;
+        if (settled) break;
+      } else {
+        at.set(from);
+        position(s, at);
+        if (far < 1e-13) break;
+        damping = damping ? damping * 10 : 1e-8;
+        if (damping > 1e6) break;
+      }
+    }
+    return openness(closing);
+  }
+  // what stands open, by what it belongs to, the worst first
+  function gaps() {
+    const found = new Map();
+    for (let i = 0; i < holonomic; i++) {
+      const { owner, angle } = about.conditions[i];
+      const gap = found.get(owner) || { owner, length: 0, angle: 0, part: 0 };
+      if (angle) gap.angle = Math.hypot(gap.angle, phi[i]); else gap.length = Math.hypot(gap.length, phi[i]);
+      gap.part = Math.max(gap.part, Math.abs(phi[i]) * opening[i]);
+      found.set(owner, gap);
+    }
+    return [...found.values()].filter((g) => g.part > 1e-9).sort((x, z) => z.part - x.part);
+  }
+
+  const digits = (x) => Number(x.toPrecision(3)).toString();
+  function told(list) {
+    if (list.length === 0) return "nothing stands open";
+    return list.slice(0, 3).map((g) => {
+      const by = [];
+      if (g.length > 0) by.push(`${digits(g.length)} m`);
+      if (g.angle > 0) by.push(`${digits(g.angle)} rad`);
+      const cut = /^joint "(.*)"$/.exec(g.owner), loop = cut && about.loops[cut[1]];
+      return `${g.owner} stays open by ${by.join(" and ")}${loop ? ` (loop of ${loop.join(", ")})` : ""}`;
+    }).join("; ");
+  }
+
+  return { openness, closeDependent, closeAll, gaps, told, digits };
+}
