@@ -246,7 +246,7 @@ class _Stage:
         self.middle = (low + high) / 2.0
         self.arrow = min(0.2 * self.extent, 1.5 * typical)
         self.unit = pose.typical_force()
-        self.paths = pose.paths(0.002 * self.extent)
+        self.strokes = pose.strokes(0.002 * self.extent)
 
     def at(self, points: Any) -> FloatArray:
         """Pixels of points (..., 3) of the world."""
@@ -270,8 +270,11 @@ class _Stage:
             self.origin = self.follows[frame]
         image = Image.new("RGB", (self.width, self.height), PAPER)
         sheet = _Sheet(ImageDraw.Draw(image))
-        for path in self.paths:
-            sheet.line(self.at(path), TRACE, 1.2 * FINER)
+        for stroke in self.strokes:
+            if len(stroke) > 1:
+                sheet.line(self.at(stroke), TRACE, 1.2 * FINER)
+            else:
+                sheet.circle(self.at(stroke[0]), 1.2 * FINER, TRACE)
         self.couplings(sheet, frame)
         self.bodies(sheet, frame)
         self.springs(sheet, frame)
@@ -394,6 +397,9 @@ class _Stage:
             elif body["kind"] == "star":
                 for tip in points[1:]:
                     self.rod(sheet, points[0], tip, 0.8 * r, colour)
+            elif body["kind"] == "frame":
+                for tip, after in zip(points, np.roll(points, -1, axis=0), strict=True):
+                    self.rod(sheet, tip, after, 0.6 * r, colour)
             elif body["kind"] == "arc":
                 for a, c in pose.arcs(points):
                     self.rod(sheet, a, c, 0.8 * r, colour)

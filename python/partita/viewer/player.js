@@ -298,6 +298,7 @@ window.partita = {
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
   corners: () => findExtent(run, [frame, frame + 1]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
+  strokes: strokesOf, tangled: isTangled,
 };
 
 start();

@@ -311,6 +311,8 @@ def _bodies(
             found.append({"name": name, "com": com.tolist(), "kind": "arc", "points": [centre, *seats]})
             continue
         figure = outline(np.array(points, dtype=float).reshape(-1, 3), com, motion.size)
+        if figure["kind"] == "plate" and any(joint["parent"] == i and joint["rail"] is not None for joint in joints):
+            figure["kind"] = "frame"  # a plate from a rail to elsewhere would hide what slides on it
         found.append({"name": name, "com": com.tolist(), **figure})
     return found
 
