@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from catalogue_runs import run_of
+from catalogue_runs import entry_of, run_of
+from fake_runs import data
 from matplotlib.figure import Figure
 
 import partita as pt
+from partita import viewer
 from partita.errors import ArgumentError, UnknownNameError
 from partita.plots.abscissa import abscissa
 
@@ -34,7 +36,13 @@ def test_over_a_coordinate_lines_are_the_run() -> None:
 def test_few_outputs_on_a_turn_are_dots() -> None:
     run = run_of("engine-v-twin")
     assert abscissa(run, "main").is_sparse and not abscissa(run_of("four-bar"), "A").is_sparse
-    assert all(line.get_linestyle() == "None" for line in run.plot("accelerations", x="main").axes[0].get_lines())
+    for x, label in (("main", "every turn"), (None, "main turns 170 deg between outputs")):
+        (ax,) = run.plot("accelerations", x=x).axes
+        assert all(line.get_linestyle() == "None" for line in ax.get_lines()) and label in ax.get_xlabel()
+    assert data(viewer.html(run_of("four-bar")))["apart"] is None
+    told = data(viewer.html(run))["apart"]
+    assert told["name"] == "main" and told["degrees"] == pytest.approx(np.degrees(60.0 * 0.05), abs=3.0)
+    assert told["step"] == pytest.approx(np.radians(10.0) / 60.0, rel=0.1)
 
 
 def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
@@ -46,7 +54,9 @@ def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
 
 def test_alike_curves_are_told_apart() -> None:
     """Pistons of a four-cylinder engine move in pairs: of each pair one line is dashed."""
-    run = run_of("engine-inline-four")
+    entry = entry_of("engine-inline-four")
+    m = entry.mechanism()
+    run = m.simulate(0.4, initial=entry.initial(m))  # four turns of the crank
     styles = {str(line.get_label()): line.get_linestyle() for line in run.plot("coordinates").axes[0].get_lines()}
     assert np.allclose(run.joint("slide 2").position, run.joint("slide 3").position, atol=1e-9)
     assert styles["slide 2"] != styles["slide 3"]

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
-from ..readable import Readable
+from ..readable import FEW, Readable, turn_between_outputs
+from .style import shortened
 
 FloatArray = NDArray[np.float64]
 
@@ -29,11 +30,14 @@ class Abscissa:
     label: str
     breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
     is_time: bool = False
+    apart: bool = False
+    """Do outputs lie so far apart in time that lines between them would show a motion that was not?"""
 
     def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
         """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
         if self.is_sparse:
-            colour, hollow = style.get("color"), "--" in (*form, style.get("ls"))
+            style_of_line = style.get("ls", "-")
+            colour, hollow = style.get("color"), "--" in form or style_of_line not in ("-", "solid")
             look: dict[str, Any] = {
                 "marker": "o",
                 "ms": 2.6,
@@ -49,6 +53,8 @@ class Abscissa:
     @property
     def is_sparse(self) -> bool:
         """Do so few outputs fall on a turn that lines between them would cut its curve short?"""
+        if self.is_time:
+            return self.apart
         steps = np.abs(np.diff(self.values))[~self.breaks[1:]]
         return bool(self.breaks.any() and steps.size and np.nanmedian(steps) > MOST_DEGREES)
 
@@ -60,7 +66,13 @@ class Abscissa:
 def abscissa(result: Readable, x: Any) -> Abscissa:
     """Time for None; else the coordinate, joint or sensor `x`: angles in degrees, of one turn where there are more."""
     if x is None:
-        return Abscissa(result.t, "time [s]", np.zeros(len(result.t), dtype=bool), is_time=True)
+        name, step = turn_between_outputs(result)
+        label = (
+            f"time [s]; {shortened(name)} turns {np.degrees(step):.0f} deg between outputs"
+            if step > FEW
+            else "time [s]"
+        )
+        return Abscissa(result.t, label, np.zeros(len(result.t), dtype=bool), is_time=True, apart=step > FEW)
     x = getattr(x, "name", x)
     sensors = [item["name"] for item in result.summary.get("sensors", ())]
     known = [*result.names.coordinates, *result.names.joints, *sensors]
