@@ -22,6 +22,10 @@ MOST_DEGREES = 8.0
 """Between outputs that lie farther apart on a turn no line is drawn."""
 
 
+FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)
+"""What a crank turns at least; a run of one turn may end short of it by rounding."""
+
+
 @dataclass(frozen=True)
 class Abscissa:
     """Numbers (nt,) along the bottom, and where a line must be broken because a turn begins anew."""
@@ -90,6 +94,17 @@ def abscissa(result: Readable, x: Any) -> Abscissa:
         return Abscissa(degrees, f"{name} [deg]", np.zeros(len(values), dtype=bool))
     turn = np.floor(degrees / 360.0)
     return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)
+
+
+def crank(result: Readable) -> str | None:
+    """The first joint that turns on about its one axis, once around at least; None where none does."""
+    for about in result.summary.get("joints", ()):
+        if joint_units(about)[0] != ["rad"]:
+            continue
+        angle = np.asarray(result.joint(about["name"]).position)[:, 0]
+        if float(np.ptp(angle) if len(angle) and np.isfinite(angle).all() else 0.0) >= FULL_TURN:
+            return str(about["name"])
+    return None
 
 
 def _numbers(result: Readable, name: str) -> tuple[FloatArray, str]:
