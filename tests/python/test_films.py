@@ -49,6 +49,17 @@ def test_few_outputs_stand_as_long_as_they_last(tmp_path: Path) -> None:
     assert sum(lasts) == 5000
 
 
+def test_films_tell_what_is_not_unique(tmp_path: Path) -> None:
+    """Arrows of reactions that are not unique are hollow, and words below say so."""
+    red = []
+    for unique in (True, False):
+        fake = four_bar(nt=3, determined=np.full(6, unique))
+        picture = frames_of(save_film(fake, tmp_path / f"{unique}.gif", fps=1, size=(400, 300)))[0]
+        red.append(np.abs(picture - (0xB3, 0x26, 0x1E)).max(axis=2) < 60)
+    above, words = [r[:230].sum() for r in red], [r[240:264].sum() for r in red]
+    assert 0 < above[1] < 0.8 * above[0] and words[0] < 20 < words[1]
+
+
 def test_a_film_of_every_kind_of_part(tmp_path: Path) -> None:
     """Gears, belts, cams, rods, slides, springs, solids, loads: a picture of each entry holds its bodies' colours."""
     for name in (

@@ -121,14 +121,14 @@ class Pose:
                 return float(np.quantile(real, 0.95))
         return 0.0
 
-    def pushes(self, frame: int, reaction: Any, load: Any) -> Iterator[tuple[FloatArray, FloatArray, Any]]:
-        """Place, force and colour of every reaction and load."""
+    def pushes(self, frame: int, reaction: Any, load: Any) -> Iterator[tuple[FloatArray, FloatArray, Any, bool]]:
+        """Place, force and colour of every reaction and load, and whether it is not unique."""
         forces = self.tables["force"][frame].reshape(-1, 3)
         for joint, force in zip(self.scene["joints"], forces, strict=True):
-            yield self.placed(frame, joint["child"], np.array(joint["at"])), force, reaction
+            yield self.placed(frame, joint["child"], np.array(joint["at"])), force, reaction, bool(joint["open"][0])
         for n in range(len(self.scene["loads"])):
             row = self.tables[f"load{n}"][frame]
-            yield row[:3], row[3:], load
+            yield row[:3], row[3:], load, False
 
     @staticmethod
     def arcs(points: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
