@@ -11,7 +11,7 @@ from typing import Any
 from .errors import UnknownNameError
 from .numeric import shown
 
-ANGULAR = ("turn", "rx", "ry", "rz", "wx", "wy", "wz")
+ANGULAR = ("turn", "turn1", "turn2", "rx", "ry", "rz", "wx", "wy", "wz")
 LINEAR = ("slide", "x", "y", "z")
 _PART_OF_POSE = re.compile(r", (slide|turn) \d+$")
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ArgumentError
-from .naming import Names
+from .naming import Names, coordinate_units
 from .numeric import shown
 
 FloatArray = NDArray[np.float64]
@@ -19,6 +19,25 @@ def checked_run(result: Any) -> None:
     """Refuse what is no run, before a figure or a page is begun."""
     if not all(hasattr(result, name) for name in ("t", "names", "summary")):
         raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
+
+
+FEW = np.pi / 3.0
+"""Outputs of which a turn has six or fewer say nothing of what lies between them: no line joins them."""
+
+
+def turn_between_outputs(result: Readable) -> tuple[str, float]:
+    """The first coordinate of those that turn farthest between outputs and its usual step [rad]; ("", 0.0): none turns.
+
+    The usual step is the median over the run. Beyond `FEW` a line from output to output would show a slower motion than
+    there was, as a film shows the wheels of a coach.
+    """
+    units = coordinate_units(result.summary, result.names)[0]
+    turning = [i for i, unit in enumerate(units) if unit == "rad"]
+    if len(result.t) < 3 or not turning:
+        return "", 0.0
+    steps = np.nan_to_num(np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0))
+    most = int(np.argmax(steps >= 0.8 * steps.max()))  # of several that turn alike the first: a crank before its rods
+    return str(result.names.coordinates[turning[most]]), float(steps[most])
 
 
 class Readable(Protocol):

@@ -20,6 +20,7 @@ from pages import CONTRAST, LAYOUT, faults, unreached
 import partita as pt
 from partita import viewer
 from partita.viewer.page import fixed_bytes
+from partita.viewer.pose import is_tangled, strokes_of
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here")
 
@@ -150,6 +151,29 @@ def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
     )
     assert faults(browser, path, fixed_bytes()) == []
     assert {"slide", "hub", "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
+
+
+def test_paths_run_smoothly_through_outputs(browser: Chromium, tmp_path: Path) -> None:
+    """A circle of 32 degrees from output to output is a circle, of 80 degrees dots; pages and films draw the same."""
+    browser.open(viewer.write_html(run_of("four-bar"), tmp_path / "page.html"))
+    t = np.linspace(0.0, 3.0, 41)
+    for step, farthest in ((32.0, 0.003), (80.0, 0.0)):
+        angle = np.radians(step) * np.arange(41)
+        circle = np.stack([np.cos(angle), np.sin(angle), 0.0 * t], axis=1)
+        strokes = strokes_of(circle, t, 1e-3)
+        assert len(strokes) == (1 if farthest else 41)
+        assert np.abs(np.linalg.norm(np.concatenate(strokes), axis=1) - 1.0)[30:-30].max(initial=0.0) <= farthest
+        asked = f"partita.strokes({circle.tolist()}, {t.tolist()}, 1e-3)"
+        told = browser.value(f"{asked}.map((s) => s.map(({{ p }}) => p))")
+        assert [len(s) for s in told] == [len(s) for s in strokes]
+        assert np.allclose(np.concatenate(told), np.concatenate(strokes), atol=1e-12)
+        assert not is_tangled(strokes, 2.0)
+    # A Lissajous figure that closes only after many turns is a tangle.
+    s = np.linspace(0.0, 300.0, 6001)
+    wild = np.stack([np.cos(s), np.cos(np.sqrt(2) * s), np.cos(np.sqrt(3) * s)], axis=1)
+    assert is_tangled(strokes_of(wild, s, 1e-3), 4.0)
+    asked = f"partita.strokes({wild[:4000].round(4).tolist()}, {s[:4000].tolist()}, 1e-3)"
+    assert browser.value(f"partita.tangled({asked}, 4)") is True
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e4])

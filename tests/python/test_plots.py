@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from catalogue_runs import run_of
+from catalogue_runs import entry_of, run_of
+from fake_runs import data
 from matplotlib.figure import Figure
 
 import partita as pt
+from partita import viewer
 from partita.errors import ArgumentError, UnknownNameError
 from partita.plots.abscissa import abscissa
 
@@ -34,7 +36,28 @@ def test_over_a_coordinate_lines_are_the_run() -> None:
 def test_few_outputs_on_a_turn_are_dots() -> None:
     run = run_of("engine-v-twin")
     assert abscissa(run, "main").is_sparse and not abscissa(run_of("four-bar"), "A").is_sparse
-    assert all(line.get_linestyle() == "None" for line in run.plot("accelerations", x="main").axes[0].get_lines())
+    for x, label in (("main", "every turn"), (None, "main turns 170 deg between outputs")):
+        ax, right = run.plot("accelerations", x=x).axes
+        assert all(line.get_linestyle() == "None" for line in (*ax.get_lines(), *right.get_lines()))
+        assert label in ax.get_xlabel()
+    assert data(viewer.html(run_of("four-bar")))["apart"] is None
+    told = data(viewer.html(run))["apart"]
+    assert told["name"] == "main" and told["degrees"] == pytest.approx(np.degrees(60.0 * 0.05), abs=3.0)
+    assert told["step"] == pytest.approx(np.radians(10.0) / 60.0, rel=0.1)
+
+
+def test_an_overview_tells_over_which_angle() -> None:
+    """Where a crank turns, speeds and forces stand over its angle too; asked for x, all that can does."""
+    run = run_of("four-bar")
+    labels = [ax.get_xlabel() for ax in run.plot().axes]
+    assert labels.count("A [deg], every turn") == 2 and labels.count("time [s]") == 7
+    assert [ax.get_xlabel() for ax in run.plot(x="A").axes].count("A [deg], every turn") == 4
+    rocking = run_of("roberts")
+    assert not any("deg" in ax.get_xlabel() for ax in rocking.plot().axes)
+    # A piston has an axis of its own beside a crank, in its unit.
+    ax, right = run_of("slider-crank").plot("velocities").axes
+    assert ax.get_ylabel() == "v [rad/s]" and right.get_ylabel() == "v [m/s]"
+    assert [str(line.get_label()) for line in right.get_lines()] == ["slide (right)"]
 
 
 def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
@@ -46,7 +69,9 @@ def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
 
 def test_alike_curves_are_told_apart() -> None:
     """Pistons of a four-cylinder engine move in pairs: of each pair one line is dashed."""
-    run = run_of("engine-inline-four")
+    entry = entry_of("engine-inline-four")
+    m = entry.mechanism()
+    run = m.simulate(0.4, initial=entry.initial(m))  # four turns of the crank
     styles = {str(line.get_label()): line.get_linestyle() for line in run.plot("coordinates").axes[0].get_lines()}
     assert np.allclose(run.joint("slide 2").position, run.joint("slide 3").position, atol=1e-9)
     assert styles["slide 2"] != styles["slide 3"]
@@ -89,7 +114,7 @@ def test_words_that_do_not_fit_are_told() -> None:
     run, ax = run_of("four-bar"), Figure().subplots()
     refused: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         (("closure",), {"x": "A"}),
-        (("overview",), {"x": "A"}),
+        (("measure",), {"x": "A"}),
         (("overview",), {"ax": ax}),
         (("reactions",), {"ax": ax}),
         (("energy", "closure"), {"ax": ax}),

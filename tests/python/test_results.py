@@ -386,15 +386,16 @@ def test_a_coordinate_that_stays_keeps_its_strip() -> None:
 
 def test_units_of_quaternions_and_slides() -> None:
     summary = {
-        "coordinates": ["S", "B.qw", "B.qx", "B.qy", "B.qz"],
-        "velocities": ["S", "B.wx", "B.wy", "B.wz"],
+        "coordinates": ["S", "B.qw", "B.qx", "B.qy", "B.qz", "U.turn1", "U.turn2"],
+        "velocities": ["S", "B.wx", "B.wy", "B.wz", "U.turn1", "U.turn2"],
         "joints": [
             {"name": "S", "q": [0, 1], "v": [0, 1], "state_q": [0, 1], "state_v": [0, 1], "axes": ["slide"]},
             {"name": "B", "q": [1, 4], "v": [1, 3], "state_q": [1, 4], "state_v": [1, 3], "axes": ["rx", "ry", "rz"]},
+            {"name": "U", "q": [5, 2], "v": [4, 2], "state_q": [5, 2], "state_v": [4, 2], "axes": ["turn1", "turn2"]},
         ],
     }
-    q, v = coordinate_units(summary, Names.from_summary(summary, 5, 4, 0))
-    assert q == ["m", "1", "1", "1", "1"] and v == ["m/s", "rad/s", "rad/s", "rad/s"]
+    q, v = coordinate_units(summary, Names.from_summary(summary, 7, 6, 0))
+    assert q == ["m", "1", "1", "1", "1", "rad", "rad"] and v == ["m/s", *["rad/s"] * 5]
 
 
 def test_what_is_not_finite_becomes_null() -> None:

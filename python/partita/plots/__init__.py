@@ -26,7 +26,7 @@ from .abscissa import Abscissa, abscissa
 from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
 from .measure import draw_measure
-from .overview import draw_overview
+from .overview import draw_overview, overview_height
 from .paths import draw_bearings, draw_paths
 from .reactions import draw_reactions
 from .series import (
@@ -56,7 +56,7 @@ class Drawn:
     """How a word is drawn, and what may be said of it."""
 
     draw: Callable[[Readable, Canvas, Wanted], object]
-    height: float
+    height: float | Callable[[Readable, Wanted], float]
     """In inches."""
     panel: Callable[[Readable, Axes, Wanted], object] | None = None
     """How it is drawn into given axes; None for several panels."""
@@ -82,7 +82,11 @@ def _one(draw: Callable[..., object], height: float, *, over: bool = True) -> Dr
 
 
 WORDS: dict[str, Drawn] = {
-    "overview": Drawn(lambda result, canvas, wanted: draw_overview(result, canvas), 9.0),
+    "overview": Drawn(
+        lambda result, canvas, wanted: draw_overview(result, canvas, wanted.x),
+        lambda result, wanted: overview_height(result, wanted.x),
+        over=True,
+    ),
     "coordinates": _one(draw_coordinates, 3.5),
     "velocities": _one(draw_velocities, 3.5),
     "accelerations": _one(draw_accelerations, 3.5),
@@ -127,7 +131,7 @@ def plot(
         raise ArgumentError('plot: points are those of "paths"; ask for that word too', argument="points")
     if ax is not None:
         return _saved(_into(result, words, parts, wanted, ax), path)
-    heights = [part.height for part in parts]
+    heights = [part.height(result, wanted) if callable(part.height) else part.height for part in parts]
     figure = new_figure(11.0, sum(heights))
     if len(parts) == 1:
         parts[0].draw(result, figure, wanted)
@@ -168,7 +172,8 @@ def _part(result: Readable, word: str) -> Drawn:
 
 
 def overview(result: Readable, path: PathLike | None = None) -> Figure:
-    """The run at a glance: coordinates, velocities, accelerations, forces; then measure, closure, energy balance."""
+    """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the angle of a
+    crank where one turns; then measure, closure, energy balance."""
     return plot(result, "overview", path=path)
 
 

@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
-from ..readable import Readable
+from ..readable import FEW, Readable, turn_between_outputs
+from .style import shortened
 
 FloatArray = NDArray[np.float64]
 
 
 MOST_DEGREES = 8.0
 """Between outputs that lie farther apart on a turn no line is drawn."""
+
+
+FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)
+"""What a crank turns at least; a run of one turn may end short of it by rounding."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +34,14 @@ class Abscissa:
     label: str
     breaks: NDArray[np.bool_]  # (nt,): no line from the output before to this one
     is_time: bool = False
+    apart: bool = False
+    """Do outputs lie so far apart in time that lines between them would show a motion that was not?"""
 
     def plot(self, ax: Axes, y: FloatArray, *form: str, **style: Any) -> None:
         """A line of `y` (nt,) over these numbers, broken where a turn begins anew; dots where outputs lie far apart."""
         if self.is_sparse:
-            colour, hollow = style.get("color"), "--" in (*form, style.get("ls"))
+            style_of_line = style.get("ls", "-")
+            colour, hollow = style.get("color"), "--" in form or style_of_line not in ("-", "solid")
             look: dict[str, Any] = {
                 "marker": "o",
                 "ms": 2.6,
@@ -49,6 +57,8 @@ class Abscissa:
     @property
     def is_sparse(self) -> bool:
         """Do so few outputs fall on a turn that lines between them would cut its curve short?"""
+        if self.is_time:
+            return self.apart
         steps = np.abs(np.diff(self.values))[~self.breaks[1:]]
         return bool(self.breaks.any() and steps.size and np.nanmedian(steps) > MOST_DEGREES)
 
@@ -60,7 +70,13 @@ class Abscissa:
 def abscissa(result: Readable, x: Any) -> Abscissa:
     """Time for None; else the coordinate, joint or sensor `x`: angles in degrees, of one turn where there are more."""
     if x is None:
-        return Abscissa(result.t, "time [s]", np.zeros(len(result.t), dtype=bool), is_time=True)
+        name, step = turn_between_outputs(result)
+        label = (
+            f"time [s]; {shortened(name)} turns {np.degrees(step):.0f} deg between outputs"
+            if step > FEW
+            else "time [s]"
+        )
+        return Abscissa(result.t, label, np.zeros(len(result.t), dtype=bool), is_time=True, apart=step > FEW)
     x = getattr(x, "name", x)
     sensors = [item["name"] for item in result.summary.get("sensors", ())]
     known = [*result.names.coordinates, *result.names.joints, *sensors]
@@ -78,6 +94,17 @@ def abscissa(result: Readable, x: Any) -> Abscissa:
         return Abscissa(degrees, f"{name} [deg]", np.zeros(len(values), dtype=bool))
     turn = np.floor(degrees / 360.0)
     return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)
+
+
+def crank(result: Readable) -> str | None:
+    """The first joint that turns on about its one axis, once around at least; None where none does."""
+    for about in result.summary.get("joints", ()):
+        if joint_units(about)[0] != ["rad"]:
+            continue
+        angle = np.asarray(result.joint(about["name"]).position)[:, 0]
+        if float(np.ptp(angle) if len(angle) and np.isfinite(angle).all() else 0.0) >= FULL_TURN:
+            return str(about["name"])
+    return None
 
 
 def _numbers(result: Readable, name: str) -> tuple[FloatArray, str]:

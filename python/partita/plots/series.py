@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..naming import coordinate_units
 from ..readable import Readable
 from .abscissa import Abscissa, abscissa
-from .bundle import draw_bundle
+from .bundle import draw_bundle, is_length
 from .style import COLOURS, dressed, empty, legend, level, positive, shortened, telling, unit_label
 
 MOST_TURNS = 3.0
@@ -55,10 +55,21 @@ def _draw(
     left_out: Sequence[int] = (),
 ) -> None:  # fmt: skip
     x = x or abscissa(result, None)
-    dressed(ax, title, f"{symbol}{unit_label([units[i] for i in columns])}")
+    lengths = [i for i in columns if is_length(units[i])]
+    right = None
+    if lengths and len(lengths) < len(columns):  # beside a crank in rad/s a piston in m/s would look still
+        right = ax.twinx()
+        right.set_ylabel(f"{symbol}{unit_label([units[i] for i in lengths])}", fontsize=9, labelpad=1.0)
+        right.tick_params(labelsize=8)
+        right.spines["top"].set_visible(False)
+        right.margins(x=0.0)
+    rest = [i for i in columns if right is None or i not in lengths]
+    dressed(ax, title, f"{symbol}{unit_label([units[i] for i in rest])}")
     x.dress(ax)
-    draw_bundle(ax, x, values, columns, labels, units, left_out)
-    level(ax, values[np.isfinite(values)])
+    draw_bundle(ax, x, values, columns, labels, units, left_out, right)
+    for panel, own in ((ax, rest), (right, lengths)):
+        if panel is not None:
+            level(panel, values[:, own][np.isfinite(values[:, own])])
 
 
 def _widest(result: Readable) -> list[int]:
@@ -96,9 +107,7 @@ def draw_closure(result: Readable, ax: Axes) -> None:
         ax.plot(result.t, positive(values), ".", color=colour, ms=2.5, label=label, rasterized=True)
     worst = float(np.max(np.concatenate([positive(result.closure), positive(result.velocity_closure)]), initial=1e-17))
     ax.set_ylim(1e-17, max(10 * worst, 1e-13))
-    ax.legend(
-        loc="upper right", ncols=2, fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1
-    )
+    ax.legend(loc="upper right", fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1)
 
 
 def draw_balance(result: Readable, ax: Axes) -> None:

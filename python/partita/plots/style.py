@@ -39,13 +39,16 @@ def dressed(ax: Axes, title: str, ylabel: str, *, time_axis: bool = True) -> Axe
     return ax
 
 
-def legend(ax: Axes, shown: int, total: int, what: str) -> None:
-    """The legend beside the plot; says so when not all lines are drawn."""
+def legend(ax: Axes, shown: int, total: int, what: str, right: Axes | None = None) -> None:
+    """The legend beside the plot; says so when not all lines are drawn. Lines of axes `right` come last."""
     title = f"{shown} of {total} {what}" if shown < total else None
+    both = [ax.get_legend_handles_labels(), *([] if right is None else [right.get_legend_handles_labels()])]
     if shown:
         ax.legend(
+            [handle for handles, _ in both for handle in handles],
+            [label for _, labels in both for label in labels],
             loc="upper left",
-            bbox_to_anchor=(1.0, 1.0),
+            bbox_to_anchor=(1.0 if right is None else 1.18, 1.0),
             fontsize=8,
             frameon=False,
             title=title,

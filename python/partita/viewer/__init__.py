@@ -7,8 +7,8 @@ measure of every coordinate as a bar that moves with time, the independent ones 
 Rooms: `scene` says what is to be drawn, `geometry` how bodies look and from where they are seen, `couplings` how
 gears, belts, cams and what rolls look, `hints` and `meshes` what a person or a file says of looks, `curves` what can be
 plotted, `packing` thins and stores the arrays, `page` puts the page together. The drawing itself is plain JavaScript
-beside these files, inlined in the order of `page.SCRIPTS`. `film` draws the same scene with Pillow, placed by `pose`;
-`live` shows a stepper in viser.
+beside these files, inlined in the order of `page.SCRIPTS`. `film` chooses the outputs and writes the file; `stage`
+draws them with Pillow on a `sheet`, placed by `pose`. `live` shows a stepper in viser.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-// What a run covers, over all its frames: the space to show, lengths to draw with, paths of points.
+// What a run covers, over all its frames: the space to show, and lengths to draw with.
 
 const FAR = 2; // a mechanism that travels over more than this many times its own extent is followed by the camera
 
@@ -95,43 +95,4 @@ function findSizes(run, extent) {
   const typical = lengths.length ? lengths[lengths.length >> 1] : size;
   // Slender against the whole and against a typical body: a long chain has thin rods and short arrows.
   return { size, radius: Math.min(0.013 * size, 0.07 * typical), arrow: Math.min(0.2 * size, 1.5 * typical) };
-}
-
-/** Paths of moving joints and of free ends of bodies, thinned for drawing. */
-function findPaths(run) {
-  const s = run.scene, sources = [];
-  s.joints.forEach((joint, j) => sources.push((f) => run.seatOf(f, j)));
-  s.bodies.forEach((body, b) => {
-    const held = s.joints.map((j) => (j.child === b ? j.at : j.parent === b ? j.atParent : null)).filter(Boolean);
-    if (body.points.length > 2) return;
-    for (const p of body.points) {
-      if (held.every((h) => length(sub(h, p)) > 1e-3 * s.size)) sources.push((f) => run.placed(f, b, p));
-    }
-  });
-  for (const { body, at } of s.points) sources.push((f) => run.placed(f, body, at));
-  const most = Math.max(200, Math.min(1500, 60000 / Math.max(1, sources.length))); // per path: smooth, yet quick to draw
-  const step = Math.max(1, Math.ceil(run.frames / most)), paths = [], seen = new Set();
-  for (const source of sources) {
-    const path = [];
-    for (let f = 0; f < run.frames; f += step) path.push(source(f));
-    const moves = path.some((p) => length(sub(p, path[0])) > 2e-3 * s.size);
-    const key = path.filter((_, i) => i % 7 === 0).flat().map((x) => Math.round((1e4 * x) / s.size)).join();
-    if (moves && !seen.has(key)) {
-      seen.add(key);
-      path.sparse = isSparse(path, s.size);
-      paths.push(path);
-    }
-  }
-  return paths;
-}
-
-/** Does a path turn so far from output to output that lines between them say little? */
-function isSparse(path, size) {
-  const turns = [];
-  for (let i = 2; i < path.length; i++) {
-    const a = sub(path[i - 1], path[i - 2]), b = sub(path[i], path[i - 1]), la = length(a), lb = length(b);
-    if (la > 2e-3 * size && lb > 2e-3 * size) turns.push(dot(a, b) / (la * lb));
-  }
-  turns.sort((a, b) => a - b);
-  return turns.length > 10 && turns[turns.length >> 1] < 0.94;
 }

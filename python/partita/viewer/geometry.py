@@ -77,7 +77,7 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
         along = (cloud - middle) @ axes[0]
         return {"kind": "rod", "points": [plain(cloud[along.argmin()]), plain(cloud[along.argmax()])]}
     if len(extent) < 3 or extent[2] <= flat:
-        ring = _hull((cloud - middle) @ axes[:2].T)
+        ring = hull((cloud - middle) @ axes[:2].T)
         return {"kind": "plate", "points": [plain(cloud[i]) for i in ring]}
     return {"kind": "star", "points": [plain(middle), *(plain(p) for p in cloud)]}
 
@@ -174,7 +174,7 @@ def _seen(
     return across, towards
 
 
-def _hull(flat: FloatArray) -> list[int]:
+def hull(flat: FloatArray) -> list[int]:
     """Indices of the convex hull of points (np, 2), around (Andrew's monotone chain)."""
     order = np.lexsort((flat[:, 1], flat[:, 0]))
 

@@ -191,9 +191,10 @@ class _Drawing:
 
     def _body(self, number: int, body: Mapping[str, Any]) -> None:
         room, colour, points = self._room(number), HUES[number % len(HUES)], np.array(body["points"], dtype=float)
-        if body["kind"] == "plate":
-            fan = np.array([(0, i, i + 1) for i in range(1, len(points) - 1)])
-            self._scene.add_mesh_simple(f"{room}/plate", points, fan, color=colour, opacity=0.5, side="double")
+        if body["kind"] in ("plate", "frame"):
+            if body["kind"] == "plate":
+                fan = np.array([(0, i, i + 1) for i in range(1, len(points) - 1)])
+                self._scene.add_mesh_simple(f"{room}/plate", points, fan, color=colour, opacity=0.5, side="double")
             for i, point in enumerate(points):
                 self._rod(f"{room}/edge {i}", point, points[(i + 1) % len(points)], colour)
         elif len(points) == 1:

@@ -16,8 +16,8 @@ from .hints import solids, traced
 from .scene import describe
 
 SCRIPTS = (
-    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "labels.js", "legends.js", "solids.js", "scene.js",
-    "panel.js", "plots.js", "player.js",
+    "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js", "solids.js",
+    "scene.js", "panel.js", "plots.js", "player.js",
 )  # fmt: skip
 
 

@@ -260,6 +260,10 @@ function start() {
     notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
       + ` strays farther than ${short(100 * s.strays, 2)} % of the picture from the straight way.`);
   }
+  if (s.apart) {
+    notes.push(`${s.apart.name} turns ${Math.round(s.apart.degrees)}° from output to output: what happens between is not seen, and`
+      + ` curves are dots. Outputs ${short(s.apart.step, 2)} s apart (t_eval) would show it.`);
+  }
   if (s.coarse) notes.push("Numbers are kept to 1/65 000 of the range of each curve.");
   const meshes = s.solids.flatMap(({ parts }) => parts.filter((part) => part.faces && part.faces.length < 3 * part.of));
   if (meshes.length) {
@@ -298,6 +302,7 @@ window.partita = {
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
   corners: () => findExtent(run, [frame, frame + 1]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],
+  strokes: strokesOf, tangled: isTangled,
 };
 
 start();

@@ -125,6 +125,17 @@ class Plots {
       c.lineJoin = "round";
       c.setLineDash(curve.open ? [4, 3] : []);
       c.beginPath();
+      if (this.run.scene.apart) { // a line between outputs so far apart would show a motion that was not
+        c.fillStyle = c.strokeStyle;
+        for (let f = 0; f < line.length; f++) if (Number.isFinite(line[f])) {
+          c.moveTo(X(t[f]), Y(line[f]));
+          c.arc(X(t[f]), Y(line[f]), 1.2, 0, 2 * Math.PI);
+        }
+        c.setLineDash([]);
+        c.lineWidth = 0.6;
+        if (curve.open) c.stroke(); else c.fill();
+        return;
+      }
       let down = false;
       for (let f = 0; f < line.length; f++) {
         if (!Number.isFinite(line[f])) { down = false; continue; }

@@ -93,19 +93,23 @@ class Pose:
         whole, near = (float(np.linalg.norm(np.ptp(self.extent(about), axis=0))) for about in (None, self.middle()))
         return whole > 2.0 * near
 
-    def paths(self, least: float) -> list[FloatArray]:
-        """Paths to trace: of the points asked for, or of joints that move, where these are few."""
+    def strokes(self, least: float) -> list[FloatArray]:
+        """Strokes (n, 3) of the paths to trace, dots where n is 1: of the points asked for, or of joints that move,
+        where these are few and no path is a tangle."""
         asked = [self.path(point["body"], point["at"]) for point in self.scene["points"]]
         if asked:
-            return [path[np.isfinite(path).all(axis=1)] for path in asked]
+            return [stroke for path in asked for stroke in strokes_of(path, self.t, least)]
+        paths: list[FloatArray] = []
         found: list[FloatArray] = []
         for joint in self.scene["joints"]:
             path = self.path(joint["child"], joint["seat"] or joint["at"])
-            path = path[np.isfinite(path).all(axis=1)]
-            moves = len(path) > 1 and float(np.ptp(path, axis=0).max()) > least
-            if moves and not _sparse(path) and not any(np.allclose(path, other, atol=least) for other in found):
-                found.append(path)
-        return found if len(found) <= MOST_PATHS else []
+            there = path[np.isfinite(path).all(axis=1)]
+            moves = len(there) > 1 and float(np.ptp(there, axis=0).max()) > least
+            if moves and not any(np.allclose(path, other, atol=least, equal_nan=True) for other in paths):
+                paths.append(path)
+                drawn = strokes_of(path, self.t, least)
+                found += [] if is_tangled(drawn, self.scene["size"]) else drawn
+        return found if len(paths) <= MOST_PATHS else []
 
     def typical_force(self) -> float:
         """A large reaction [N]; 0 where there is none."""
@@ -117,14 +121,14 @@ class Pose:
                 return float(np.quantile(real, 0.95))
         return 0.0
 
-    def pushes(self, frame: int, reaction: Any, load: Any) -> Iterator[tuple[FloatArray, FloatArray, Any]]:
-        """Place, force and colour of every reaction and load."""
+    def pushes(self, frame: int, reaction: Any, load: Any) -> Iterator[tuple[FloatArray, FloatArray, Any, bool]]:
+        """Place, force and colour of every reaction and load, and whether it is not unique."""
         forces = self.tables["force"][frame].reshape(-1, 3)
         for joint, force in zip(self.scene["joints"], forces, strict=True):
-            yield self.placed(frame, joint["child"], np.array(joint["at"])), force, reaction
+            yield self.placed(frame, joint["child"], np.array(joint["at"])), force, reaction, bool(joint["open"][0])
         for n in range(len(self.scene["loads"])):
             row = self.tables[f"load{n}"][frame]
-            yield row[:3], row[3:], load
+            yield row[:3], row[3:], load, False
 
     @staticmethod
     def arcs(points: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -191,12 +195,62 @@ def corners(part: Mapping[str, Any], wider: float = 1.0) -> FloatArray:
     return np.concatenate([centre + rim + half, centre + rim - half])
 
 
-def _sparse(path: FloatArray) -> bool:
-    """Does it turn so far from output to output that a line says little?"""
-    steps = np.diff(path, axis=0)
+FARTHEST = np.pi / 4
+"""Where a path turns farther than this at both ends of a step, no line is drawn."""
+FINEST = 0.12
+"""A stroke turns by less than this angle [rad] from point to point."""
+CELLS = 50
+"""Parts of the extent of all there is that are told apart of a path."""
+TANGLE = 9
+"""A path that goes through so many more of them than its own extent counts is a tangle."""
+
+
+def strokes_of(points: FloatArray, t: FloatArray, least: float) -> list[FloatArray]:
+    """A path (nt, 3) as strokes: smooth through the outputs (Hermite, with the rates that their neighbours tell), a
+    single point where these lie too far apart for a line. Steps shorter than `least` do not turn."""
+    n = len(points)
+    steps = np.diff(points, axis=0)
     sizes = np.linalg.norm(steps, axis=1)
-    real = steps[sizes > 1e-3 * float(np.ptp(path, axis=0).max())]
-    if len(real) < 12:
+    turns, rates = np.zeros(n), np.zeros((n, 3))
+    if n > 2:
+        both = (sizes[1:] > least) & (sizes[:-1] > least)
+        cosine = np.sum(steps[1:] * steps[:-1], axis=1) / np.where(both, sizes[1:] * sizes[:-1], 1.0)
+        turns[1:-1] = np.where(both, np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
+        rates[1:-1] = (points[2:] - points[:-2]) / (t[2:] - t[:-2])[:, None]
+    whole = np.asarray(np.isfinite(points).all(axis=1))
+    found: list[FloatArray] = []
+    stroke: list[FloatArray] = []
+
+    def flush() -> None:
+        if stroke:
+            found.append(np.array(stroke))
+            stroke.clear()
+
+    for i in range(n):
+        if not whole[i]:
+            flush()
+            continue
+        stroke.append(points[i])
+        if i + 1 == n or not whole[i + 1]:
+            continue
+        inner = 0 < i < n - 2 and bool(whole[i - 1] and whole[i + 2])
+        most = max(turns[i], turns[i + 1])
+        if (min(turns[i], turns[i + 1]) if inner else most) > FARTHEST:
+            flush()
+        elif inner:
+            h, pieces = t[i + 1] - t[i], min(12, int(np.ceil(most / FINEST)))
+            for s in np.arange(1, pieces) / max(1, pieces):
+                r = 1.0 - s
+                ends = r * r * (1 + 2 * s) * points[i] + s * s * (3 - 2 * s) * points[i + 1]
+                stroke.append(ends + h * (r * r * s * rates[i] - s * s * r * rates[i + 1]))
+    flush()
+    return found
+
+
+def is_tangled(strokes: list[FloatArray], size: float) -> bool:
+    """Does a path go everywhere, so that all of it at once says nothing?"""
+    if not strokes:
         return False
-    real = real / np.linalg.norm(real, axis=1)[:, None]
-    return bool(np.median(np.sum(real[1:] * real[:-1], axis=1)) < 0.94)
+    points = np.concatenate(strokes)
+    own = CELLS * float(np.linalg.norm(np.ptp(points, axis=0))) / size
+    return own > 5 and len(np.unique(np.floor(CELLS * points / size), axis=0)) > TANGLE * own

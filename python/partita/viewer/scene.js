@@ -1,5 +1,7 @@
 // One frame of the mechanism: bodies, joints, springs, traces, reactions.
 
+const SUPPORT = 1.4; // height of a support with its hatching, in parts of its size
+const TAIL = 0.08; // of a tangled path the last part of the run is shown
 const MOST_ARROW = 1.5; // an arrow longer than this many times a large one is cut, and marked
 
 function largestForce(table, frames) {
@@ -55,6 +57,19 @@ class Scene {
     return tips;
   }
 
+  /** Lowest places of supports, which stand upright in the picture. */
+  feet() {
+    const { run, radius } = this, found = [];
+    const foot = (point, size) => found.push(sub(point, scaled(this.camera.up, (SUPPORT * size - 3) * radius)));
+    run.scene.joints.forEach((joint, j) => {
+      if ((joint.parent < 0 || joint.child < 0) && joint.kind !== "free" && joint.atParent && !joint.rail) foot(run.seatOf(0, j), 3.4);
+    });
+    for (const { body1, point1, body2, point2 } of run.scene.springs) {
+      for (const [body, point] of [[body1, point1], [body2, point2]]) if (body < 0) foot(point, 2.6);
+    }
+    return found.filter(isFinite3);
+  }
+
   resize() {
     const box = this.canvas.getBoundingClientRect(), first = this.camera.width === 1;
     this.ratio = window.devicePixelRatio || 1;
@@ -68,7 +83,7 @@ class Scene {
     this.camera.turnTo(this.run.scene.view.azimuth, this.run.scene.view.elevation);
     if (!this.extent.length) return;
     const { camera } = this, spare = 3.2 * this.radius + 1e-3 * this.size;
-    const held = this.options.follow ? this.near : this.extent;
+    const held = (this.options.follow ? this.near : this.extent).concat(this.feet());
     camera.origin = [0, 0, 0];
     camera.fit(held, spare);
     // Arrows too, unless the mechanism would become small for their sake: those that leave the picture are cut and marked.
@@ -91,7 +106,7 @@ class Scene {
     const painter = new Painter(c, camera, 0.5 * this.radius);
     this.hits = [];
     if (!this.run.scene.flat) this.floor(painter);
-    if (this.options.traces) this.traces(painter);
+    if (this.options.traces) this.traces(painter, frame);
     this.bodies(painter, frame);
     for (const { body, parts } of this.run.scene.solids) drawSolids(this, painter, frame, body, parts);
     drawCouplings(this, painter, frame);
@@ -134,25 +149,23 @@ class Scene {
     for (let z = Math.ceil(ends[1][0]); z <= ends[1][1]; z++) draw(at(ends[0][0], z), at(ends[0][1], z));
   }
 
-  traces(painter) {
-    for (const path of this.paths) {
-      if (path.sparse) { // lines between outputs so far apart would cut the path short
-        for (const point of path) {
-          const p = isFinite3(point) ? this.camera.project(point) : null;
-          if (p) painter.circle(p.x, p.y, 1.2, COLOURS.trace);
+  /** Paths; of one that goes everywhere the last stretch. */
+  traces(painter, frame) {
+    const now = this.run.t[frame], recent = TAIL * (this.run.t[this.run.frames - 1] - this.run.t[0]);
+    for (const { strokes, tangled } of this.paths) {
+      for (const stroke of strokes) {
+        let line = [];
+        const flush = () => {
+          if (line.length > 1) painter.line(line, COLOURS.trace, 1.1);
+          else if (line.length) painter.circle(line[0].x, line[0].y, 1.2, COLOURS.trace);
+          line = [];
+        };
+        for (const { p: point, t } of stroke) {
+          const p = tangled && (t > now || t < now - recent) ? null : this.camera.project(point);
+          if (p) line.push(p); else flush();
         }
-        continue;
+        flush();
       }
-      let run = [];
-      const flush = () => {
-        if (run.length > 1) painter.line(run, COLOURS.trace, 1.1);
-        run = [];
-      };
-      for (const point of path) {
-        const p = isFinite3(point) ? this.camera.project(point) : null;
-        if (p) run.push(p); else flush();
-      }
-      flush();
     }
   }
 
@@ -175,6 +188,7 @@ class Scene {
     for (const [body, colour, points, b] of coloured) {
       if (body.kind === "rod") rod(points[0], points[1], radius, colour);
       if (body.kind === "star") for (const tip of points.slice(1)) rod(points[0], tip, 0.8 * radius, colour);
+      if (body.kind === "frame") points.forEach((p, i) => rod(p, points[(i + 1) % points.length], 0.6 * radius, colour));
       if (body.kind === "arc") this.arc(painter, points, colour);
       if (body.kind === "hammer") {
         rod(points[0], points[1], 0.6 * radius, colour);

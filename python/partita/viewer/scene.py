@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..readable import Readable
+from ..readable import FEW, Readable, turn_between_outputs
 from .couplings import Pictures, pictures
 from .curves import curves, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -19,6 +19,8 @@ from .packing import pack_tables
 FloatArray = NDArray[np.float64]
 
 SLIDING = ("prismatic", "cylindrical", "screw")
+ENOUGH = np.radians(10.0)
+"""A turn from output to output that is seen as motion."""
 MOST_SWITCHES = 2000
 MOST_TOLD = 400
 """Exchanges that are told in words; of more, the times are marked."""
@@ -93,6 +95,7 @@ def describe(
         "loads": loads,
         "springs": _springs(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
+        "apart": _apart(result),
         "switches": switches,
         "switchCount": len(switches),
         "curves": drawn,
@@ -112,6 +115,15 @@ def describe(
         "independent": _choices(np.asarray(result.independent)[kept.frames]),
         "tables": kept.tables,
     }
+
+
+def _apart(result: Readable) -> dict[str, Any] | None:
+    """The coordinate that turns too far between outputs for lines, how far [deg], and a step in time that would do."""
+    name, step = turn_between_outputs(result)
+    if step <= FEW:
+        return None
+    usual = float(np.median(np.diff(result.t)))
+    return {"name": name, "degrees": float(np.degrees(step)), "step": usual * ENOUGH / step}
 
 
 def _motion(result: Readable) -> Motion:
@@ -311,6 +323,8 @@ def _bodies(
             found.append({"name": name, "com": com.tolist(), "kind": "arc", "points": [centre, *seats]})
             continue
         figure = outline(np.array(points, dtype=float).reshape(-1, 3), com, motion.size)
+        if figure["kind"] == "plate" and any(joint["parent"] == i and joint["rail"] is not None for joint in joints):
+            figure["kind"] = "frame"  # a plate from a rail to elsewhere would hide what slides on it
         found.append({"name": name, "com": com.tolist(), **figure})
     return found
 

@@ -1,0 +1,158 @@
+"""What a person, or a robot's file, adds to the picture: solids, points, loads, meshes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_runs import data, four_bar, unpacked
+from mesh_files import tetrahedra
+
+import partita as pt
+from partita import viewer
+from partita.errors import ArgumentError, FileFormatError, MissingFileError, UnknownNameError
+from partita.viewer.meshes import simplified
+
+
+@pytest.mark.parametrize(
+    ("shapes", "words"),
+    [
+        ([1], "mapping"),
+        ({"crank": []}, "empty"),
+        ({"crank": {"kind": "cube"}}, "box, cylinder"),
+        ({"crank": {"kind": "box"}}, "size is missing"),
+        ({"crank": {"kind": "box", "size": (1, 1, -1)}}, "positive"),
+        ({"crank": {"kind": "box", "size": (1, 1)}}, "three finite"),
+        ({"crank": {"kind": "ball", "radius": float("nan")}}, "positive length"),
+        ({"crank": {"kind": "ball", "radius": True}}, "positive length"),
+        ({"crank": {"kind": "ball", "radius": 1, "colour": "red"}}, "colour is no word"),
+        ({"crank": {"kind": "wheel", "radius": 1, "length": 1, "axis": (0, 0, 0)}}, "axis"),
+        ({"crank": {"kind": "plate", "points": [(0, 0, 0), (1, 0, 0)]}}, "three or more"),
+    ],
+)
+def test_bad_shapes_are_told(shapes: Any, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        viewer.html(four_bar(nt=3), shapes=shapes)
+
+
+@pytest.mark.parametrize("points", [3, {"P": "crank"}, {"P": ("crank", (0, 0))}, {"": ("crank", (0, 0, 0))}])
+def test_bad_points_are_told(points: Any) -> None:
+    with pytest.raises(ArgumentError, match="points"):
+        viewer.html(four_bar(nt=3), points=points)
+
+
+def test_unknown_bodies_are_told() -> None:
+    for given in ({"shapes": {"crnk": {"kind": "ball", "radius": 1}}}, {"points": {"P": ("crnk", (0, 0, 0))}}):
+        with pytest.raises(UnknownNameError, match="crank"):
+            viewer.html(four_bar(nt=3), **given)
+
+
+def test_applied_forces_follow_their_bodies(tmp_path: Path) -> None:
+    """A force in body axes turns with its body, and both ends of its arrow are those of the motion."""
+    m = pt.Mechanism("pushed", gravity=(0, 0, 0))
+    arm = m.add_rod("arm", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_force(arm, (0.0, 5.0, 0.0), point=(1, 0, 0), axes="body", name="push")
+    run = m.simulate(1.0)
+    places, forces = run.applied_forces()["push"]
+    angle = run.joint("A").position[:, 0]
+    assert np.ptp(angle) > 1.0
+    along, across = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)
+    assert np.allclose(places, along, atol=1e-12) and np.allclose(forces[:, :2], 5 * across, atol=1e-12)
+    scene = data(viewer.html(run))
+    stored = unpacked(scene["tables"]["load0"], scene["frames"])
+    assert scene["loads"] == ["push"] and np.allclose(stored, np.hstack([places, forces]), atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tetrahedra(tmp_path_factory.mktemp("part"))
+
+
+@pytest.mark.parametrize("name", ["part.stl", "text.stl", "part.obj", "part.glb", "model.gltf"])
+def test_meshes_of_every_format_are_drawn(part: Path, name: str) -> None:
+    """The same solid, whatever the file: scaled, turned and placed in body axes."""
+    axes = [(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    shape = {"kind": "mesh", "file": part / name, "scale": 2.0, "center": (1, 0, 0), "axes": axes}
+    (solid,) = data(viewer.html(four_bar(nt=3), shapes={"crank": shape}))["solids"]
+    points, faces = np.reshape(solid["parts"][0]["points"], (-1, 3)), np.reshape(solid["parts"][0]["faces"], (-1, 3))
+    assert {tuple(np.round(p, 6)) for p in points} == {(1, 0, 0), (1, 0.6, 0), (0.6, 0, 0), (1, 0, 0.2)}
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    volume = float(np.sum(np.cross(a, b) * c)) / 6.0
+    assert len(faces) == 4 and volume == pytest.approx(0.3 * 0.2 * 0.1 / 6.0 * 8.0, rel=1e-5)
+
+
+def test_large_meshes_become_small_and_keep_their_size() -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 401)[:-1]
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = np.array([(*(r * p), h) for h in np.linspace(0, 2, 40) for p, r in zip(ring, [1.0] * 400, strict=True)])
+    faces = np.array([(400 * i + j, 400 * i + (j + 1) % 400, 400 * (i + 1) + j) for i in range(39) for j in range(400)])
+    corners, triangles = simplified(points, faces, 2000)
+    assert 500 < len(triangles) <= 2000 and triangles.max() == len(corners) - 1
+    assert np.allclose(np.ptp(corners, axis=0), [2, 2, 2], atol=0.06)
+
+
+def test_meshes_that_cannot_be_read_are_told(part: Path, tmp_path: Path) -> None:
+    def drawn(file: Any, **more: Any) -> str:
+        return viewer.html(four_bar(nt=3), shapes={"crank": {"kind": "mesh", "file": file, **more}})
+
+    with pytest.raises(MissingFileError, match=r"gone\.stl"):
+        drawn(tmp_path / "gone.stl")
+    with pytest.raises(FileFormatError, match="outside the folder"):
+        drawn(part / "below" / "model.gltf")
+    for name, content in (
+        ("a.stl", b""),
+        ("b.obj", b"v 1 2"),
+        ("c.glb", b"glTF"),
+        ("d.gltf", b"{}"),
+        ("e.obj", b"v 0 0 0"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(FileFormatError, match=name):
+            drawn(tmp_path / name)
+    with pytest.raises(ArgumentError, match=r"\.stl, \.obj"):
+        drawn(tmp_path / "part.step")
+    for more, words in (
+        ({"scale": 0.0}, "scale"),
+        ({"axes": ((1, 0, 0), (1, 0, 0), (0, 0, 1))}, "square"),
+        ({"size": 1}, "size"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            drawn(part / "part.stl", **more)
+    with pytest.raises(ArgumentError, match="name of a file"):
+        drawn(3)
+
+
+def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
+    """Shapes of links, and of massless marks that became part of a link; files of strangers lead nowhere else."""
+    folder = tmp_path / "robot"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "arm.stl").write_bytes((part / "part.stl").read_bytes())
+    (tmp_path / "secret.stl").write_bytes((part / "part.stl").read_bytes())
+
+    def visual(shape: str, place: str = "") -> str:
+        return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
+
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    (folder / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base">{visual('<box size="1 1 0.1"/>')}</link>
+        <link name="arm">{mass}{visual('<mesh filename="package://arm/meshes/arm.stl" scale="1 1 2"/>', 'xyz="0 0 1"')}
+        {visual('<mesh filename="../secret.stl"/>')}{visual('<mesh filename="http://x.y/z.stl"/>')}
+        {visual('<mesh filename="arm.dae"/>')}{visual('<sphere radius="no"/>')}</link>
+        <link name="tool">{visual('<cylinder radius="0.1" length="1"/>', 'rpy="1.5707963267948966 0 0"')}</link>
+        <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+        <joint name="weld" type="fixed"><parent link="arm"/><child link="tool"/><origin xyz="0 0 2"/></joint>
+        </robot>""",
+        encoding="utf-8",
+    )
+    m = pt.load(folder / "arm.urdf")
+    assert m.reading is not None
+    shapes = m.reading.shapes
+    assert shapes["ground"][0]["size"] == [1.0, 1.0, 0.1]
+    mesh, cylinder = shapes["arm"]
+    assert mesh["center"] == [0.0, 0.0, 1.0] and mesh["scale"] == [1.0, 1.0, 2.0]
+    assert cylinder["center"] == [0.0, 0.0, 2.0] and np.allclose(cylinder["axis"], (0, -1, 0))
+    told = "\n".join(map(str, m.reading.dropped))
+    assert "outside the folder" in told and "nothing is fetched" in told and ".dae" in told and "radius" in told
+    scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
+    assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
