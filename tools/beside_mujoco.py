@@ -1,62 +1,72 @@
-"""`python tools/beside_mujoco.py`: a four-bar by Partita and by MuJoCo, the table of docs/others.md."""
+"""`python tools/beside_mujoco.py`: mechanisms by Partita and by MuJoCo, rows of docs/others.md."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 
 import mujoco
 import numpy as np
+from beside import BENNETT, EVERY, FOUR_BAR, Known, Seen, asked, told
 
-import partita as pt
-from partita.results import Result
-
-SECONDS = 10.0
-EVERY = 0.01  # outputs are compared so often [s]
 STEPS = (2e-3, 1e-4)
 STIFF = (0.9999, 0.99999, 1e-6, 0.5, 2.0)  # solimp
 
 
 def main() -> None:
-    """Run both and print the rows."""
-    m = pt.catalogue.load("four-bar")
-    start = m.assemble(rates={"A": 2.0})
-    t = np.linspace(0.0, SECONDS, round(SECONDS / EVERY) + 1)
-    began = perf_counter()
-    run = m.simulate(SECONDS, initial=start, rtol=1e-10, atol=1e-12, t_eval=t)
-    print(f"Partita: loop open by {run.certificate.closure:.1e} m, {perf_counter() - began:.2f} s")
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "four-bar.mjcf"
-        m.save(path)
+    """Run and print."""
+    print(f"MuJoCo {mujoco.__version__}")
+    for known in asked("mechanisms by Partita and by MuJoCo", (FOUR_BAR, BENNETT)):
         for step in STEPS:
             for stiff in (False, True):
-                began = perf_counter()
-                opening, error = beside(path, run, step, stiff)
-                print(
-                    f"MuJoCo, {1e3 * step:g} ms, {'stiff' if stiff else 'as delivered'}: loop open by {opening:.1e} m, "
-                    f"crank off by {error:.1e} rad, {perf_counter() - began:.2f} s"
-                )
+                settings = f"{'stiff' if stiff else 'as delivered'}, {1e3 * step:g} ms"
+                told(known, "MuJoCo", settings, partial(once, known, step, stiff))
 
 
-def beside(path: Path, run: Result, step: float, stiff: bool) -> tuple[float, float]:
-    """Largest opening of the loop [m] and largest difference of the crank's angle [rad] at the outputs of `run`."""
-    model = mujoco.MjModel.from_xml_path(str(path))
+def once(known: Known, step: float, stiff: bool, look: bool) -> list[Seen]:
+    """One run, from the file that Partita writes."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mechanism.mjcf"
+        known.mechanism.save(path)
+        model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.timestep = step
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     if stiff:
         model.eq_solref[:] = (2 * step, 1.0)
         model.eq_solimp[:] = STIFF
     data = mujoco.MjData(model)
-    names = [model.joint(i).name for i in range(model.njnt)]
-    data.qvel[:] = [run.joint(name).velocity[0, 0] for name in names]
-    crank = names.index("A")
-    opening, error = 0.0, 0.0
-    for angle in run.joint("A").position[1:, 0]:
-        mujoco.mj_step(model, data, nstep=round(EVERY / step))
-        opening = max(opening, float(np.abs(data.efc_pos[: data.ne]).max()))
-        error = max(error, abs(float(data.qpos[crank] - angle)))
-    return opening, error
+    for i in range(model.njnt):
+        data.qpos[i], data.qvel[i] = (float(x[0, 0]) for x in moving(known, model.joint(i).name))
+    mujoco.mj_forward(model, data)
+    turns = {
+        name: data.body(name).xmat.reshape(3, 3).T @ known.run.body(name).rotation[0] for name in known.mechanism.bodies
+    }
+    seen = []
+    for i in range(len(known.run.t)):
+        if i:
+            mujoco.mj_step(model, data, nstep=round(EVERY / step))
+        if look:
+            mujoco.mj_forward(model, data)
+            seen.append(shown(known, model, data, turns))
+    return seen
+
+
+def moving(known: Known, joint: str) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity of a joint in Partita's run."""
+    at = known.run.joint(joint)
+    return at.position, at.velocity
+
+
+def shown(known: Known, model: mujoco.MjModel, data: mujoco.MjData, turns: dict[str, np.ndarray]) -> Seen:
+    """Bodies at a state; forces of joints it does not tell."""
+    bodies = {}
+    for name, body in known.mechanism.bodies.items():
+        at, speed = data.body(name), np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, at.id, speed, 0)
+        rotation = at.xmat.reshape(3, 3) @ turns[name]
+        bodies[name] = (at.xipos - rotation @ np.array(body.com), rotation, speed[3:], speed[:3])
+    return Seen(bodies, {})
 
 
 if __name__ == "__main__":

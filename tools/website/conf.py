@@ -6,8 +6,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+import partita
+
 project = "Partita"
 author = "the authors of Partita"
+release = partita.__version__
 language = "en"
 
 extensions = [
@@ -23,7 +26,7 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 
 html_theme = "furo"
-html_title = "Partita"
+html_title = f"Partita {release}"
 html_static_path = ["_static"]
 html_favicon = "_static/favicon.svg"
 html_css_files = ["partita.css"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -94,8 +95,13 @@ def picture(drawn: dict[str, Any], run: Any) -> str:
         world = np.array(body["points"], dtype=float) @ at.rotation[0].T + at.position[0]
         pieces.append((body["kind"], world @ sight.T))
     pins = {joint["name"]: run.joint(joint["name"]).point[0] @ sight.T for joint in drawn["joints"]}
-    fit = _fit(np.concatenate([*(points for _, points in pieces), *(p.reshape(1, 2) for p in pins.values())]))
+    outlines = [(look, points @ sight.T) for look, points in _outlines(drawn, run, sight)]
+    shown = [points for _, points in [*pieces, *outlines]]
+    fit = _fit(np.concatenate([*shown, *(p.reshape(1, 2) for p in pins.values())]))
     lines = [f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{escape(drawn["title"])}">']
+    for look, points in outlines:
+        path = "L".join(f"{x:.1f},{y:.1f}" for x, y in fit(points))
+        lines.append(f'<path class="{look}" d="M{path}"/>')
     for number, (kind, points) in enumerate(pieces):
         lines.append(_shape(kind, fit(points), f"hue{number % 6}"))
     for joint in drawn["joints"]:
@@ -103,6 +109,34 @@ def picture(drawn: dict[str, Any], run: Any) -> str:
         held = " ground" if joint["parent"] == GROUND else ""
         lines.append(f'<circle class="pin{held}" cx="{place[0]:.1f}" cy="{place[1]:.1f}" r="3.2"/>')
     return "".join([*lines, "</svg>"])
+
+
+def _outlines(drawn: dict[str, Any], run: Any, sight: Points) -> Iterator[tuple[str, Points]]:
+    """Wheels, balls that roll, belts, cams, rods without mass and springs: their look and their points in the world."""
+    names = [body["name"] for body in drawn["bodies"]]
+
+    def world(body: int, points: Any) -> Points:
+        local = np.atleast_2d(np.array(points, dtype=float))
+        at = run.body(names[body]) if body != GROUND else None
+        return local if at is None else local @ at.rotation[0].T + at.position[0]
+
+    def hue(body: int) -> str:
+        return f"thin hue{body % 6}" if body != GROUND else "thin"
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 49)[:, None]
+    rounds = [(wheel["body"], wheel) for wheel in drawn["wheels"]]
+    rounds += [(solid["body"], part) for solid in drawn["solids"] for part in solid["parts"] if "radius" in part]
+    for body, part in rounds:
+        middle, across = world(body, part["center"])[0], sight
+        if part.get("kind") != "ball":  # a circle about its axis; a ball is round from everywhere
+            axis = world(body, part["axis"])[0] - world(body, (0, 0, 0))[0]
+            across = np.linalg.svd(axis[None, :])[2][1:]
+        yield hue(body), middle + part["radius"] * (np.cos(angle) * across[0] + np.sin(angle) * across[1])
+    for line in drawn["lines"]:
+        points = world(line["body"], line["points"])
+        yield hue(line["body"]), np.concatenate((points, points[:1])) if line["closed"] else points
+    for look, two in [*(("thin", rod) for rod in drawn["rods"]), *(("spring", spring) for spring in drawn["springs"])]:
+        yield look, np.concatenate([world(two[f"body{end}"], two[f"point{end}"]) for end in (1, 2)])
 
 
 def _shape(kind: str, points: Points, hue: str) -> str:

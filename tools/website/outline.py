@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-# Part of the site -> its pages, without ".md". Every page of docs/ stands in one of them.
+# Part of the site -> its pages, without ".md". Every page of docs/ stands in one of them, and the changelog.
 PARTS: dict[str, tuple[str, ...]] = {
-    "Start": ("install", "units", "elements", "results", "limits"),
+    "Start": ("five-minutes", "install", "questions", "words", "units", "elements", "results", "limits"),
     "Guide": (
         "guide/1-pendulum",
         "guide/2-four-bar",
@@ -51,7 +51,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "reference/errors",
         "reference/rust",
     ),
-    "About": ("others", "catalogue", "dependencies", "decisions/README"),
+    "About": ("others", "catalogue", "dependencies", "changelog", "decisions/README"),
 }
 
 # Page of the reference -> title, sentence, names under `partita`.

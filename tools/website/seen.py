@@ -60,9 +60,9 @@ def faults(site: Path, chromium: Any, shots: Path | None = None) -> list[str]:
             found += _live(browser, address, page, chromium)
         for words, wanted in SEARCHES.items():
             found += _search(browser, address, words, wanted)
-        found += _offline(browser, site, chromium)
         if shots is not None:
             pictures(browser, address, site, shots, chromium)
+        found += _offline(browser, site, chromium)
     return found
 
 

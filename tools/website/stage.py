@@ -1,4 +1,4 @@
-"""The folder that Sphinx renders: the pages of docs/ with figures, reference, gallery and notebooks beside them."""
+"""The folder that Sphinx renders: the pages of docs/ with changelog, figures, reference, gallery and notebooks."""
 
 from __future__ import annotations
 
@@ -46,6 +46,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         target.parent.mkdir(parents=True, exist_ok=True)
         # notebooks are pages of the site, beside the others
         target.write_text(NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8")), encoding="utf-8")
+    changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
+    (folder / "changelog.md").write_text(changes.replace("](docs/", "]("), encoding="utf-8")
     for name in ("conf.py", "scorer.js", STYLE, SIGN):
         target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
