@@ -28,7 +28,7 @@ from partita.state import State
 
 NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
-"""Both programs at this tolerance: the page needs it with its order of 5 where freedoms amplify errors over 10 s."""
+"""Both programs at this tolerance: the page needs it where freedoms amplify errors over 10 s."""
 needs_node = pytest.mark.skipif(NODE is None, reason="there is no Node to run the scripts of the page")
 
 
