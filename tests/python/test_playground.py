@@ -463,7 +463,8 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
           const field = document.querySelectorAll("#lengths input[type=number]")[1], p = window.playground;
           const box = document.getElementById("fault"), fault = () => (box.hidden ? "" : box.textContent);
           const take = (x) => { field.value = x; field.dispatchEvent(new Event("change")); return fault(); };
-          const first = take("0.35"), length = field.value, mass = document.querySelectorAll("#masses input[type=number]")[1];
+          const first = take("0.35"), length = field.value;
+          const mass = document.querySelectorAll("#masses input[type=number]")[1];
           const heavy = ["123456789012", "0.00000123456", mass.value].map((x) => {
             mass.value = x;
             mass.dispatchEvent(new Event("change"));
@@ -474,7 +475,8 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
           p.grasp({ body: 1, point: [0.4, 0, 0], to: [0.5, 2, 0] });
           const t = p.motion.t;
           p.motion.advance(t + 0.05);
-          return { first, second, t, length, heavy, moves: before !== p.motion.look().energy[0], rho: [...p.motion.rho] };
+          const moves = before !== p.motion.look().energy[0], rho = [...p.motion.rho];
+          return { first, second, t, length, heavy, moves, rho };
         })()
     """)
     assert browser.told == []
