@@ -62,6 +62,7 @@ def mechanisms() -> dict[str, tuple[pt.Mechanism, State | None, float]]:
         "chain of 40 loops": (chain, chain.assemble(rates={"P0": -1.0}), 1.0),
         "40 four-bars side by side": (MECHANISMS["side by side"](40), None, 1.0),
         "40 five-bar loops": (MECHANISMS["five-bar loops"](40), None, 1.0),
+        "40 four-bars in series": (MECHANISMS["in series"](40), None, 0.1),
     }
 
 

@@ -28,7 +28,7 @@ from partita.state import State
 
 NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
-"""Both programs at this tolerance: the page needs it with its order of 5 where freedoms amplify errors over 10 s."""
+"""Both programs at this tolerance: the page needs it where freedoms amplify errors over 10 s."""
 needs_node = pytest.mark.skipif(NODE is None, reason="there is no Node to run the scripts of the page")
 
 
@@ -463,11 +463,20 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
           const field = document.querySelectorAll("#lengths input[type=number]")[1], p = window.playground;
           const box = document.getElementById("fault"), fault = () => (box.hidden ? "" : box.textContent);
           const take = (x) => { field.value = x; field.dispatchEvent(new Event("change")); return fault(); };
-          const first = take("0.35"), length = field.value, second = take("2.9"), before = p.motion.look().energy[0];
+          const first = take("0.35"), length = field.value;
+          const mass = document.querySelectorAll("#masses input[type=number]")[1];
+          const heavy = ["123456789012", "0.00000123456", mass.value].map((x) => {
+            mass.value = x;
+            mass.dispatchEvent(new Event("change"));
+            return mass.value;
+          });
+          take("0.35");
+          const second = take("2.9"), before = p.motion.look().energy[0];
           p.grasp({ body: 1, point: [0.4, 0, 0], to: [0.5, 2, 0] });
           const t = p.motion.t;
           p.motion.advance(t + 0.05);
-          return { first, second, t, length, moves: before !== p.motion.look().energy[0], rho: [...p.motion.rho] };
+          const moves = before !== p.motion.look().energy[0], rho = [...p.motion.rho];
+          return { first, second, t, length, heavy, moves, rho };
         })()
     """)
     assert browser.told == []
@@ -476,6 +485,7 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
     assert told["t"] > 0.0
     assert told["moves"]
     assert told["length"] == "0.35"
+    assert told["heavy"] == ["1.2346e+11", "1.2346e-6", "0.3"]
     assert all(0.0 < x <= 1.0 for x in told["rho"])
 
 

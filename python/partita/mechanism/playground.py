@@ -50,8 +50,8 @@ def to_playground(
         MissingFileError, FileFormatError: the file cannot be written.
 
     The equations are recorded with their parameters as inputs and emitted as WebAssembly; choice of coordinates, steps
-    (order 5, error controlled to 1e-8) and closing are those of docs/playground.md. Each number stands for itself: a
-    longer link keeps its mass and inertia. Costs less than a second and half a megabyte for a hundred
+    (orders 5 and 8, error controlled to 1e-8) and closing are those of docs/playground.md. Each number stands for
+    itself: a longer link keeps its mass and inertia. Costs less than a second and half a megabyte for a hundred
     bodies.
 
     >>> import os, tempfile

@@ -111,11 +111,13 @@ function makeClosing(eq) {
     for (let i = 0; i < holonomic; i++) {
       const { owner, angle } = about.conditions[i];
       const gap = found.get(owner) || { owner, length: 0, angle: 0, part: 0 };
+      const part = Math.abs(phi[i]) * opening[i];
+      if (!(part > 1e-9)) continue;
       if (angle) gap.angle = Math.hypot(gap.angle, phi[i]); else gap.length = Math.hypot(gap.length, phi[i]);
-      gap.part = Math.max(gap.part, Math.abs(phi[i]) * opening[i]);
+      gap.part = Math.max(gap.part, part);
       found.set(owner, gap);
     }
-    return [...found.values()].filter((g) => g.part > 1e-9).sort((x, z) => z.part - x.part);
+    return [...found.values()].sort((x, z) => z.part - x.part);
   }
 
   const digits = (x) => Number(x.toPrecision(3)).toString();

@@ -14,7 +14,11 @@ try {
 const drawing = makeDrawing($("view"), about, motion);
 let running = true, pull = null, stopped = "";
 
-const nice = (x) => Number(x.toPrecision(5)).toString();
+// five digits, by powers of ten where a field would cut them off
+const nice = (x) => {
+  const five = Number(x.toPrecision(5)), plain = five.toString();
+  return plain.length > 9 ? five.toExponential() : plain;
+};
 const UNITS = { mass: "kg", stiffness: "N/m", damping: "N s/m", length: "m" };
 const refresh = [];
 function attempt(doIt) {
@@ -95,7 +99,7 @@ const scalar = (parent, name, words, unit, positive) => {
 if (has("gravity")) {
   const drawn = about.values.gravity, g = Math.hypot(...drawn), way = g > 0 ? drawn.map((x) => x / g) : [0, -1, 0];
   const size = () => motion.get("gravity").reduce((s, x, i) => s + x * way[i], 0);
-  field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: way.map((w) => w * x) }), [0, Math.max(20, 2 * g)]);
+  field($("masses"), "gravity", "m/s²", size, (x) => motion.change({ gravity: way.map((w) => w * x) }), [0, g > 0 ? 2 * g : 20]);
 }
 const heavy = about.bodies.slice(0, 40).filter((body) => has(`${body}.mass`));
 heavy.forEach((body, i) => scalar(more($("masses"), i, heavy.length), `${body}.mass`, `${body}: mass`, "kg", true));

@@ -1,7 +1,7 @@
 // The motion of a mechanism: its state, steps in time, and what people change on the way.
 //
-// Steps are those of Dormand and Prince, of order 5, with control of their error; at the end of each the dependent
-// coordinates are closed by Newton's method, and the choice is looked at.
+// Steps are those of Dormand and Prince with control of their error: of order 5, and of order 8 where many of these are asked
+// for at once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is looked at.
 
 function makeMotion(run, about) {
   const eq = makeEquations(run, about), { openness, closeDependent, closeAll, gaps, told, digits } = makeClosing(eq);
@@ -11,7 +11,7 @@ function makeMotion(run, about) {
 
   let t = 0;
   const q = new Float64Array(nq), v = new Float64Array(n);
-  const stage = Array.from({ length: 7 }, () => new Float64Array(ny));
+  const stage = Array.from({ length: ORDER8.nodes.length }, () => new Float64Array(ny));
   const y = new Float64Array(ny), y1 = new Float64Array(ny), trial = new Float64Array(ny);
 
   // rates that satisfy S4 next to v, in the independent coordinates; all levels at (t, q, v)
@@ -29,14 +29,6 @@ function makeMotion(run, about) {
   }
 
   // ---- steps
-  const nodes = [0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1];
-  const weights = [
-    [], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9],
-    [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
-    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
-    [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-  ];
-  const errors = [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40];
   let h = 0, steps = 0;
   // a large move of an entry of the state: 1 for an angle, a length for a slide
   const sizes = new Float64Array(nq).fill(1);
@@ -49,9 +41,9 @@ function makeMotion(run, about) {
   const costly = n * k * k > 20000;
   const sum = new Float64Array(ny);
   // the first slopes, each times its factor
-  function combined(factors, count) {
+  function combined(factors) {
     sum.fill(0);
-    for (let l = 0; l < count; l++) {
+    for (let l = 0; l < factors.length; l++) {
       const f = factors[l], from = stage[l];
       if (f !== 0) for (let j = 0; j < ny; j++) sum[j] += f * from[j];
     }
@@ -63,19 +55,26 @@ function makeMotion(run, about) {
     ready = false;
     regularBefore = eq.regular;
     first.set(eq.slope);
-    for (let i = 1; i < 7; i++) {
-      combined(weights[i], i);
+    const { nodes, weights, end, estimate } = method;
+    for (let i = 1; i < nodes.length; i++) {
+      combined(weights[i]);
       for (let j = 0; j < ny; j++) trial[j] = y[j] + step * sum[j];
-      if (i === 6) y1.set(trial);
       if (!derivative(t + nodes[i] * step, trial, stage[i])) return Infinity;
     }
-    let error = 0;
-    combined(errors, 7);
-    for (let j = 0; j < ny; j++) {
-      const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
-      error = Math.max(error, Math.abs(step * sum[j]) / scale);
-    }
-    return error;
+    combined(end);
+    for (let j = 0; j < ny; j++) y1[j] = y[j] + step * sum[j];
+    const [error, other] = estimate.map((factors) => {
+      let worst = 0;
+      combined(factors);
+      for (let j = 0; j < ny; j++) {
+        const scale = accuracy.absolute * typical(j) + accuracy.relative * Math.max(Math.abs(y[j]), Math.abs(y1[j]));
+        worst = Math.max(worst, Math.abs(step * sum[j]) / scale);
+      }
+      return worst;
+    });
+    // NaN where a stage was none
+    if (other === undefined || error === 0) return error;
+    return error * error / Math.hypot(error, 0.1 * other);
   }
   // Steps pass over singular positions, where branches meet. On its branch a motion has rates that follow from those before
   // it; thrown to another one they jump, however small the step. `next` against the rates and accelerations at its start.
@@ -105,6 +104,17 @@ function makeMotion(run, about) {
     if (ahead > 0.72 * h) return [Math.min(rest, ahead - 0.5 * h), false];
     return [ahead > 0.3 * h ? ahead / 0.55 : ahead > 0.05 * h ? ahead / 0.1 : 0.6 * h, true];
   }
+  // Order 8 where `whole` seconds take many steps of order 5, and nothing singular is near: its stages leave no gap.
+  let method = ORDER5, wary = 0;
+  function order(whole) {
+    if (method === ORDER5 && whole > 3 * h && wary === 0 && ahead > 12 * h) {
+      method = ORDER8;
+      h *= 2.5;
+    } else if (method === ORDER8 && (h > 3.5 * whole || ahead < 4 * h)) {
+      method = ORDER5;
+      h /= 3;
+    }
+  }
   // `deadline` [ms of the page]: where it is passed, the rest is left out, and the mechanism runs slower than asked
   function advance(until, deadline = Infinity) {
     let refused = 0, beyond = 0;
@@ -113,6 +123,7 @@ function makeMotion(run, about) {
       if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
       if (!(h > 0)) h = Math.min(rest, 1e-3);
+      if (refused === 0) order(whole);
       const [over, cross] = beyond ? [beyond, true] : across(Math.min(h, whole), rest);
       const step = over || (h >= rest * (1 - 1e-9) ? rest : h);
       let error = attempt(step);
@@ -138,9 +149,14 @@ function makeMotion(run, about) {
       }
       if (!(error <= 1)) {
         refused += 1;
-        h = Math.min(h, step) * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -0.2) : 0.3);
+        h = Math.min(h, step) * (error > 0 && error < Infinity ? Math.max(0.2, 0.9 * error ** -method.power) : 0.3);
         // a step that ends where branches meet is tried a little longer once, then shorter
-        beyond = error === Infinity && refused === 1 ? 1.1 * step : 0;
+        beyond = error === Infinity && refused === 1 && method === ORDER5 ? 1.1 * step : 0;
+        // nor is order 8 of use where a curve has a kink
+        if (error === Infinity || refused > 2) {
+          method = ORDER5;
+          wary = 10;
+        }
         if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 60) {
           h = 0;
           // all is as it was after the step before
@@ -150,6 +166,7 @@ function makeMotion(run, about) {
         continue;
       }
       refused = beyond = 0;
+      wary = Math.max(0, wary - 1);
       if (openness(eq.dropped) > about.loose) {
         const words = told(gaps());
         settle();
@@ -168,7 +185,7 @@ function makeMotion(run, about) {
         for (let j = 0; j < k; j++) y[nq + j] = v[eq.independent[j]];
       }
       foresee();
-      if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, 1e-10) ** -0.2));
+      if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, 1e-10) ** -method.power));
     }
   }
 
@@ -261,6 +278,7 @@ function makeMotion(run, about) {
     for (const d of rates) { d.clock = t; d.since = t; }
     eq.forget();
     h = 0;
+    method = ORDER5;
     choice.exchanges = 0;
     const open = closeAll(t, q);
     if (!(open < 1e-9)) throw new Fault(`It cannot be assembled: ${told(gaps())}.`);

@@ -8,7 +8,7 @@ from typing import Any
 from ..webpage import part_of, whole_page
 from .program import Program
 
-COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "motion.js")
+COMPUTES = ("module.js", "linear.js", "equations.js", "closing.js", "choice.js", "methods.js", "motion.js")
 """Scripts that know nothing of a page: `makeMotion` is what they make."""
 SCRIPTS = (*COMPUTES, "drawing.js", "controls.js")
 
