@@ -24,6 +24,7 @@ HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 
 NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
+PAGE = re.compile(r"(?<!`)\bdocs/([\w/-]+\.md)")  # as the changelog names pages
 STYLE, SIGN = "partita.css", "favicon.svg"
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
@@ -49,7 +50,8 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         # notebooks are pages of the site, beside the others
         target.write_text(NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8")), encoding="utf-8")
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
-    (folder / "changelog.md").write_text(changes.replace("](docs/", "]("), encoding="utf-8")
+    changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
+    (folder / "changelog.md").write_text(changes, encoding="utf-8")
     for name in ("conf.py", "scorer.js", STYLE, SIGN):
         target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -161,7 +163,7 @@ def overview(name: str, kind: type) -> list[str]:
         told = inspect.getdoc(there) if isinstance(there, (FunctionType, property, classmethod, staticmethod)) else None
         if told and not member.startswith("_") and member not in conf.INSIDE and not hasattr(Mapping, member):
             rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(told)}")
-    table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n\n"
+    table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
     return [table + "\n".join(rows)] if len(rows) >= MANY else []
 
 
