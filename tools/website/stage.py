@@ -47,8 +47,9 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     for page in sorted(DOCS.rglob("*.md")):
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # notebooks are pages of the site, beside the others
-        target.write_text(NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8")), encoding="utf-8")
+        # notebooks and the changelog are pages of the site, beside the others
+        text = NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8"))
+        target.write_text(text.replace("](../CHANGELOG.md)", "](changelog.md)"), encoding="utf-8")
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
