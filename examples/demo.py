@@ -130,8 +130,8 @@ def certificate(result: Result) -> list[str]:
         ("Newton-Euler", found.newton_euler, "residual with the joint reactions, over the largest force"),
     )
     lines = [f"  {name:<18}{'unknown' if value is None else f'{value:.1e}'}   {what}" for name, value, what in rows]
-    _, along_joints = result.determined
-    unique = f"{along_joints.sum()} of {along_joints.size}"
+    always = result.determined[1].all(axis=0)
+    unique = f"{always.sum()} of {always.size}"
     return [*lines, f"  {'reactions':<18}{unique:<10}components follow from the motion; the rest need elasticity"]
 
 

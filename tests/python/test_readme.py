@@ -30,9 +30,9 @@ def text_of(page: Path) -> str:
     return page.read_text("utf-8")
 
 
-def tool(name: str = "docs") -> ModuleType:
-    """A file of tools/, which is no part of the package."""
-    found = importlib.util.spec_from_file_location(f"{name}_tool", ROOT / "tools" / f"{name}.py")
+def tool(name: str = "docs", folder: str = "tools") -> ModuleType:
+    """A file of tools/ or examples/, which are no part of the package."""
+    found = importlib.util.spec_from_file_location(f"{name}_tool", ROOT / folder / f"{name}.py")
     assert found is not None and found.loader is not None
     module = importlib.util.module_from_spec(found)
     sys.modules[found.name] = module  # where its dataclasses look for their names
@@ -56,6 +56,11 @@ def test_blocks_run(
 
 def test_front_page_shows_python() -> None:
     assert PYTHON.search(text_of(ROOT / "README.md"))
+
+
+def test_front_page_shows_what_the_demo_says_of_reactions() -> None:
+    said = tool("demo", "examples").certificate(pt.catalogue.entry("four-bar").simulate())[-1]
+    assert said.startswith("  reactions") and said in text_of(ROOT / "README.md").splitlines()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if TOML.search(text_of(page))], ids=lambda p: p.name)

@@ -68,14 +68,19 @@ _CODE = re.compile(r"(``.+?``|`[^`]+`)")
 _SIGNS = re.compile(r"(?<!\\)([*|]|_(?=\W|$))")
 
 
+def literal(line: str) -> str:
+    """A line of prose with those signs said literally; what stands between backticks is left alone."""
+    pieces = _CODE.split(line)
+    return "".join(p if n % 2 else _SIGNS.sub(r"\\\1", p) for n, p in enumerate(pieces))
+
+
 def plain(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
     """Prose of a docstring with those signs said literally; examples and code are left alone."""
     example = False
     for i, line in enumerate(lines):
         example = line.lstrip().startswith(">>>") or (example and bool(line.strip()))
         if not example and not line.lstrip().startswith((":", "..")) and not line.lstrip().startswith("* "):
-            pieces = _CODE.split(line)
-            lines[i] = "".join(p if n % 2 else _SIGNS.sub(r"\\\1", p) for n, p in enumerate(pieces))
+            lines[i] = literal(line)
 
 
 # What stands before a colon in the words about an attribute is no type, as napoleon would have it.
@@ -104,12 +109,12 @@ def signature(app: Any, what: str, name: str, *rest: Any) -> tuple[str, None] | 
 
 
 # Ways in for the package itself; nobody calls them.
-_INSIDE = ("from_run", "from_core", "from_account")
+INSIDE = ("from_run", "from_core", "from_account")
 
 
 def skipped(app: Any, what: str, name: str, obj: object, skip: bool, options: Any) -> bool | None:
     """Whether a member is left out; None: as usual."""
-    return True if name in _INSIDE else None
+    return True if name in INSIDE else None
 
 
 def setup(app: Any) -> None:

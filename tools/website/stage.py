@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import FunctionType
 from typing import Any
 
 from partita import catalogue
 
-from . import gallery, notebooks
+from . import conf, gallery, notebooks
 from .outline import PARTS, REFERENCE
 
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
 
 NOTEBOOK = re.compile(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb\)")
+PAGE = re.compile(r"(?<!`)\bdocs/([\w/-]+\.md)")  # as the changelog names pages
 STYLE, SIGN = "partita.css", "favicon.svg"
 # The reference of the core is made by cargo and put beside the site.
 RUST = """# The core, in Rust
@@ -44,10 +47,12 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     for page in sorted(DOCS.rglob("*.md")):
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # notebooks are pages of the site, beside the others
-        target.write_text(NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8")), encoding="utf-8")
+        # notebooks and the changelog are pages of the site, beside the others
+        text = NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8"))
+        target.write_text(text.replace("](../CHANGELOG.md)", "](changelog.md)"), encoding="utf-8")
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
-    (folder / "changelog.md").write_text(changes.replace("](docs/", "]("), encoding="utf-8")
+    changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
+    (folder / "changelog.md").write_text(changes, encoding="utf-8")
     for name in ("conf.py", "scorer.js", STYLE, SIGN):
         target = folder / ("_static" if name in (STYLE, SIGN) else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -139,9 +144,34 @@ def reference(folder: Path) -> None:
 
 def directive(name: str) -> str:
     """What asks Sphinx for one class or function, with the members that it inherits."""
-    if isinstance(found(name), type):
-        return f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"
+    kind = found(name)
+    if isinstance(kind, type):
+        told = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"
+        return "\n\n".join([*overview(name, kind), told])
     return f".. autofunction:: partita.{name}"
+
+
+MANY = 8
+"""A class with so many members is opened by a table of them."""
+
+
+def overview(name: str, kind: type) -> list[str]:
+    """The members of a large class in one table, each with its first sentence, in the order of the page."""
+    order = dict.fromkeys(own for base in kind.__mro__ for own in vars(base))
+    rows = []
+    for member in order:
+        there = inspect.getattr_static(kind, member)
+        told = inspect.getdoc(there) if isinstance(there, (FunctionType, property, classmethod, staticmethod)) else None
+        if told and not member.startswith("_") and member not in conf.INSIDE and not hasattr(Mapping, member):
+            rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(told)}")
+    table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
+    return [table + "\n".join(rows)] if len(rows) >= MANY else []
+
+
+def first(text: str) -> str:
+    """The first sentence of a docstring, without its full stop."""
+    paragraph = " ".join(text.split("\n\n")[0].split())
+    return conf.literal(re.split(r"(?<=\.)\s", paragraph)[0].removesuffix("."))
 
 
 def found(name: str) -> object:
