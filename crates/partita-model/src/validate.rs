@@ -212,10 +212,10 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             Coupling::Linear { factors, offset, .. } => {
                 finite(factors, "coupling", c.name(), "factors")?;
                 finite(&[*offset], "coupling", c.name(), "offset")?;
-                if count == 0 || factors.len() != count || factors.contains(&0.0) || count > value::READINGS {
+                if count == 0 || factors.len() != count || factors.contains(&0.0) {
                     return fail(format!(
-                        "it needs a factor other than 0 for each of its {count} terms, {} at the most; there are {factors:?}",
-                        value::READINGS
+                        "it needs a factor other than 0 for each of its {count} terms, one term at least; there are \
+                         {factors:?}"
                     ));
                 }
             }
@@ -227,7 +227,11 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             }
             Coupling::Function { function, .. } => {
                 if count == 0 || count > value::READINGS {
-                    return fail(format!("a function looks at 1 to {} readings, {count} are given", value::READINGS));
+                    return fail(format!(
+                        "a function looks at 1 to {} readings, {count} are given; hold sums of many by a coupling of kind \
+                         linear, which takes any number",
+                        value::READINGS
+                    ));
                 }
                 value::check(&Value::Function(*function), functions, "coupling", c.name())?;
             }

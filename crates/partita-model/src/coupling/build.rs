@@ -1,6 +1,6 @@
 //! The conditions of a description.
 
-use super::{order, Condition, Contact, Law, Orientation, Place, Rolling, Says, MOST};
+use super::{order, Condition, Contact, Law, Orientation, Place, Rolling, Says};
 use crate::error::DescriptionError;
 use crate::gauge::{Maker, Mover, Quantity, Reading};
 use crate::joint::Own;
@@ -89,7 +89,6 @@ fn coupling<G: Space>(
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];
     let read = |terms: &[Measure]| -> Result<Vec<Reading<G>>, DescriptionError> {
-        assert!(terms.len() <= MOST);
         terms.iter().map(|m| gauges.reading(m, "coupling", c.name())).collect()
     };
     Ok(match c {
