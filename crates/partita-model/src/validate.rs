@@ -208,6 +208,12 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
         }
         c.terms().iter().try_for_each(|m| measure(m, "coupling", c.name()))?;
         let count = c.terms().len();
+        for (what, x) in c.clone().numbers() {
+            finite(x, "coupling", c.name(), what)?;
+        }
+        if let Some(m) = c.fault() {
+            return fail(m);
+        }
         match c {
             Coupling::Linear { factors, offset, .. } => {
                 finite(factors, "coupling", c.name(), "factors")?;
@@ -235,18 +241,10 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
                 }
                 value::check(&Value::Function(*function), functions, "coupling", c.name())?;
             }
-            Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
+            Coupling::Roll { body, axis, on, normal, .. } => {
                 two(known("coupling", c.name(), body)?, known("coupling", c.name(), on)?, "coupling", c.name())?;
                 let axis = axis.unwrap_or([0.0, 0.0, 1.0]);
-                finite(
-                    &[*center, axis, *point, *normal].concat(),
-                    "coupling",
-                    c.name(),
-                    "center, axis, point, normal",
-                )?;
-                if !(radius.is_finite() && *radius > 0.0) {
-                    return fail(format!("radius = {radius} m: a wheel has a positive radius"));
-                }
+                finite(&[axis, *normal].concat(), "coupling", c.name(), "axis, normal")?;
             }
         }
     }

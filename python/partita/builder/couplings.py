@@ -68,7 +68,7 @@ def add_coupler(
     units = [measured_in(self, term) for term in found]
     weights = [
         number(element, "factors", f)
-        for f in numbers(element, "factors", factors, _per(units)).ravel().tolist()
+        for f in numbers(element, "factors", factors, factor_units(units)).ravel().tolist()
     ]
     if len(weights) != len(found):
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
@@ -105,7 +105,8 @@ def add_gear(
     name = f"gear {joint1} - {joint2}" if name is None else name
     element = _element(self, name)
     terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
-    value = number(element, "ratio", ratio, _per([measured_in(self, measure(self, element, x)) for x in terms])[1])
+    units = [measured_in(self, measure(self, element, x)) for x in terms]
+    value = number(element, "ratio", ratio, factor_units(units)[1])
     if value == 0.0:
         element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
     made = add_coupler(self, name, terms, [1.0, -value], word="gear")
@@ -448,7 +449,7 @@ def _positive(element: Element, what: str, value: Any) -> float:
     return found
 
 
-def _per(units: list[str]) -> list[str]:
+def factor_units(units: list[str]) -> list[str]:
     """Units of factors that bring every term into the unit of the first."""
     return ["" if unit == units[0] else f"{units[0] or '1'}/{unit}" if unit else units[0] for unit in units]
 

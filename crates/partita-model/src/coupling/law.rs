@@ -25,7 +25,7 @@ pub enum Law<S> {
         /// Sum.
         offset: S,
         /// Period.
-        period: Option<f64>,
+        period: Option<S>,
     },
     /// `r_0 = f(r_1)`.
     Curve {
@@ -99,12 +99,12 @@ impl<S: Scalar> Law<S> {
             Self::Curve { curve, periodic, period } => {
                 let [y, slope, _] = value::curve_at(curve, *periodic, read(1), name)?;
                 (gradient[0], gradient[1]) = (one, -slope);
-                (value::up_to(read(0) - y, *period), o)
+                (value::up_to(read(0) - y, period.map(S::from_f64)), o)
             }
             Self::Motion { motion, period } => {
                 let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
                 gradient[0] = one;
-                (value::up_to(read(0) - p, *period), -u)
+                (value::up_to(read(0) - p, period.map(S::from_f64)), -u)
             }
             Self::Rate(motion) => {
                 let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
