@@ -271,8 +271,8 @@ ERRORS = (
         "drive-rate",
         "sign of a, how fast a drive moves its row (S4)",
         f"{MODEL}/coupling/law.rs",
-        "Ok(Found { value: value::up_to(read(0) - p, *period), rate: -u, gradient })",
-        "Ok(Found { value: value::up_to(read(0) - p, *period), rate: u, gradient })",
+        "(value::up_to(read(0) - p, period.map(S::from_f64)), -u)",
+        "(value::up_to(read(0) - p, period.map(S::from_f64)), u)",
         ("whole motion::model_identities",),
     ),
     Error(

@@ -58,6 +58,21 @@ def test_a_differential_shares_its_torque(coordinates: str) -> None:
 
 
 @BOTH
+def test_a_sum_of_forty_is_held(coordinates: str) -> None:
+    """Flywheels of J_i = i held by the sum of f_i angles: w_i' = (f_i lambda + T_i) / J_i with sum f_i w_i' = 0."""
+    inertias, factors = np.arange(1.0, 41.0), 0.5 + 0.05 * np.arange(40) * (-1.0) ** np.arange(40)
+    m = wheels(*inertias)
+    m.add_coupler("sum", [f"A{i}" for i in range(1, 41)], factors)
+    m.add_torque("A40", 6.0)
+    r = run(m, coordinates, 1.0)
+    torques = np.where(np.arange(40) == 39, 6.0, 0.0)
+    effort = -(factors @ (torques / inertias)) / (factors @ (factors / inertias))
+    found = np.array([r.joint(f"A{i}").velocity[-1, 0] for i in range(1, 41)])
+    np.testing.assert_allclose(found, (factors * effort + torques) / inertias, atol=1e-11)
+    np.testing.assert_allclose(r.coupling("sum").effort[:, 0], effort, rtol=1e-11)
+
+
+@BOTH
 def test_a_belt_and_a_crossed_one(coordinates: str) -> None:
     m = wheels(1.0, 1.0, 1.0)
     m.add_belt("A1", "A2", radius1=0.1, radius2=0.2)
@@ -311,6 +326,8 @@ def test_couplings_that_cannot_be() -> None:
     for words, call in [
         ("factor 0 is 0", lambda: m.add_coupler("c", ["A1", "A2"], [0.0, 1.0])),
         ("2 terms but 1 factors", lambda: m.add_coupler("c", ["A1", "A2"], [1.0])),
+        ("it has no terms", lambda: m.add_coupler("c", [], [])),
+        ("would see 13 measures; 12 is the most", lambda: m.add_constraint("c", lambda t, *x: sum(x), of=["A1"] * 13)),
         ("ratio is 0", lambda: m.add_gear("A1", "A2", 0.0)),
         ("must be positive", lambda: m.add_belt("A1", "A2", -1.0, 1.0)),
         ("points coincide", lambda: m.add_distance("d", "ground", (0, 0, 0), "wheel 1", (-1, 0, 0))),

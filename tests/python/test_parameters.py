@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,3 +118,113 @@ def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> No
 def test_what_is_no_number_is_refused() -> None:
     with pytest.raises(ArgumentError, match="made of real numbers"):
         driven_crank().compile().with_parameters({"coupler.mass": "heavy"})
+
+
+def coupled(**said: Any) -> pt.Mechanism:
+    """Every kind of coupling with numbers, and a screw, in one mechanism in space."""
+    given = {"ratio": -2.0, "radius": 0.2, "radius1": 0.1, "radius2": 0.3, "factors": [1.0, 1.0, -2.0], "offset": 0.0}
+    given |= {"length": 1.0, "point1": (0.0, 0.0, 0.0), "point2": (0.0, 0.1, 0.0), "pitch": 0.02}
+    given |= {"disc": 0.5, "center": (0.0, 0.0, 0.0), "point": (0.0, 0.0, 0.0)}
+    x: dict[str, Any] = given | said
+    m = pt.Mechanism("couplings", gravity=(0, 0, -9.81))
+    for i in range(1, 9):
+        wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(0.1 * i, 0.2, 0.2 + 0.1 * i), position=(i, 0, 0))
+        m.add_revolute(f"A{i}", m.ground, wheel, point=(i, 0, 0), axis=(0.6, 0, 0.8) if i == 2 else (0, 0, 1))
+    rack, nut, bob, coin = (
+        m.add_body(name, mass=2.0, inertia=(0.3, 0.4, 0.5), position=at)
+        for name, at in (("rack", (0, 2, 0)), ("nut", (0, 3, 0)), ("bob", (1, 4, 0)), ("coin", (0, 5, 0.5)))
+    )
+    m.add_prismatic("R", m.ground, rack, axis=(1, 0, 0))
+    m.add_screw("nut", m.ground, nut, point=(0, 3, 0), axis=(0, 0.6, 0.8), pitch=x["pitch"])
+    m.add_gear("A1", "A2", x["ratio"], name="gear")
+    m.add_belt("A3", "A4", x["radius1"], x["radius2"], crossed=True, name="belt")
+    m.add_rack("A5", "R", x["radius"], name="rack")
+    m.add_coupler("sum", ["A6", "A7", "A8"], x["factors"], x["offset"])
+    m.add_distance("wire", m.ground, x["point1"], bob, x["point2"], x["length"])
+    m.add_rolling("coin", coin, x["disc"], center=x["center"], axis=(0, 1, 0), point=x["point"], normal=(0, 0, 1))
+    return m
+
+
+OTHERS: dict[str, tuple[str, Any]] = {
+    "gear.ratio": ("ratio", 3.0),
+    "belt.radius1": ("radius1", 0.2),
+    "belt.radius2": ("radius2", 0.25),
+    "rack.radius": ("radius", -0.3),
+    "sum.factors": ("factors", [1.0, 2.0, -3.0]),
+    "sum.offset": ("offset", 0.1),
+    "wire.length": ("length", 1.2),
+    "wire.point1": ("point1", (0.2, 3.0, -0.1)),
+    "wire.point2": ("point2", (0.1, 0.2, 0.3)),
+    "nut.pitch": ("pitch", -0.5),
+    "coin.radius": ("disc", 0.7),
+    "coin.center": ("center", (0.0, 0.1, 0.02)),
+    "coin.point": ("point", (0.0, 1.0, -0.2)),
+}
+"""Parameter: by which argument it is drawn, and another value of it."""
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_numbers_of_couplings_are_those_of_a_new_mechanism(coordinates: str) -> None:
+    """Bit for bit, one by one and all at once, at states with whole turns."""
+    model = coupled().compile(coordinates=coordinates)
+    drawn = coupled().compile(coordinates=coordinates).parameters
+    assert {name for name in drawn if name.split(".")[0] in ("gear", "belt", "sum", "wire", "coin")} < {
+        *OTHERS, "coin.mass", "coin.com", "coin.inertia"
+    }  # fmt: skip
+    rng = np.random.default_rng(3)
+    q, v = 4.0 * rng.standard_normal(model.core.nq), rng.standard_normal(model.core.nv)
+
+    def numbers(model: CompiledModel) -> list[np.ndarray]:
+        return [model.constraints(q), model.jacobian(q), model.bias(q, v), model.forces(q, v)]
+
+    every = {name: value for name, (_, value) in OTHERS.items()}
+    for changes in ({}, every, *({name: value} for name, value in every.items())):
+        anew = coupled(**{OTHERS[name][0]: value for name, value in changes.items()}).compile(coordinates=coordinates)
+        changed = model.with_parameters(changes)
+        for x, y in zip(numbers(changed), numbers(anew), strict=True):
+            np.testing.assert_array_equal(x, y)
+        assert changed.parameters == anew.parameters and changed.row_names == anew.row_names
+        assert not changes or any((x != y).any() for x, y in zip(numbers(changed), numbers(model), strict=True))
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_run_with_other_ratios_is_that_of_another_drawing(coordinates: str) -> None:
+    changes = {"gear.ratio": 3.0, "nut.pitch": "-50 cm", "rack.radius": "-300 mm"}
+    runs = [
+        m.simulate(0.05, coordinates=coordinates, parameters=parameters, rtol=1e-9)
+        for m, parameters in ((coupled(), changes), (coupled(ratio=3.0, pitch=-0.5, radius=-0.3), None))
+    ]
+    assert all(run.success for run in runs)
+    for x, y in zip(*[(run.q, run.v, run.coupling("gear").effort) for run in runs], strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, np.full(np.shape(value), np.nan)) for name, (_, value) in OTHERS.items()),
+        ("gear.ratio", 0.0),
+        ("belt.radius1", -0.1),
+        ("belt.radius2", 0.0),
+        ("rack.radius", 0.0),
+        ("sum.factors", [1.0, 0.0, 1.0]),
+        ("wire.length", -1.0),
+        ("nut.pitch", 0.0),
+        ("coin.radius", -0.5),
+    ],
+)
+def test_what_drawing_refuses_of_couplings_is_refused(name: str, value: Any) -> None:
+    owner = name.split(".")[0]
+    with pytest.raises(DescriptionError) as drawn:
+        coupled(**{OTHERS[name][0]: value})
+    with pytest.raises(DescriptionError) as changed:
+        coupled().compile().with_parameters({name: value})
+    assert all(f'"{owner}"' in str(error.value) for error in (drawn, changed))
+
+
+def test_a_ratio_that_takes_whole_turns_away_is_refused() -> None:
+    """In absolute coordinates in space two turns are told by what they have in common: of 1 and 0.31416 too little."""
+    model = coupled().compile(coordinates="absolute")
+    with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates in place of positions.* draw'):
+        model.with_parameters({"gear.ratio": 0.31416})
+    assert coupled().compile().with_parameters({"gear.ratio": 0.31416}).parameters["gear.ratio"] == 0.31416

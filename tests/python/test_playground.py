@@ -242,6 +242,31 @@ def test_redundant_conditions_take_turns(tmp_path: Path) -> None:
 
 
 @needs_node
+def test_ratios_radii_and_rods_are_changed_on_the_page(tmp_path: Path) -> None:
+    """A weight on the rack of a geared shaft, and a pendulum on a rod; what drawing refuses is told to the page."""
+    m = pt.Mechanism("winch", gravity=(0, -9.81, 0))
+    for i in (1, 2):
+        wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(1, 1, 2), position=(i, 0, 0))
+        m.add_revolute(f"A{i}", m.ground, wheel, point=(i, 0, 0))
+    load = m.add_body("load", mass=3.0, inertia=(1, 1, 1), position=(3, 0, 0))
+    bob = m.add_body("bob", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(5, -0.3, 0))
+    m.add_prismatic("R", m.ground, load, axis=(0, 1, 0), point=(3, 0, 0))
+    m.add_gear("A1", "A2", -2.0, name="gear")
+    m.add_rack("A2", "R", 0.2, name="rack")
+    m.add_distance("wire", m.ground, (4.6, 0, 0), bob, (0, 0, 0))
+    script = """
+        const parameters = { "gear.ratio": [-1.5], "rack.radius": [0.3], "wire.length": [0.6] };
+        const words = m.change(parameters), from = state();
+        m.advance(2);
+        return { words, from, to: state(), bodies: bodies(), parameters, bounds: about.bounds };
+    """
+    found = page_runs(m, None, script, tmp_path)
+    assert found["words"] == ""
+    assert found["bounds"] == {"gear.ratio": "not", "rack.radius": "not", "wire.length": "above"}
+    agree(m, found, 2.0, found["parameters"])
+
+
+@needs_node
 def test_a_driven_five_bar(tmp_path: Path) -> None:
     """With one crank driven it is not chaotic, whatever its lengths."""
     mechanism = catalogue.load("five-bar")

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::place::{Moved, Placed};
-use crate::spec::{Force, Gravity, Spec, Value, VectorValue};
+use crate::spec::{Coupling, Force, Gravity, Said, Spec, Value, VectorValue};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 
@@ -20,6 +20,48 @@ pub struct DescribedBody<S> {
     pub com: Vec3<S>,
     /// Inertia about it, body axes.
     pub inertia: Mat3<S>,
+}
+
+/// Numbers by the names of their fields.
+#[derive(Clone, Debug)]
+pub struct Fields<S>(pub Vec<(&'static str, Vec<S>)>);
+
+impl<S: Scalar> Fields<S> {
+    fn lifted(fields: Vec<(&'static str, &mut [f64])>) -> Self {
+        let lifted = |x: &[f64]| x.iter().map(|x| S::from_f64(*x)).collect();
+        Self(fields.into_iter().map(|(name, x)| (name, lifted(x))).collect())
+    }
+
+    /// The numbers of a field; none if it is a table or a function, or left out.
+    pub fn field(&self, name: &str) -> &[S] {
+        self.0.iter().find(|(field, _)| *field == name).map_or(&[], |(_, x)| x)
+    }
+
+    /// The number of a field, 0 where it has none.
+    pub fn number(&self, name: &str) -> S {
+        self.field(name).first().copied().unwrap_or_else(S::zero)
+    }
+
+    /// The three numbers of a field.
+    pub fn vector(&self, name: &str) -> Vec3<S> {
+        let x = self.field(name);
+        Vec3(std::array::from_fn(|i| x.get(i).copied().unwrap_or_else(S::zero)))
+    }
+
+    /// The factors of a sum, and what it is.
+    pub fn sum(&self, coupling: &Coupling) -> (Vec<S>, S) {
+        let Coupling::Linear { factors, offset, said, .. } = coupling else { return (Vec::new(), S::zero()) };
+        let numbers: Vec<S> = self.0.iter().map(|(name, _)| self.number(name)).collect();
+        let lifted = || factors.iter().map(|f| S::from_f64(*f)).collect();
+        match said {
+            None => (self.field("factors").to_vec(), self.number("offset")),
+            Some(Said::Length) => (lifted(), self.number("length")),
+            Some(said) => {
+                let made = said.factor(&numbers).map(|second| vec![S::one(), second]);
+                (made.unwrap_or_else(lifted), S::from_f64(*offset))
+            }
+        }
+    }
 }
 
 /// Numbers of a force as described; those that its kind does not have are 0.
@@ -36,29 +78,24 @@ pub struct DescribedForce<S> {
     /// Constant effort (first component) or force.
     pub value: Vec3<S>,
     /// Numbers of a kind that has a record of its own, by field.
-    pub of_load: Vec<(&'static str, Vec<S>)>,
+    pub of_load: Fields<S>,
 }
 
 impl<S: Scalar> DescribedForce<S> {
     fn none() -> Self {
         let o = S::zero();
-        Self { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero(), of_load: Vec::new() }
-    }
-
-    /// The numbers of a field; none if it is a table or a function, or left out.
-    pub fn field(&self, name: &str) -> &[S] {
-        self.of_load.iter().find(|(field, _)| *field == name).map_or(&[], |(_, x)| x)
+        let of_load = Fields(Vec::new());
+        Self { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero(), of_load }
     }
 
     /// The number of a field, 0 where it has none.
     pub fn number(&self, name: &str) -> S {
-        self.field(name).first().copied().unwrap_or_else(S::zero)
+        self.of_load.number(name)
     }
 
     /// The three numbers of a field.
     pub fn vector(&self, name: &str) -> Vec3<S> {
-        let x = self.field(name);
-        Vec3(std::array::from_fn(|i| x.get(i).copied().unwrap_or_else(S::zero)))
+        self.of_load.vector(name)
     }
 }
 
@@ -71,6 +108,10 @@ pub struct Described<S> {
     pub bodies: Vec<DescribedBody<S>>,
     /// Point of each joint in the drawing, and where it is on the child in an open drawing.
     pub joints: Vec<(Vec3<S>, Option<Vec3<S>>)>,
+    /// The pitch of each joint; 0 of those that have none.
+    pub pitches: Vec<S>,
+    /// Numbers of each coupling by field.
+    pub couplings: Vec<Fields<S>>,
     /// One for each force.
     pub forces: Vec<DescribedForce<S>>,
 }
@@ -121,9 +162,7 @@ impl<S: Scalar> Described<S> {
             }
             _ => {
                 let mut copy = f.clone();
-                let fields = copy.load_mut().map_or_else(Vec::new, |load| load.numbers());
-                let lifted = |x: &[f64]| x.iter().map(|x| S::from_f64(*x)).collect();
-                let of_load = fields.into_iter().map(|(name, x)| (name, lifted(x))).collect();
+                let of_load = Fields::lifted(copy.load_mut().map_or_else(Vec::new, |load| load.numbers()));
                 DescribedForce { of_load, ..DescribedForce::none() }
             }
         });
@@ -131,6 +170,8 @@ impl<S: Scalar> Described<S> {
             gravity: vec(spec.gravity),
             bodies: bodies.collect(),
             joints: spec.joints.iter().map(|j| (vec(j.point), j.child_point.map(vec))).collect(),
+            pitches: spec.joints.iter().map(|j| S::from_f64(j.pitch.unwrap_or(0.0))).collect(),
+            couplings: spec.couplings.iter().map(|c| Fields::lifted(c.clone().numbers())).collect(),
             forces: forces.collect(),
         }
     }
@@ -162,6 +203,10 @@ pub struct Numbers<S> {
     pub links: Vec<Vec3<S>>,
     /// Reference point of each link: its centre of mass, or the joint's point where it has no mass.
     pub reference: Vec<Vec3<S>>,
+    /// Pitches of the joints as described.
+    pub pitches: Vec<S>,
+    /// Numbers of the couplings as described.
+    pub couplings: Vec<Fields<S>>,
     /// Numbers of the forces as described.
     pub forces: Vec<DescribedForce<S>>,
 }
@@ -176,13 +221,16 @@ impl<S: Scalar> Numbers<S> {
             com: lift(b.com),
             inertia: Mat3::from_f64(b.inertia.0),
         });
+        let described = Described::new(spec);
         let new = Self {
             gravity: lift(placed.basis.apply(Vec3(spec.gravity))),
             bodies: bodies.collect(),
             joints: placed.joints.iter().map(|p| (lift(p.parent_point), lift(p.child_point))).collect(),
             links: placed.links.iter().map(|l| lift(l.point)).collect(),
             reference: Vec::new(),
-            forces: Described::new(spec).forces,
+            pitches: described.pitches,
+            couplings: described.couplings,
+            forces: described.forces,
         };
         new.referred(placed)
     }
@@ -240,8 +288,8 @@ impl<S: Scalar> Numbers<S> {
             }
         }
         let gravity = basis.apply(given.gravity);
-        let forces = given.forces.clone();
-        Self { gravity, bodies, joints, links, reference: Vec::new(), forces }.referred(placed)
+        let (pitches, couplings, forces) = (given.pitches.clone(), given.couplings.clone(), given.forces.clone());
+        Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, forces }.referred(placed)
     }
 
     /// With the reference points for a zero position, whose masses say which links have any: a matter of structure.

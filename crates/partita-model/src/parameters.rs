@@ -9,18 +9,27 @@
 //! TORSION.stiffness  .damping  .angle        1
 //! TORQUE.value  FORCE.value                  1, 3: constants only
 //! BUSHING.stiffness  .damping                36, row by row; other forces: their numbers by the names of their fields
+//! SCREW.pitch                                1
+//! GEAR.ratio  RACK.radius  BELT.radius1  .radius2  1
+//! DISTANCE.length  .point1  .point2          1, 3, body axes
+//! COUPLER.factors  .offset                   one for each term, 1
+//! ROLLING.radius  .center  .point            1, 3, body axes
 //! ```
 
 use crate::coincident;
+use crate::coupling::{self, Place};
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
+use crate::joint;
 use crate::light;
 use crate::model::Model;
 use crate::numbers::{Described, Numbers};
 use crate::place::{body_length, typical_length, Placed};
-use crate::spec::{Force, Spec, Value, VectorValue};
+use crate::rows::Owner;
+use crate::spec::{Coupling, Force, JointKind, Spec, Value, VectorValue};
 use crate::validate;
 use partita_math::scalar::Scalar;
+use std::collections::HashSet;
 
 /// Where a parameter lives in [`Described`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +48,9 @@ enum Slot {
     Value(usize, usize),
     /// A field of a force that has a record of its own.
     OfLoad(usize, usize),
+    Pitch(usize),
+    /// A field of a coupling.
+    OfCoupling(usize, usize),
 }
 
 impl Slot {
@@ -56,7 +68,9 @@ impl Slot {
             Self::Rest(i) => std::slice::from_mut(&mut d.forces[i].rest),
             Self::ForcePoint(i, k) => &mut d.forces[i].points[k].0,
             Self::Value(i, n) => &mut d.forces[i].value.0[..n],
-            Self::OfLoad(i, k) => &mut d.forces[i].of_load[k].1,
+            Self::OfLoad(i, k) => &mut d.forces[i].of_load.0[k].1,
+            Self::Pitch(i) => std::slice::from_mut(&mut d.pitches[i]),
+            Self::OfCoupling(i, k) => &mut d.couplings[i].0[k].1,
         }
     }
 
@@ -102,6 +116,14 @@ impl Slot {
             if j.child_point.is_some() {
                 all.push((format!("{}.child_point", j.name), Self::ChildPoint(i)));
             }
+            if j.kind == JointKind::Screw {
+                all.push((format!("{}.pitch", j.name), Self::Pitch(i)));
+            }
+        }
+        for (i, c) in spec.couplings.iter().enumerate() {
+            let fields = c.clone().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
+            let named = |(k, field)| (format!("{}.{field}", c.name()), Self::OfCoupling(i, k));
+            all.extend(fields.into_iter().enumerate().map(named));
         }
         for (i, f) in spec.forces.iter().enumerate() {
             all.extend(Self::of_force(i, f).into_iter().map(|(field, s)| (format!("{}.{field}", f.name()), s)));
@@ -154,6 +176,16 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
     for (j, (point, child)) in spec.joints.iter_mut().zip(&d.joints) {
         (j.point, j.child_point) = (point.0, child.map(|x| x.0));
     }
+    for (j, &pitch) in spec.joints.iter_mut().zip(&d.pitches).filter(|(j, _)| j.kind == JointKind::Screw) {
+        j.pitch = Some(pitch);
+    }
+    for (c, n) in spec.couplings.iter_mut().zip(&d.couplings) {
+        c.numbers().into_iter().zip(&n.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
+        let made = n.sum(c);
+        if let Coupling::Linear { factors, offset, .. } = c {
+            (*factors, *offset) = made;
+        }
+    }
     let set = |v: &mut Value, x: f64| {
         if let Value::Constant(c) = v {
             *c = x;
@@ -178,7 +210,7 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
             }
             other => {
                 let fields = other.load_mut().map_or_else(Vec::new, |load| load.numbers());
-                fields.into_iter().zip(&n.of_load).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
+                fields.into_iter().zip(&n.of_load.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
             }
         }
     }
@@ -203,6 +235,23 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
     placed
 }
 
+/// Refuse numbers by which a coupling would hold rates alone in place of positions, or positions in place of rates.
+fn same_rows(before: &[Place], spec: &Spec, placed: &Placed) -> Result<(), DescriptionError> {
+    let held = |x: &Place| (x.owner, x.rows, x.holonomic);
+    let before: HashSet<_> = before.iter().map(held).collect();
+    let after = coupling::order(spec, placed)?;
+    match after.iter().find(|x| !before.contains(&held(x))).map(|x| x.owner) {
+        Some(Owner::Coupling(i)) => {
+            let message =
+                "whole turns of its joints are not known, and these factors have another common part than those \
+                           it was compiled with: it would hold rates in place of positions, or positions in place of \
+                           rates; draw the mechanism with these numbers";
+            Err(DescriptionError::new("coupling", spec.couplings[i].name(), message))
+        }
+        _ => Ok(()),
+    }
+}
+
 impl Model {
     /// All parameters with their present numbers: see [`parameters`](crate::parameters).
     pub fn parameters(&self) -> Vec<(String, Vec<f64>)> {
@@ -210,11 +259,22 @@ impl Model {
         Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
     }
 
+    /// Is this number one of those by which a coupling of several joints tells whole turns?
+    fn counts_turns(&self, slot: Slot) -> bool {
+        let Slot::OfCoupling(i, _) = slot else { return false };
+        self.spec.couplings[i].terms().iter().filter(|m| coupling::wraps(&self.placed, m)).count() > 1
+    }
+
+    /// Can [`over_with`](Self::over_with) take this parameter, if there is one of the name?
+    pub(crate) fn is_smooth(&self, name: &str) -> bool {
+        !Slot::all(&self.spec).iter().any(|(known, slot)| known == name && self.counts_turns(*slot))
+    }
+
     /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates stay. The bodies stay
     /// where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by itself.
     ///
     /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a planar
-    /// mechanism whose joints no longer meet in the plane. Cost: that of making the trees, without finding them.
+    /// mechanism whose joints no longer meet in the plane, a gear whose whole turns are told no more. Cost: that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
         let (mut described, _) = changed(&self.spec, changes)?;
         let mut spec = rewritten(&self.spec, &described);
@@ -222,7 +282,11 @@ impl Model {
         coincident::unite(&mut spec);
         described.joints = Described::new(&spec).joints;
         let mut numbers = Numbers::from_parameters(&spec, &self.placed, &described);
-        let placed = moved(&self.placed, &spec, &numbers);
+        let mut placed = moved(&self.placed, &spec, &numbers);
+        for (p, j) in placed.joints.iter_mut().zip(&spec.joints).filter(|(_, j)| j.kind == JointKind::Screw) {
+            p.shape.own = joint::shape(j)?.own;
+        }
+        same_rows(&coupling::order(&self.spec, &self.placed)?, &spec, &placed)?;
         // which links have mass may have changed
         numbers = numbers.referred(&placed);
         if placed.planar {
@@ -246,10 +310,17 @@ impl Model {
     /// derivatives with respect to masses, lengths, stiffnesses, ...
     ///
     /// Fails as [`with_parameters`](Self::with_parameters) and [`over`](Self::over) do, and for masses and inertias of
-    /// links that have none in the model: those have no dynamics to depend on them.
+    /// links that have none in the model: those have no dynamics to depend on them; and for factors of couplings between
+    /// several joints whose whole turns are not known.
     pub fn over_with<S: Scalar>(&self, changes: &[(&str, &[S])]) -> Result<Evaluator<S>, DescriptionError> {
         let (described, slots) = changed(&self.spec, changes)?;
         for (slot, (name, _)) in slots.iter().zip(changes) {
+            if self.counts_turns(*slot) {
+                let m =
+                    "whole turns of its joints are told by what its factors have in common, which changes by jumps; \
+                         give such numbers by with_parameters";
+                return Err(DescriptionError::new("parameter", name, m));
+            }
             let (Slot::Mass(i) | Slot::Com(i) | Slot::Inertia(i)) = *slot else { continue };
             let link = self.placed.bodies[i].link;
             let mass: f64 = self.placed.bodies.iter().filter(|b| b.link == link).map(|b| b.mass).sum();

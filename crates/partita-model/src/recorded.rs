@@ -67,7 +67,8 @@ impl<S: Scalar> Evaluator<S> {
 
 impl Model {
     /// The equations as a program whose inputs are time, state and these parameters (see
-    /// [`parameters`](crate::parameters)).
+    /// [`parameters`](crate::parameters)), but for those that [`over_with`](Self::over_with) cannot take as they tell
+    /// whole turns: those stay as they are.
     ///
     /// # Errors
     /// Parameters that do not exist or are given twice; elements that call functions of the user's, and frictions that
@@ -79,7 +80,7 @@ impl Model {
         let (nq, nv) = (self.placed.nq, self.placed.nv);
         let mut next = 1 + nq + nv;
         let mut parameters = Vec::with_capacity(names.len());
-        for name in names {
+        for name in names.iter().filter(|name| self.is_smooth(name)) {
             // unknown names are refused below, with those that there are
             let count = present.iter().find(|p| p.0 == *name).map_or(0, |p| p.1.len());
             parameters.push((name.clone(), next, count));
@@ -101,7 +102,7 @@ impl Model {
         let (mut from, mut kept, mut size) = (0, Vec::new(), sizes.iter());
         for (stage, names) in STAGES {
             let start = kept.len();
-            for name in names {
+            for name in names.iter().filter(|name| self.is_smooth(name)) {
                 let (all, first) = (size.next().copied().unwrap_or(0), kept.len());
                 let sparse = PATTERNED.contains(name);
                 kept.extend((from..from + all).filter(|&o| !(sparse && made.is_zero(o))));

@@ -1,7 +1,9 @@
 //! The description of a mechanism: plain, versioned data. World axes of the drawing, SI, radians.
 
+mod couplings;
 mod loads;
 
+pub use couplings::{Coupling, Said};
 pub use loads::{Bushing, Contact, Follows, Friction, Gravity, Law, Load, Sight, Spot, Stop, Tyre, Weightless};
 
 use serde::{Deserialize, Serialize};
@@ -351,105 +353,6 @@ pub enum Turning {
     },
     /// Function number i of those handed along.
     Function(usize),
-}
-
-/// A condition between what is read off a mechanism.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Coupling {
-    /// `Σ factor · reading = offset`.
-    Linear {
-        /// Name.
-        name: String,
-        /// What people call it: gear, rack, distance, ...
-        word: String,
-        /// Readings.
-        terms: Vec<Measure>,
-        /// Their factors.
-        factors: Vec<f64>,
-        /// The sum.
-        offset: f64,
-    },
-    /// `first reading = f(second reading)`, piecewise cubic.
-    Curve {
-        /// Name.
-        name: String,
-        /// What people call it: cam, coupler, ...
-        word: String,
-        /// The two readings.
-        terms: Vec<Measure>,
-        /// The curve.
-        curve: Table,
-        /// Does it repeat itself after its last break?
-        #[serde(default)]
-        periodic: bool,
-    },
-    /// `F(t, readings) = 0`, or at the level of velocities `Σ F_i(t, readings) · rate_i + F_t = 0`.
-    Function {
-        /// Name.
-        name: String,
-        /// What people call it.
-        word: String,
-        /// Readings.
-        terms: Vec<Measure>,
-        /// Function number i of those handed along.
-        function: usize,
-        /// Level.
-        #[serde(default)]
-        level: Level,
-        /// The reading that F measures like: r_0 of `r_0 - f(r_1)`.
-        #[serde(default)]
-        like: Option<usize>,
-    },
-    /// A disc or a ball that rolls on a plane.
-    Roll {
-        /// Name.
-        name: String,
-        /// The body that rolls.
-        body: String,
-        /// Its centre, body axes.
-        center: [f64; 3],
-        /// Axis of the disc, body axes; none for a ball.
-        #[serde(default)]
-        axis: Option<[f64; 3]>,
-        /// Radius (m).
-        radius: f64,
-        /// Body or `ground` that carries the plane.
-        on: String,
-        /// A point of the plane, axes of that body.
-        point: [f64; 3],
-        /// Its normal, towards the centre, axes of that body.
-        normal: [f64; 3],
-        /// May it slip? Then it only touches.
-        #[serde(default)]
-        slips: bool,
-    },
-}
-
-impl Coupling {
-    /// Its name.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Linear { name, .. }
-            | Self::Curve { name, .. }
-            | Self::Function { name, .. }
-            | Self::Roll { name, .. } => name,
-        }
-    }
-    /// What people call it.
-    pub fn word(&self) -> &str {
-        match self {
-            Self::Linear { word, .. } | Self::Curve { word, .. } | Self::Function { word, .. } => word,
-            Self::Roll { .. } => "rolling contact",
-        }
-    }
-    /// What it reads.
-    pub fn terms(&self) -> &[Measure] {
-        match self {
-            Self::Linear { terms, .. } | Self::Curve { terms, .. } | Self::Function { terms, .. } => terms,
-            Self::Roll { .. } => &[],
-        }
-    }
 }
 
 /// Three components, or one function for all.

@@ -208,14 +208,20 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
         }
         c.terms().iter().try_for_each(|m| measure(m, "coupling", c.name()))?;
         let count = c.terms().len();
+        for (what, x) in c.clone().numbers() {
+            finite(x, "coupling", c.name(), what)?;
+        }
+        if let Some(m) = c.fault() {
+            return fail(m);
+        }
         match c {
             Coupling::Linear { factors, offset, .. } => {
                 finite(factors, "coupling", c.name(), "factors")?;
                 finite(&[*offset], "coupling", c.name(), "offset")?;
-                if count == 0 || factors.len() != count || factors.contains(&0.0) || count > value::READINGS {
+                if count == 0 || factors.len() != count || factors.contains(&0.0) {
                     return fail(format!(
-                        "it needs a factor other than 0 for each of its {count} terms, {} at the most; there are {factors:?}",
-                        value::READINGS
+                        "it needs a factor other than 0 for each of its {count} terms, one term at least; there are \
+                         {factors:?}"
                     ));
                 }
             }
@@ -227,22 +233,18 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
             }
             Coupling::Function { function, .. } => {
                 if count == 0 || count > value::READINGS {
-                    return fail(format!("a function looks at 1 to {} readings, {count} are given", value::READINGS));
+                    return fail(format!(
+                        "a function looks at 1 to {} readings, {count} are given; hold sums of many by a coupling of kind \
+                         linear, which takes any number",
+                        value::READINGS
+                    ));
                 }
                 value::check(&Value::Function(*function), functions, "coupling", c.name())?;
             }
-            Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
+            Coupling::Roll { body, axis, on, normal, .. } => {
                 two(known("coupling", c.name(), body)?, known("coupling", c.name(), on)?, "coupling", c.name())?;
                 let axis = axis.unwrap_or([0.0, 0.0, 1.0]);
-                finite(
-                    &[*center, axis, *point, *normal].concat(),
-                    "coupling",
-                    c.name(),
-                    "center, axis, point, normal",
-                )?;
-                if !(radius.is_finite() && *radius > 0.0) {
-                    return fail(format!("radius = {radius} m: a wheel has a positive radius"));
-                }
+                finite(&[axis, *normal].concat(), "coupling", c.name(), "axis, normal")?;
             }
         }
     }

@@ -146,9 +146,9 @@ pub(crate) fn cubic_at<S: Scalar>(table: &Table, x: S) -> [S; 3] {
 
 /// What is left of x up to multiples of a period.
 #[inline(always)]
-pub(crate) fn up_to<S: Scalar>(x: S, period: Option<f64>) -> S {
+pub(crate) fn up_to<S: Scalar>(x: S, period: Option<S>) -> S {
     match period {
-        Some(period) => x - x.scale(1.0 / period).round().scale(period),
+        Some(period) => x - (x * (S::one() / period)).round() * period,
         None => x,
     }
 }
@@ -160,7 +160,7 @@ pub(crate) fn curve_at<S: Scalar>(curve: &Table, periodic: bool, x: S, what: &st
     let x = if periodic {
         // the nearest whole number of periods around the middle
         let middle = S::from_f64(0.5 * (first + last));
-        middle + up_to(x - middle, Some(last - first))
+        middle + up_to(x - middle, Some(S::from_f64(last - first)))
     } else if let Some(x) = x.outside(first - 1e-9 * (last - first), last + 1e-9 * (last - first)) {
         return Err(SystemError::OutsideCurve { what: what.into(), x, from: first, to: last });
     } else {

@@ -208,7 +208,10 @@ class CompiledModel(Equations):
         "JOINT.point" (3, world of the drawing), "SPRING.stiffness", ".damping", ".length", ".point1", ".point2",
         "TORSION.stiffness", ".damping", ".angle", "TORQUE.value", "FORCE.value", "FORCE.point"; values only where they
         are constants. "BUSHING.stiffness" and ".damping" (36, row by row), ".point1", ".point2"; of friction, stops,
-        contacts and tyres the numbers by the names of the arguments, exponents excepted.
+        contacts and tyres the numbers by the names of the arguments, exponents excepted. "GEAR.ratio", "RACK.radius",
+        "BELT.radius1", ".radius2", "DISTANCE.length", ".point1", ".point2", "SCREW.pitch", "ROLLING.radius", ".center",
+        ".point", and "COUPLER.factors", ".offset" of what was added by `add_coupler`; curves, tables and functions are
+        none.
         """
         return {name: x[0] if len(x) == 1 else x for name, x in self.core.parameters()}
 
@@ -219,8 +222,9 @@ class CompiledModel(Equations):
         Every number stands for itself: a new mass leaves the inertia as it was, a joint's point moves on both of its
         bodies, which stay where they are drawn. Prefer it to a new mechanism in sweeps and gradients.
 
-        Raises `DescriptionError` for unknown names, wrong counts, numbers that no body can have, and points that would
-        take a planar mechanism out of its plane; `ArgumentError` for what is no number.
+        Raises `DescriptionError` for unknown names, wrong counts, numbers that no body, coupling or screw can have,
+        points that would take a planar mechanism out of its plane, and factors by which a coupling in space would hold
+        rates alone where it holds positions (see `add_coupler`); `ArgumentError` for what is no number.
 
         >>> import partita as pt
         >>> m = pt.Mechanism("pendulum")

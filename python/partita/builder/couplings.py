@@ -27,7 +27,7 @@ from .relations import Law, Profile, RateLaw
 from .values import Function, is_table, table
 
 MOST = 12
-"""Readings of one coupling at the most."""
+"""What a function looks at, at the most."""
 _PERIOD_CLOSES = 1e-9
 
 
@@ -45,7 +45,8 @@ def add_coupler(
     The general form of gear, rack, belt and distance: a differential has three terms, a planetary gear too.
 
     Args:
-        terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; up to 12.
+        terms: joints (their first coordinates), or `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`; any
+            number of them.
         factors: one number for each, none of them 0. With units, the first is a number without one, and the others
             bring their terms into its unit: (1, "-20 mm/rad") of a slide and a turn.
         offset: the sum, in the unit of the first term; coordinates of joints are zero as drawn.
@@ -66,7 +67,8 @@ def add_coupler(
     found = _terms(self, element, terms)
     units = [measured_in(self, term) for term in found]
     weights = [
-        number(element, "factors", f) for f in numbers(element, "factors", factors, _per(units)).ravel().tolist()
+        number(element, "factors", f)
+        for f in numbers(element, "factors", factors, factor_units(units)).ravel().tolist()
     ]
     if len(weights) != len(found):
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
@@ -103,7 +105,8 @@ def add_gear(
     name = f"gear {joint1} - {joint2}" if name is None else name
     element = _element(self, name)
     terms = [Coordinate(joint2, coordinate2), Coordinate(joint1, coordinate1)]
-    value = number(element, "ratio", ratio, _per([measured_in(self, measure(self, element, x)) for x in terms])[1])
+    units = [measured_in(self, measure(self, element, x)) for x in terms]
+    value = number(element, "ratio", ratio, factor_units(units)[1])
     if value == 0.0:
         element.fail("ratio is 0: joint2 would stand still; weld it (add_fixed) in its place")
     made = add_coupler(self, name, terms, [1.0, -value], word="gear")
@@ -408,6 +411,10 @@ def add_constraint(
     """
     element = _element(self, name)
     terms = _terms(self, element, of)
+    if len(terms) > MOST:
+        element.fail(
+            f"its function would see {len(terms)} measures; {MOST} is the most. add_coupler holds a sum of any number"
+        )
     kind = choice(element, "level", level, ("position", "velocity"))
     if not callable(function):
         element.fail(f"function must be callable, not {function!r}")
@@ -442,7 +449,7 @@ def _positive(element: Element, what: str, value: Any) -> float:
     return found
 
 
-def _per(units: list[str]) -> list[str]:
+def factor_units(units: list[str]) -> list[str]:
     """Units of factors that bring every term into the unit of the first."""
     return ["" if unit == units[0] else f"{units[0] or '1'}/{unit}" if unit else units[0] for unit in units]
 
@@ -467,8 +474,8 @@ def _which(mechanism: Drawing, made: Coupling) -> dict[str, Any]:
 def _terms(mechanism: Drawing, element: Element, terms: Any) -> list[dict[str, Any]]:
     if isinstance(terms, str | dict) or not isinstance(terms, Sequence):
         element.fail(f"terms must be a list of joints or measures, not {terms!r}")
-    if not 1 <= len(terms) <= MOST:
-        element.fail(f"it needs 1 to {MOST} terms, not {len(terms)}")
+    if not terms:
+        element.fail("it has no terms; name one joint or measure at least")
     return [measure(mechanism, element, term) for term in terms]
 
 

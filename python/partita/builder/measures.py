@@ -6,6 +6,7 @@ for its first coordinate.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from .bodies import resolve, to_world
 from .checks import Array, Element, direction, vector
 from .drawing import Drawing
 from .joints import coordinate_of, joint_record, scalars, unit_of
-from .records import Body, Joint
+from .records import Body, Description, Joint
 
 BodyLike = Body | str
 
@@ -132,8 +133,13 @@ def drawn(mechanism: Drawing, spec: Spec) -> float:
 
 def measured_in(mechanism: Drawing, spec: Spec) -> str:
     """Unit of a measure; "" of a cosine."""
+    return measure_unit(mechanism._description, spec)
+
+
+def measure_unit(description: Description, spec: Mapping[str, Any]) -> str:
+    """The same, of a description."""
     if spec["of"] == "joint":
-        return unit_of(mechanism._description.joints[spec["joint"]], spec["coordinate"])
+        return unit_of(description.joints[spec["joint"]], spec["coordinate"])
     return "" if spec["of"] == "cosine" else "m"
 
 

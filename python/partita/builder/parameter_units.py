@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from ..units.door import SI
+from .couplings import factor_units
 from .joints import effort_of, unit_of
 from .loads import DAMPING, STIFFNESS, per_power
-from .records import Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
+from .measures import measure_unit
+from .records import CouplingRecord, Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
 
 _OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
 _OF_CONTACTS = {"radius1": "m", "radius2": "m", "damping": "s/m", "stick_velocity": "m/s"}
@@ -27,8 +29,10 @@ def parameter_unit(d: Description, name: str) -> SI:
     owner, _, word = name.rpartition(".")
     if owner in d.bodies and word in _OF_BODIES:
         return _OF_BODIES[word]
-    if word.startswith("point"):
+    if word.startswith("point") or (owner in d.joints and word == "pitch"):
         return "m"
+    if owner in d.couplings and (unit := _of_coupling(d, d.couplings[owner], word)) is not None:
+        return unit
     match d.forces.get(owner):
         case SpringRecord():
             return {"stiffness": "N/m", "damping": "N s/m", "length": "m"}.get(word, "")
@@ -41,6 +45,18 @@ def parameter_unit(d: Description, name: str) -> SI:
         case None:
             return ""
     return "N" if word == "value" else ""
+
+
+def _of_coupling(d: Description, coupling: CouplingRecord, word: str) -> SI | None:
+    """None of what is no number of a coupling."""
+    if coupling.kind not in ("linear", "roll"):
+        return None
+    if word in ("radius", "radius1", "radius2", "length", "center"):
+        return "m"
+    units = [measure_unit(d, term) for term in coupling.terms]
+    factors = factor_units(units) if units else []
+    own: dict[str, SI] = {"factors": factors, "offset": units[0], "ratio": factors[-1]} if units else {}
+    return own.get(word)
 
 
 def _of_load(d: Description, load: LoadRecord, word: str) -> SI:

@@ -121,7 +121,7 @@ class Writer:
         if record.kind == "function":
             data["function"] = self._value(data["function"])["function"]
         said = {} if record.kind == "roll" else {"word": record.word, "terms": [dict(term) for term in record.terms]}
-        return {"kind": record.kind, "name": record.name, **said, **data}
+        return {"kind": record.kind, "name": record.name, **said, **data, **_numbers_of(record)}
 
     def _drive(self, record: DriveRecord) -> Iterator[dict[str, Any]]:
         """One drive of the core for each coordinate that is driven."""
@@ -248,3 +248,18 @@ def _body(record: BodyRecord) -> dict[str, Any]:
         "orientation": record.rotation.tolist(),
         "shape": {"kind": "auto"} if record.rod is None else {"kind": "rod", "length": record.rod[2]},
     }
+
+
+def _numbers_of(record: CouplingRecord) -> dict[str, Any]:
+    """The numbers by which a sum was said in place of its factors: they are its parameters."""
+    match record.call:
+        case ("add_gear", {"ratio": number}):
+            return {"said": {"ratio": number}}
+        case ("add_rack", {"radius": number}):
+            return {"said": {"radius": number}}
+        case ("add_belt", said):
+            return {"said": {"radii": {key: said[key] for key in ("radius1", "radius2", "crossed")}}}
+        case ("add_distance", _):
+            return {"said": "length"}
+        case _:
+            return {}

@@ -57,7 +57,7 @@ _STAGES = (
     ("body", "rod"),
     ("joint",),
     ("compliance",),
-    ("coupler", "cam", "rolling"),
+    ("coupler", "gear", "belt", "rack", "distance", "cam", "rolling"),
     ("drive",),
     _FORCES,
     ("sensor",),

@@ -156,6 +156,15 @@ def _pose(element: Element, record: DriveRecord) -> Entries:
 
 def _coupling(record: CouplingRecord) -> str:
     data, word = dict(record.data), {"word": record.word}
+    method, said = record.call
+    if method in ("add_gear", "add_belt", "add_rack", "add_distance"):
+        # the coordinates that are meant anyway, and a belt that is not crossed, go without saying
+        entries = {
+            key: value or None if key in ("coordinate1", "coordinate2", "crossed") else value
+            for key, value in said.items()
+        }
+        length = {"length": data["offset"]} if method == "add_distance" else {}
+        return _table(f"[[{method.removeprefix('add_')}]]", {"name": record.name, **entries, **length})
     match record.kind:
         case "linear":
             return _table("[[coupler]]", {"name": record.name, "terms": list(record.terms), **data, **word})

@@ -19,7 +19,7 @@ const nice = (x) => {
   const five = Number(x.toPrecision(5)), plain = five.toString();
   return plain.length > 9 ? five.toExponential() : plain;
 };
-const UNITS = { mass: "kg", stiffness: "N/m", damping: "N s/m", length: "m" };
+const UNITS = { mass: "kg", stiffness: "N/m", damping: "N s/m", length: "m", radius: "m", radius1: "m", radius2: "m", pitch: "m" };
 const refresh = [];
 function attempt(doIt) {
   let words = "";
@@ -91,9 +91,15 @@ about.lengths.slice(0, 60).forEach((one, i) => {
   field(parent, words, "m", () => motion.lengthOf(one), set, [0.3 * one.drawn, 2 * one.drawn]);
 });
 if (about.lengths.length === 0) $("lengths").textContent = "No body has two joints that turn.";
+// what drawing refuses as well
+const outside = (name, words, x) => {
+  if (about.bounds[name] === "above" && !(x > 0)) return `${words} must be above 0.`;
+  return about.bounds[name] === "not" && x === 0 ? `${words} must not be 0.` : "";
+};
 const scalar = (parent, name, words, unit, positive) => {
   const x = about.values[name][0];
-  const set = (value) => (positive && !(value > 0) ? `${words} must be above 0.` : motion.change({ [name]: [value] }));
+  const set = (value) =>
+    positive && !(value > 0) ? `${words} must be above 0.` : outside(name, words, value) || motion.change({ [name]: [value] });
   field(parent, words, unit, () => motion.get(name)[0], set, x > 0 ? [0.1 * x, 4 * x] : null);
 };
 if (has("gravity")) {
@@ -121,7 +127,7 @@ $("rest").parentElement.addEventListener("toggle", () => {
         all[i] = x;
         // a tensor stays symmetric
         if (count === 9) all[3 * (i % 3) + Math.floor(i / 3)] = x;
-        return motion.change({ [name]: all });
+        return outside(name, `${name} ${part}`, x) || motion.change({ [name]: all });
       };
       field($("rest"), `${name} ${part}`, "", () => motion.get(name)[i], set, null);
     }

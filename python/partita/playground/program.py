@@ -23,6 +23,14 @@ SITED = ("revolute", "spherical", "universal", "constant_velocity")
 """Joints whose point is the same place on both bodies: lengths are measured between these."""
 MOVABLE = (*SITED, "prismatic", "cylindrical")
 MOST_NUMBERS = 9
+_BOUNDS = {
+    "ratio": {"ratio": "not"},
+    "radius": {"radius": "not"},
+    "radii": {"radius1": "above", "radius2": "above"},
+    "length": {"length": "above"},
+    "factors": {"factors": "not"},
+    "roll": {"radius": "above"},
+}
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,8 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
     about = json.loads(told)
     about |= {
         "drives": drives,
-        "values": {name: list(values) for name, values in chosen},
+        "values": {name: list(values) for name, values in chosen if name in about["parameters"]},
+        "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
         # what redundant conditions may open by: rounding, or the misfit of a drawing that is bridged
@@ -129,6 +138,17 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         ],
     }
     return Program(module, about)
+
+
+def bounds(drawn: Mapping[str, Any]) -> dict[str, str]:
+    """What drawing refuses of the numbers of couplings and screws, by parameter: up to 0 ("above"), or 0 ("not")."""
+    found = {f"{joint['name']}.pitch": "not" for joint in drawn["joints"] if joint["kind"] == "screw"}
+    for coupling in drawn["couplings"]:
+        said = coupling.get("said", "factors" if coupling["kind"] == "linear" else coupling["kind"])
+        kind = said if isinstance(said, str) else next(iter(said))
+        for word, bound in _BOUNDS.get(kind, {}).items():
+            found[f"{coupling['name']}.{word}"] = bound
+    return found
 
 
 def functions_of(compiled: CompiledModel) -> list[str]:

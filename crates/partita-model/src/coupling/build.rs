@@ -1,16 +1,17 @@
 //! The conditions of a description.
 
-use super::{order, Condition, Contact, Law, Orientation, Place, Rolling, Says, MOST};
+use super::{order, wraps, Condition, Contact, Law, Orientation, Place, Rolling, Says};
 use crate::error::DescriptionError;
 use crate::gauge::{Maker, Mover, Quantity, Reading};
 use crate::joint::Own;
 use crate::numbers::Numbers;
 use crate::place::Placed;
 use crate::rows::Owner;
-use crate::spec::{Coupling, Drive, Level, Measure, Spec, Turning};
+use crate::spec::{Coupling, Drive, Level, Measure, Said, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
+use std::f64::consts::TAU;
 
 /// All conditions, in the order of their rows, behind the closings of a tree.
 pub(crate) fn all<G: Space>(
@@ -28,7 +29,7 @@ pub(crate) fn all<G: Space>(
     let mut conditions = Vec::with_capacity(places.len());
     for place in places {
         let (name, says) = match place.owner {
-            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, &place, &gauges)),
+            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, numbers, &place, &gauges)),
             Owner::Coupling(i) => {
                 (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &gauges)?)
             }
@@ -52,14 +53,16 @@ pub(crate) fn all<G: Space>(
     Ok(conditions)
 }
 
-fn own<G: Space>(j: usize, placed: &Placed, place: &Place, gauges: &Maker<G>) -> Says<G> {
-    let linear = |factors: Vec<G::S>| Law::Linear { factors, offset: G::S::zero(), period: place.period };
+fn own<G: Space>(j: usize, placed: &Placed, numbers: &Numbers<G::S>, place: &Place, gauges: &Maker<G>) -> Says<G> {
+    let linear = |factors: Vec<G::S>, period| Law::Linear { factors, offset: G::S::zero(), period };
     match placed.joints[j].shape.own {
-        Some(Own::Advance(per_radian)) => {
-            let factors = vec![G::S::one(), G::S::from_f64(-per_radian)];
-            Says::Law(linear(factors), vec![gauges.coordinate(j, 0), gauges.coordinate(j, 1)])
+        Some(Own::Advance(_)) => {
+            let per_radian = numbers.pitches[j] / G::S::from_f64(TAU);
+            let period = place.period.map(|_| per_radian.scale(TAU));
+            let readings = vec![gauges.coordinate(j, 0), gauges.coordinate(j, 1)];
+            Says::Law(linear(vec![G::S::one(), -per_radian], period), readings)
         }
-        Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()]), vec![gauges.twist(j)]),
+        Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()], None), vec![gauges.twist(j)]),
     }
 }
 
@@ -89,24 +92,37 @@ fn coupling<G: Space>(
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];
     let read = |terms: &[Measure]| -> Result<Vec<Reading<G>>, DescriptionError> {
-        assert!(terms.len() <= MOST);
         terms.iter().map(|m| gauges.reading(m, "coupling", c.name())).collect()
     };
     Ok(match c {
-        Coupling::Linear { terms, factors, offset, .. } => {
-            let factors = factors.iter().map(|f| G::S::from_f64(*f)).collect();
-            Says::Law(Law::Linear { factors, offset: G::S::from_f64(*offset), period: place.period }, read(terms)?)
+        Coupling::Linear { terms, said, .. } => {
+            let given = &numbers.couplings[i];
+            let (factors, offset) = given.sum(c);
+            let uncounted: Vec<usize> = (0..terms.len()).filter(|&i| wraps(placed, &terms[i])).collect();
+            let period = place.period.map(|period| match uncounted[..] {
+                [only] => factors[only].scale(TAU),
+                _ => G::S::from_f64(period),
+            });
+            let readings = match (said, &terms[..]) {
+                (Some(Said::Length), [Measure::Distance { body1, body2, .. }]) => {
+                    let nodes = [gauges.node(body1), gauges.node(body2)];
+                    vec![gauges.distance(nodes, [given.vector("point1"), given.vector("point2")])]
+                }
+                _ => read(terms)?,
+            };
+            Says::Law(Law::Linear { factors, offset, period }, readings)
         }
         Coupling::Curve { terms, curve, periodic, .. } => {
             let law = Law::Curve { curve: curve.clone(), periodic: *periodic, period: place.period };
             Says::Law(law, read(terms)?)
         }
         Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),
-        Coupling::Roll { body, center, axis, radius, on, point, normal, .. } => {
+        Coupling::Roll { body, axis, on, normal, .. } => {
+            let given = &numbers.couplings[i];
             let [a, b] = [gauges.node(on), gauges.node(body)];
             let points = [
-                numbers.point_on(placed, a, Vec3::from_f64(*point)),
-                numbers.point_on(placed, b, Vec3::from_f64(*center)),
+                numbers.point_on(placed, a, given.vector("point")),
+                numbers.point_on(placed, b, given.vector("center")),
             ];
             let rot = |node: usize| if node == 0 { placed.basis } else { placed.bodies[node - 1].rot };
             let unit = |x: &[f64; 3], node: usize, what: &str| -> Result<Vec3<f64>, DescriptionError> {
@@ -124,7 +140,7 @@ fn coupling<G: Space>(
                 ends,
                 axis: axis.map(|x| G::vec_from(x.0)),
                 frame: [n, t1, t2].map(|x| G::vec_from(x.0)),
-                radius: G::S::from_f64(*radius),
+                radius: given.number("radius"),
                 links: between.links,
                 nodes: between.nodes,
                 movers: between.movers,

@@ -12,8 +12,8 @@ use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
-/// Readings of a law at the most.
-pub const MOST: usize = value::READINGS;
+/// Readings of a function at the most.
+const MOST: usize = value::READINGS;
 
 /// A law.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub enum Law<S> {
         /// Sum.
         offset: S,
         /// Period.
-        period: Option<f64>,
+        period: Option<S>,
     },
     /// `r_0 = f(r_1)`.
     Curve {
@@ -50,53 +50,66 @@ pub enum Law<S> {
 }
 
 /// A law at one position.
-pub(crate) struct Found<S> {
+pub(crate) struct Found<'a, S> {
     /// F.
     pub value: S,
     /// F_t.
     pub rate: S,
+    gradient: Gradient<'a, S>,
+}
+
+/// F_i: factors as the law has them, however many, or found.
+enum Gradient<'a, S> {
+    Said(&'a [S]),
+    Found([S; MOST]),
+}
+
+impl<S> Found<'_, S> {
     /// F_i.
-    pub gradient: [S; MOST],
+    #[inline(always)]
+    pub(crate) fn gradient(&self) -> &[S] {
+        match &self.gradient {
+            Gradient::Said(factors) => factors,
+            Gradient::Found(gradient) => gradient,
+        }
+    }
 }
 
 impl<S: Scalar> Law<S> {
     /// F, F_t and F_i at the last poses.
     #[inline(always)]
-    pub(crate) fn position<G: Space<S = S>>(
-        &self,
+    pub(crate) fn position<'a, G: Space<S = S>>(
+        &'a self,
         tree: &Tree<G>,
         s: &TreeScratch<G>,
         at: &Instant<S>,
         readings: &[Reading<G>],
         name: &str,
         room: &mut Vec<f64>,
-    ) -> Result<Found<S>, SystemError> {
+    ) -> Result<Found<'a, S>, SystemError> {
         let (o, one) = (S::zero(), S::one());
         let read = |i: usize| readings[i].value(tree, s, at.q);
         let mut gradient = [o; MOST];
-        match self {
+        let (value, rate) = match self {
             Self::Linear { factors, offset, period } => {
-                let mut value = -*offset;
-                for (i, &factor) in factors.iter().enumerate() {
-                    value += factor * read(i);
-                    gradient[i] = factor;
-                }
-                Ok(Found { value: value::up_to(value, *period), rate: o, gradient })
+                let sum = factors.iter().enumerate().fold(-*offset, |sum, (i, &factor)| sum + factor * read(i));
+                let gradient = Gradient::Said(factors);
+                return Ok(Found { value: value::up_to(sum, *period), rate: o, gradient });
             }
             Self::Curve { curve, periodic, period } => {
                 let [y, slope, _] = value::curve_at(curve, *periodic, read(1), name)?;
                 (gradient[0], gradient[1]) = (one, -slope);
-                Ok(Found { value: value::up_to(read(0) - y, *period), rate: o, gradient })
+                (value::up_to(read(0) - y, period.map(S::from_f64)), o)
             }
             Self::Motion { motion, period } => {
                 let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
                 gradient[0] = one;
-                Ok(Found { value: value::up_to(read(0) - p, *period), rate: -u, gradient })
+                (value::up_to(read(0) - p, period.map(S::from_f64)), -u)
             }
             Self::Rate(motion) => {
                 let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
                 gradient[0] = one;
-                Ok(Found { value: o, rate: -p, gradient })
+                (o, -p)
             }
             Self::Function(k) => {
                 let mut x = [o; MOST];
@@ -104,9 +117,10 @@ impl<S: Scalar> Law<S> {
                 let n = readings.len();
                 let found = called(*k, at.callers, at.t, &x[..n], &[o; MOST][..n], name, room)?;
                 gradient.copy_from_slice(&found[3..]);
-                Ok(Found { value: found[0], rate: found[1], gradient })
+                (found[0], found[1])
             }
-        }
+        };
+        Ok(Found { value, rate, gradient: Gradient::Found(gradient) })
     }
 
     /// b at the last twists.

@@ -16,8 +16,8 @@ mod orientation;
 mod rolling;
 
 pub(crate) use build::all;
-pub use law::{Law, MOST};
-pub use order::{order, Place};
+pub use law::Law;
+pub use order::{order, wraps, Place};
 pub use orientation::Orientation;
 pub use rolling::{Contact, Rolling};
 
@@ -97,8 +97,8 @@ impl<G: Space> Condition<G> {
         match &self.says {
             Says::Law(law, readings) => {
                 let found = law.position(tree, s, at, readings, &self.name, room)?;
-                for (reading, factor) in readings.iter().zip(found.gradient) {
-                    reading.columns(factor, tree, s, rows);
+                for (reading, factor) in readings.iter().zip(found.gradient()) {
+                    reading.columns(*factor, tree, s, rows);
                 }
                 if self.holonomic {
                     phi[self.row] = found.value;
@@ -153,8 +153,8 @@ impl<G: Space> Condition<G> {
         match &self.says {
             Says::Law(law, readings) => {
                 let found = law.position(tree, s, at, readings, &self.name, &mut Vec::new())?;
-                for (reading, factor) in readings.iter().zip(found.gradient) {
-                    let effort = lambda[0] * factor;
+                for (reading, factor) in readings.iter().zip(found.gradient()) {
+                    let effort = lambda[0] * *factor;
                     match (reading.unit(tree, s), &reading.quantity) {
                         (Some(unit), Quantity::Spin(_)) if reading.nodes == IN_TREE => {
                             self.act_along(&reading.movers, &unit, effort, tree, s, &mut along);

@@ -38,7 +38,7 @@ fn common(numbers: &[f64]) -> f64 {
 }
 
 /// Is the reading an angle whose whole turns nothing counts?
-fn wraps(placed: &Placed, m: &Measure) -> bool {
+pub fn wraps(placed: &Placed, m: &Measure) -> bool {
     let Some(joint) = m.of_joint() else { return false };
     let in_tree = placed.joint_numbers.get(joint).is_some_and(|&j| placed.joints[j].links.is_some());
     gauge::is_angle(placed, m) && !in_tree && !placed.planar

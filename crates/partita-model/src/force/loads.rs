@@ -48,7 +48,7 @@ pub(super) fn element<G: Space>(
             let skew = (0..6).any(|i| (0..i).any(|j| x.stiffness[i][j] != x.stiffness[j][i]));
             let frame = |body: &str, f: &[[f64; 3]; 3]| Mat3::<G::S>::from_f64(maker.axes(body).mul(&Mat3(*f)).0);
             let matrix = |field: &str| {
-                let all = n.field(field);
+                let all = n.of_load.field(field);
                 std::array::from_fn(|i| std::array::from_fn(|j| all.get(6 * i + j).copied().unwrap_or_default()))
             };
             let twists = |m: &[[f64; 6]; 6]| (0..6).any(|i| (0..6).any(|j| (i > 2 || j > 2) && m[i][j] != 0.0));

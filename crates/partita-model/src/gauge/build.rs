@@ -120,9 +120,7 @@ impl<'a, G: Space> Maker<'a, G> {
             }
             Measure::Distance { body1, point1, body2, point2 } => {
                 let nodes = [node(body1)?, node(body2)?];
-                let [a, b] = [self.point(nodes[0], point1), self.point(nodes[1], point2)];
-                let out = G::out_of_space(b - a);
-                Ok(self.between(nodes, Quantity::Distance(self.ends(nodes, [a, b]), out * out)))
+                Ok(self.distance(nodes, [Vec3::from_f64(*point1), Vec3::from_f64(*point2)]))
             }
             Measure::Along { body1, point1, axis, body2, point2 } => {
                 let nodes = [node(body1)?, node(body2)?];
@@ -239,6 +237,13 @@ impl<'a, G: Space> Maker<'a, G> {
         })?;
         let rot = if node == 0 { self.placed.basis } else { self.placed.bodies[node - 1].rot };
         Ok(rot.apply(unit))
+    }
+
+    /// The distance of two points, given in the axes of their nodes' bodies.
+    pub(crate) fn distance(&self, nodes: [usize; 2], points: [Vec3<G::S>; 2]) -> Reading<G> {
+        let [a, b] = [0, 1].map(|i| self.numbers.point_on(self.placed, nodes[i], points[i]));
+        let out = G::out_of_space(b - a);
+        self.between(nodes, Quantity::Distance(self.ends(nodes, [a, b]), out * out))
     }
 
     /// Two points of the zero position on their nodes.

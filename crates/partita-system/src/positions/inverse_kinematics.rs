@@ -68,7 +68,6 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         };
         if std::mem::replace(&mut self.following, follow) && !follow {
             tangent.closing()?.set_branches(&self.branches);
-            core.q.copy_from_slice(&core.home);
         }
         let iterated = tangent.closing()?.iterations();
         let closed = if follow {
@@ -79,8 +78,17 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
                 false => Err(tangent.undecided(t, &core.q)),
             })
         } else {
-            core.states.scatter(y, &mut core.q);
-            tangent.closing()?.close(t, &mut core.q)
+            // whole turns are those of where the velocities lead: the point solved for last may be a long step away
+            core.predict(tangent.seen().system, t, y, at);
+            let closed = tangent.closing()?.close(t, &mut core.q);
+            if closed.is_err() {
+                // blocks that iterate may have been led too far: once more from the end of the last step
+                core.q.copy_from_slice(&core.home);
+                core.states.scatter(y, &mut core.q);
+                tangent.closing()?.close(t, &mut core.q)
+            } else {
+                closed
+            }
         };
         if at != Point::Inside {
             self.iterations += tangent.closing()?.iterations() - iterated;

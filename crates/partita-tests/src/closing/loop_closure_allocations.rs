@@ -40,14 +40,21 @@ fn closing_allocates_nothing() {
     let mut geared = four_bar.clone().pin("E", "ground", "wheel", [2.0, 0.0]);
     let terms = vec![Measure::joint("E", 0), Measure::joint("D", 0)];
     let (name, word) = ("gear".to_string(), "gear".to_string());
-    geared.0.couplings.push(Coupling::Linear { name, word, terms, factors: vec![1.0, 2.0], offset: 0.0 });
+    geared.0.couplings.push(Coupling::Linear { name, word, terms, factors: vec![1.0, 2.0], offset: 0.0, said: None });
     count(&geared.model(), &["A"], true);
     let mut tied = four_bar.clone().pin("E", "ground", "wheel", [2.0, 0.0]);
     let (body1, point1) = ("rocker".to_string(), [0.1, 0.3, 0.0]);
     let measure = Measure::Distance { body1, point1, body2: "wheel".into(), point2: [0.2, 0.4, 0.0] };
     let (name, word) = ("distance".to_string(), "distance".to_string());
     let drawn: f64 = 0.0 + (2.2_f64 - 1.3).hypot(0.4 - 1.2);
-    tied.0.couplings.push(Coupling::Linear { name, word, terms: vec![measure], factors: vec![1.0], offset: drawn });
+    tied.0.couplings.push(Coupling::Linear {
+        name,
+        word,
+        terms: vec![measure],
+        factors: vec![1.0],
+        offset: drawn,
+        said: None,
+    });
     count(&tied.model(), &["A"], false);
     // a triad: both bars of a Stephenson chain's four-bar loop unknown
     let triad = drawing("triad")

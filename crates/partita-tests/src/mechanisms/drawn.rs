@@ -394,6 +394,7 @@ pub fn couple(rng: &mut fastrand::Rng, spec: &mut Spec, planar: bool, kind: usiz
         terms,
         factors,
         offset,
+        said: None,
     };
     let coupling = match kind % COUPLINGS {
         0 => linear(terms_of(2), vec![first, second], 0.0),
