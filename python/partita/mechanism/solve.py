@@ -106,6 +106,14 @@ def assemble(
         if not doubts:
             raise
         raise AssemblyError(f"{error.message}; suspicious: {'; '.join(doubts)}", **error.fields) from None
+    except ArgumentError as error:
+        if error.argument != "coordinates" or coordinates != "absolute" or near is not None:
+            raise
+        # a coupling holds its rates alone in these coordinates, but positions in relative ones
+        said_so = {"fixed": fixed, "guess": guess, "branch": branch, "t": t, "tolerance": tolerance}
+        found = assemble(self, targets, rates, **said_so, parameters=parameters)
+        there = _converted(self, found, coordinates, parameters)
+        return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
