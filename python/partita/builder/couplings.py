@@ -395,8 +395,8 @@ def add_constraint(
         gradient: (t, x1, x2, ...) -> the partial derivatives; None: found exactly where the function takes numbers that
             carry derivatives (arithmetic, NumPy functions), else by central differences, and a note says so.
 
-    The function must be continuous with its slopes, and of an angle of a joint that closes a loop in space (or in absolute
-    coordinates), whose whole turns are not known, the same after a whole turn wherever the angle comes to half of one.
+    The function must be continuous with its slopes. Of an angle of a joint that closes a loop in space (or in absolute
+    coordinates) whole turns are not known: where it comes to half a turn, the function must repeat itself.
 
     Raises:
         DescriptionError: the gradient given is that of another function.

@@ -17,8 +17,10 @@ from .values import finite, one_number
 
 _SMOOTH = 1e-3
 """A smooth function's slope changes over this much of its argument by no more than ten times itself."""
+_ROUND_OFF = 1e-6
+"""Curvatures known within this part of the other slopes are as good as differences of order 8 get."""
 _BESIDE = (0.0, 0.1310585786)
-"""Where a gradient is compared with its function: as drawn, and away from the zeros that functions like to have there."""
+"""Where a gradient is compared with its function: as drawn, and away from the zeros that functions have there."""
 _ANOTHER = 1e-4
 """A gradient typed with five digits is meant for its function; a larger part off, it is that of another."""
 
@@ -91,7 +93,7 @@ class Law:
                 if abs(slope - number) > _ANOTHER * size:
                     self.element.fail(
                         f"at t = 0 s and ({', '.join(f'{v:g}' for v in at)}) entry {i} of the gradient given is "
-                        f"{number:g}, but the slope of the function is {slope:g}; leave the gradient out, and it is found"
+                        f"{number:g}, but the slope of the function is {slope:g}; leave the gradient out: it is found"
                     )
 
     def _path(self, at: Callable[..., Any], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:
@@ -111,14 +113,15 @@ class Law:
         return found
 
     def _smooth(self, value: float, slope: float, error: float, size: float, t: float) -> None:
-        """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds, so that
-        they alone say nothing: `size` is that of its other slopes and of its terms."""
-        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value), size):
+        """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds
+        and alone say nothing: `size` is that of its other slopes and of its terms."""
+        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value), _ROUND_OFF * size):
             raise self._error(
                 t,
                 f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "
                 f"within {error:.0e} only); a condition must be twice differentiable",
             )
+
     def _number(self, value: Any, t: float) -> float:
         try:
             return one_number(value)
