@@ -145,9 +145,6 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
     fn row_name(&self, i: usize) -> String {
         format!("constraint {i}")
     }
-    fn row_may_jump(&self, _i: usize) -> bool {
-        true // functions of the user's, all of them
-    }
     fn rheonomic(&self) -> bool {
         self.equations.rheonomic()
     }
