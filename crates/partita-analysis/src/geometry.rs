@@ -168,6 +168,9 @@ impl ConstrainedSystem for Geometry<'_> {
     fn row_is_drive(&self, i: usize) -> bool {
         self.model.row_is_drive(self.rows[i])
     }
+    fn row_may_jump(&self, i: usize) -> bool {
+        self.model.row_may_jump(self.rows[i])
+    }
     fn drawing_tolerance(&self) -> f64 {
         self.model.drawing_tolerance()
     }

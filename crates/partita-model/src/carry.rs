@@ -3,13 +3,14 @@
 use crate::joint::Motion;
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, SystemError};
+use std::f64::consts::TAU;
 
 impl Model {
     /// (q, v) of this model in which every body is and moves as in `from` at its (q, v). Both models must be compiled from the
     /// same description; which joints they cut and whether their coordinates are relative or absolute does not matter.
     ///
-    /// Whole turns are kept where both models have the joint in their trees.
+    /// Whole turns are kept where both models have the joint in their trees, and in the plane.
     pub fn carried_over(&self, from: &Model, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut s = from.scratch();
         from.look(q, v, &mut s);
@@ -17,10 +18,39 @@ impl Model {
         for e in &self.placed.topology.tree {
             match e.joint {
                 Some(j) => self.carry_joint(j, from, (q, v), &s, &mut q2, &mut v2),
-                None => self.carry_floating(e.to - 1, from, &s, &mut q2, &mut v2),
+                None => self.carry_floating(e.to - 1, (from, q), &s, &mut q2, &mut v2),
             }
         }
         (q2, v2)
+    }
+
+    /// How far a body of a planar mechanism has turned from the drawing, whole turns included.
+    fn turned(&self, body: usize, q: &[f64]) -> f64 {
+        let (mut sum, mut link) = (0.0, self.placed.bodies[body].link);
+        while link != 0 {
+            let l = &self.placed.links[link];
+            if let Motion::Turn(a) = l.motion {
+                sum += a.0[2].signum() * q[l.q];
+            }
+            link = l.parent;
+        }
+        sum
+    }
+
+    /// Refuse a state of another model of the same mechanism in which something is wound farther than this one can tell: in
+    /// its coordinates it would be another state.
+    ///
+    /// # Errors
+    /// `Wound`.
+    pub fn told_from(&self, from: &Model, q: &[f64]) -> Result<(), SystemError> {
+        for (own, other) in self.full.elements.iter().zip(&from.full.elements) {
+            let (Some((what, middle, within)), Some(counted)) = (own.told(), other.counted()) else { continue };
+            let by = q[counted] - middle;
+            if by.abs() > within {
+                return Err(SystemError::Wound { what: what.to_string(), by });
+            }
+        }
+        Ok(())
     }
 
     /// Coordinates of a joint in the tree.
@@ -60,7 +90,14 @@ impl Model {
     }
 
     /// Coordinates of a floating body: displacement of its centre of mass and turn, from the drawing.
-    fn carry_floating(&self, body: usize, from: &Model, s: &ModelScratch, q: &mut [f64], v: &mut [f64]) {
+    fn carry_floating(
+        &self,
+        body: usize,
+        (from, q_from): (&Model, &[f64]),
+        s: &ModelScratch,
+        q: &mut [f64],
+        v: &mut [f64],
+    ) {
         let b = &self.spec.bodies[body];
         let x = from.body_state(body, s);
         let drawn = Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -79,7 +116,8 @@ impl Model {
                     v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0);
                 }
                 Motion::Turn(_) => {
-                    q[l.q] = turn.0[1][0].atan2(turn.0[0][0]);
+                    let (angle, counted) = (turn.0[1][0].atan2(turn.0[0][0]), from.turned(body, q_from));
+                    q[l.q] = angle + ((counted - angle) / TAU).round() * TAU;
                     v[l.v] = spin.0[2];
                 }
                 Motion::Slide(a) => {

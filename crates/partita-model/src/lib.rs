@@ -34,6 +34,7 @@ pub mod recorded;
 pub mod reduced;
 pub mod rows;
 pub mod shown;
+mod slip;
 mod sparse_mass;
 pub mod spec;
 pub mod topology;

@@ -79,6 +79,7 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
         }
         SystemError::OutsideCurve { what, .. }
         | SystemError::Wound { what, .. }
+        | SystemError::Uncounted { what, .. }
         | SystemError::Twisted { what, .. } => {
             raise(py, "EvaluationError", &message, &[("t", f64::NAN.into()), ("where", what.into())])
         }

@@ -308,6 +308,7 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = other.state(&q, &v)?;
+            self.inner.told_from(&other.inner, &q).map_err(|e| failure::system(py, e))?;
             let (q, v) = self.inner.carried_over(&other.inner, &q, &v);
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
         })

@@ -269,6 +269,7 @@ fn blamed(error: &SystemError) -> String {
         SystemError::OutsideTable { what, .. }
         | SystemError::OutsideCurve { what, .. }
         | SystemError::Wound { what, .. }
+        | SystemError::Uncounted { what, .. }
         | SystemError::Twisted { what, .. } => what.clone(),
         _ => String::new(),
     }

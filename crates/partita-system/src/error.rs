@@ -78,6 +78,18 @@ pub enum SystemError {
         /// By how much.
         by: f64,
     },
+    /// A function of an angle came where it would have to count whole turns.
+    #[error(
+        "{what}: its function is not the same after a whole turn of an angle that stands at {by:.3} rad, and the turns of a joint \
+         that closes a loop in space are known within half a turn only; keep the joint in the tree (cut = \"never\", relative \
+         coordinates), or give a function that repeats itself"
+    )]
+    Uncounted {
+        /// Which element.
+        what: String,
+        /// Where the angle stands.
+        by: f64,
+    },
     /// A bushing was turned farther than it can hold.
     #[error(
         "{what}: its frames are turned by {by:.3} rad against each other; a bushing holds less than half a turn: let a joint \
@@ -285,7 +297,7 @@ pub enum SystemError {
     },
     /// A condition is left in a step, however short.
     #[error(
-        "{what} jumps by {} at t = {}: no body follows a step; give it a motion that is continuous with its rate",
+        "{what} jumps by {} at t = {}: no body follows a step; what is prescribed must be continuous with its rate",
         told(*by), six_digits(*t)
     )]
     Jump {

@@ -335,6 +335,10 @@ pub trait ConstrainedSystem: Sync {
     fn row_is_drive(&self, _i: usize) -> bool {
         false
     }
+    /// May condition `i` hold in one place at one instant and in another at the next? What closes a loop cannot.
+    fn row_may_jump(&self, i: usize) -> bool {
+        self.row_is_drive(i)
+    }
     /// Does row `i` close a direction (rad), not a length?
     fn row_is_angle(&self, _i: usize) -> bool {
         false

@@ -398,8 +398,13 @@ def add_constraint(
         gradient: (t, x1, x2, ...) -> the partial derivatives; None: found exactly where the function takes numbers that
             carry derivatives (arithmetic, NumPy functions), else by central differences, and a note says so.
 
+    The function must be continuous with its slopes. Of an angle of a joint that closes a loop in space (or in absolute
+    coordinates) whole turns are not known: where it comes to half a turn, the function must repeat itself.
+
     Raises:
-        EvaluationError: the function returns anything but finite numbers (here or during a run).
+        DescriptionError: the gradient given is that of another function.
+        EvaluationError: the function returns anything but finite numbers, jumps, or would have to count turns (here or
+            during a run).
 
     >>> import partita as pt
     >>> m = pt.Mechanism("pendulum on a parabola")
@@ -421,7 +426,9 @@ def add_constraint(
     if gradient is not None and (kind == "velocity" or not callable(gradient)):
         element.fail("gradient is a function of (t, x1, x2, ...), of a condition on positions")
     law = Law(element, function, gradient) if kind == "position" else RateLaw(element, function, None)
-    law(0.0, [drawn(self, term) for term in terms], [0.0] * len(terms))
+    start = [drawn(self, term) for term in terms]
+    law(0.0, start, [0.0] * len(terms))
+    law.compare(start)
     data = {"function": Function(law), "level": kind}
     said = {"function": function, "of": terms, "gradient": gradient, "level": kind, "word": str(word)}
     record = CouplingRecord(element.name, "function", str(word), tuple(terms), data, ("add_constraint", said))

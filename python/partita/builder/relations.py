@@ -17,6 +17,12 @@ from .values import finite, one_number
 
 _SMOOTH = 1e-3
 """A smooth function's slope changes over this much of its argument by no more than ten times itself."""
+_ROUND_OFF = 1e-6
+"""Curvatures known within this part of the other slopes are as good as differences of order 8 get."""
+_BESIDE = (0.0, 0.1310585786)
+"""Where a gradient is compared with its function: as drawn, and away from the zeros that functions have there."""
+_ANOTHER = 1e-4
+"""A gradient typed with five digits is meant for its function; a larger part off, it is that of another."""
 
 
 class Law:
@@ -47,38 +53,74 @@ class Law:
 
     def __call__(self, t: float, x: Any, rates: Any) -> list[float]:
         at, along = [float(v) for v in x], [float(v) for v in rates]
-        value, _, bend = self._path(lambda s, f: f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), t)
-        rate = self._path(lambda s, f: f(t + s, *at), t)[1]
-        if self.gradient is not None:
-            slopes = self._numbers(self.gradient(t, *at), len(at), t)
-        else:
-            slopes = [
-                self._path(lambda s, f, i=i: f(t, *(v + s if j == i else v for j, v in enumerate(at))), t)[1]
+        paths = [self._path(lambda s, f: f(t + s, *at), t)]
+        if self.gradient is None:
+            paths += [
+                self._path(lambda s, f, i=i: f(t, *(v + s if j == i else v for j, v in enumerate(at))), t)
                 for i in range(len(at))
             ]
+        rate, *slopes = (path[1] for path in paths)
+        if self.gradient is not None:
+            slopes = self._numbers(self.gradient(t, *at), len(at), t)
+        # what is added up in F where it vanishes: its terms, as they are and as they move
+        terms = sum(abs(g) * (abs(v) + abs(r)) for g, v, r in zip(slopes, at, along, strict=True))
+        paths.append(
+            self._path(lambda s, f: f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), t, scale=terms)
+        )
+        size = max(terms, *(abs(x) for x in (rate, *slopes)))
+        for value, slope, _, error in paths:
+            self._smooth(value, slope, error, size, t)
+        value, _, bend, _ = paths[-1]
         return self._finite([value, rate, bend, *slopes], t)
 
-    def _path(self, at: Callable[..., Any], t: float) -> tuple[float, float, float]:
-        """F, F', F'' over s at s = 0."""
+    def compare(self, x: Sequence[float]) -> None:
+        """Refuse a gradient that is plainly another function's, at x and a little beside it.
+
+        Where the function cannot be evaluated, or not be differentiated, it tells nothing.
+        """
+        if self.gradient is None:
+            return
+        alone = Law(self.element, self.function, None)
+        for beside in _BESIDE:
+            at = [float(v) + beside for v in x]
+            try:
+                slopes = alone(0.0, at, [0.0] * len(at))[3:]
+                given = self._numbers(self.gradient(0.0, *at), len(at), 0.0)
+            except Exception:  # whatever a user's function does where nobody asked it to be defined
+                continue
+            size = max(map(abs, [*slopes, *given]))
+            for i, (slope, number) in enumerate(zip(slopes, given, strict=True)):
+                if abs(slope - number) > _ANOTHER * size:
+                    self.element.fail(
+                        f"at t = 0 s and ({', '.join(f'{v:g}' for v in at)}) entry {i} of the gradient given is "
+                        f"{number:g}, but the slope of the function is {slope:g}; leave the gradient out: it is found"
+                    )
+
+    def _path(self, at: Callable[..., Any], t: float, scale: float = 0.0) -> tuple[float, float, float, float]:
+        """F, F', F'' over s at s = 0, and the error of F''; `scale`: the size of what is added up in F."""
         try:
             found = at(Jet(0.0, 1.0), self.function)
             found = found if isinstance(found, Jet) else Jet(one_number(found))
-            return found.x, found.d1, found.d2
+            return found.x, found.d1, found.d2, 0.0
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
-            value, slope, bend, error = differences(lambda s: self._number(at(s, self.function), t), 0.0)
-        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value)):
+            found = differences(lambda s: self._number(at(s, self.function), t), 0.0, scale)
+        if not self.notes:
+            self.notes.append(
+                f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '
+                f"are central differences of order 8, good to about {found[3]:.0e} in the second derivative; use NumPy "
+                "functions (np.sin instead of math.sin)"
+            )
+        return found
+
+    def _smooth(self, value: float, slope: float, error: float, size: float, t: float) -> None:
+        """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds
+        and alone say nothing: `size` is that of its other slopes and of its terms."""
+        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value), _ROUND_OFF * size):
             raise self._error(
                 t,
                 f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "
                 f"within {error:.0e} only); a condition must be twice differentiable",
             )
-        if not self.notes:
-            self.notes.append(
-                f'coupling "{self.element.name}": the function could not be differentiated exactly, so its derivatives '
-                f"are central differences of order 8, good to about {error:.0e} in the second derivative; use NumPy "
-                "functions (np.sin instead of math.sin)"
-            )
-        return value, slope, bend
 
     def _number(self, value: Any, t: float) -> float:
         try:
@@ -117,7 +159,10 @@ class RateLaw(Law):
             return lambda s, f: self._entry(f(t + s, *(v + s * r for v, r in zip(at, along, strict=True))), i, n)
 
         weights = [*along, 1.0]
-        bend = sum(weight * self._path(entry(i), t)[1] for i, weight in enumerate(weights) if weight != 0.0)
+        paths = [(weight, self._path(entry(i), t)) for i, weight in enumerate(weights) if weight != 0.0]
+        for _, (value, slope, _, error) in paths:
+            self._smooth(value, slope, error, max(map(abs, values)), t)
+        bend = sum(weight * path[1] for weight, path in paths)
         return self._finite([0.0, values[n], bend, *values[:n]], t)
 
     def _coefficients(self, t: float, at: Sequence[float]) -> list[float]:

@@ -106,6 +106,14 @@ def assemble(
         if not doubts:
             raise
         raise AssemblyError(f"{error.message}; suspicious: {'; '.join(doubts)}", **error.fields) from None
+    except ArgumentError as error:
+        if error.argument != "coordinates" or coordinates != "absolute" or near is not None:
+            raise
+        # a coupling holds its rates alone in these coordinates, but positions in relative ones
+        also: dict[str, Any] = {"fixed": fixed, "guess": guess, "branch": branch, "t": t, "tolerance": tolerance}
+        found = assemble(self, targets, rates, **also, parameters=parameters)
+        there = _converted(self, found, coordinates, parameters)
+        return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
     return State(time, q, v, layout=layout, assembly=json.loads(said))
 
 
@@ -140,6 +148,8 @@ def _rates(
     if not isinstance(wanted, Mapping):
         return _indexed("rates", wanted, layout.velocity_names, layout.v, layout, model), []
     outside = {key: value for key, value in wanted.items() if _is_outside(str(key), model, layout)}
+    for key in outside:
+        _not_of_a_turn_in_space(str(key), model)
     inside = {key: value for key, value in wanted.items() if key not in outside}
     return _indexed("rates", inside, layout.velocity_names, layout.v, layout, model), _valued("rates", outside, model)
 
@@ -150,6 +160,20 @@ def _is_outside(key: str, model: CompiledModel, layout: Layout) -> bool:
         return False
     names = {joint["name"] for joint in model.summary["joints"] if joint["state_v"] is None and joint["v"][1] > 0}
     return key in names or key.rpartition(".")[0] in names
+
+
+def _not_of_a_turn_in_space(key: str, model: CompiledModel) -> None:
+    """Refuse rates of a turn about all axes that is no part of the state."""
+    for joint in model.summary["joints"]:
+        name, slides = joint["name"], joint["v"][1] - 3
+        turns = joint["q"][1] != joint["v"][1] and key in (name, *(f"{name}.{axis}" for axis in joint["axes"][slides:]))
+        if turns:
+            raise ArgumentError(
+                f"rates[{key!r}]: the turn in space of joint {name!r} is no part of this state, as it closes a loop or "
+                "stands in absolute coordinates; give rates of what is (velocities of bodies), or assemble in relative "
+                "coordinates with the joint in the tree: a run in absolute ones takes that state over",
+                argument="rates",
+            )
 
 
 def convert(self: Modelled, state: State, coordinates: str) -> State:

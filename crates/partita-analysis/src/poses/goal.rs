@@ -151,6 +151,17 @@ impl Target {
         matches!(self.source, Source::Joint { wraps: true, .. })
     }
 
+    /// Refuse a value that q cannot hold: an angle whose turns it does not know, wound by them.
+    ///
+    /// # Errors
+    /// `Wound`.
+    pub fn told(&self, model: &Model, value: f64) -> Result<(), SystemError> {
+        match self.source {
+            Source::Joint { joint, velocity, wraps: true, .. } => model.told_at(joint, velocity, value),
+            _ => Ok(()),
+        }
+    }
+
     /// Its value at q; an angle read off a pose comes within half a turn of `near`.
     pub fn value(&self, model: &Model, q: &[f64], rest: &[f64], s: &mut ModelScratch, near: f64) -> f64 {
         match &self.source {

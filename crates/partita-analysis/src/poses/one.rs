@@ -56,7 +56,8 @@ pub struct One {
 /// The loops of the model closed from q, and what is asked met.
 ///
 /// # Errors
-/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense.
+/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense, or where a coupling that is held
+/// by its rates alone would slip; `Wound` where an angle cannot be told from one a turn beside it.
 pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemError> {
     let mut found = One { q: q.to_vec(), ..One::default() };
     guess(model, t, &mut found.q, &ask.guess)?;
@@ -84,8 +85,10 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
     let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
     for (level, (x, asked)) in asked {
         let value = x.value(model, &found.q, &rest, &mut s, *asked);
+        x.told(model, value)?;
         found.met.push(Met { name: x.name.clone(), level, asked: *asked, value });
     }
+    model.held_on(q, &found.q)?;
     Ok(found)
 }
 

@@ -11,9 +11,15 @@ use crate::value::{self, failed, finite, Callers, Instant};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
+use std::f64::consts::TAU;
 
 /// Readings of a function at the most.
 const MOST: usize = value::READINGS;
+
+/// A little less than half a turn (rad): beyond, an angle whose turns nothing counts may come out a whole turn beside the next.
+const KNOWN: f64 = 3.0;
+/// A function is the same after a whole turn if it is so to this part of its numbers: more than round-off of sines and cosines.
+const SAME: f64 = 1e-9;
 
 /// A law.
 #[derive(Clone, Debug)]
@@ -115,7 +121,8 @@ impl<S: Scalar> Law<S> {
                 let mut x = [o; MOST];
                 readings.iter().enumerate().for_each(|(i, _)| x[i] = read(i));
                 let n = readings.len();
-                let found = called(*k, at.callers, at.t, &x[..n], &[o; MOST][..n], name, room)?;
+                let uncounted = |i: usize| readings[i].wraps && readings[i].adds_up.is_empty();
+                let found = called(*k, at.callers, at.t, (&x[..n], &[o; MOST][..n]), uncounted, name, room)?;
                 gradient.copy_from_slice(&found[3..]);
                 (found[0], found[1])
             }
@@ -152,7 +159,8 @@ impl<S: Scalar> Law<S> {
                     (x[i], rates[i]) = (reading.value(tree, s, at.q), reading.rate(tree, s, at.v));
                 }
                 let n = readings.len();
-                let found = called(*k, at.callers, at.t, &x[..n], &rates[..n], name, room)?;
+                // that it is told where it stands was asked of the position
+                let found = called(*k, at.callers, at.t, (&x[..n], &rates[..n]), |_| false, name, room)?;
                 Ok((0..n).fold(found[2], |sum, i| sum + found[3 + i] * bias(i)))
             }
         }
@@ -178,19 +186,34 @@ impl<S: Scalar> Law<S> {
     }
 }
 
-/// The numbers of a function of the user's at readings and rates.
+/// The numbers of a function of the user's at readings and rates. Near half a turn of a reading whose turns nothing counts it has
+/// to be the same a turn further on: else the next position might be another by a jump.
 fn called<S: Scalar>(
     k: usize,
     callers: &Callers,
     t: S,
-    x: &[S],
-    rates: &[S],
+    (x, rates): (&[S], &[S]),
+    uncounted: impl Fn(usize) -> bool,
     name: &str,
     room: &mut Vec<f64>,
 ) -> Result<[S; value::RELATION], SystemError> {
     let arguments = Arguments { t, q: x, v: rates, q_sizes: &[], v_sizes: &[] };
     S::call(arguments, room, |t, x, rates| {
-        let found = callers.functions.relation(k, t, x, rates).map_err(|e| failed(name, e))?;
-        finite(found, name, t)
+        let ask = |x: &[f64]| {
+            let found = callers.functions.relation(k, t, x, rates).map_err(|e| failed(name, e))?;
+            finite(found, name, t)
+        };
+        let found = ask(x)?;
+        for i in (0..x.len()).filter(|&i| uncounted(i) && x[i].abs() > KNOWN) {
+            let mut beside = [0.0; MOST];
+            beside[..x.len()].copy_from_slice(x);
+            beside[i] -= TAU.copysign(x[i]);
+            let other = ask(&beside[..x.len()])?;
+            let size = found.iter().chain(&other).fold(0.0, |m: f64, y| m.max(y.abs()));
+            if found.iter().zip(&other).any(|(a, b)| (a - b).abs() > SAME * size) {
+                return Err(SystemError::Uncounted { what: name.to_string(), by: x[i] });
+            }
+        }
+        Ok(found)
     })
 }

@@ -282,6 +282,20 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// Name of an element that counts turns of an angle which is read off the pose, about which value it can tell them, and how
+    /// far from it.
+    pub fn told(&self) -> Option<(&str, f64, f64)>
+    where
+        G: Space<S = f64>,
+    {
+        match self {
+            Self::CutTorsion(e) if e.along.wraps() => Some((&e.name, e.angle, reading::KNOWN)),
+            Self::Stop(e) if e.along.wraps() => Some((&e.name, e.middle.0, e.middle.1)),
+            Self::EffortOver(e) if e.turns => Some((&e.name, 0.0, reading::KNOWN)),
+            _ => None,
+        }
+    }
+
     /// Does a function of the user's see all coordinates, turns included, or does an angle add up from several?
     pub fn sees_coordinates(&self) -> bool {
         let along = match self {

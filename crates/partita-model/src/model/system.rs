@@ -6,6 +6,7 @@ use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
 use crate::rows::Owner;
+use crate::spec::Coupling;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -114,6 +115,13 @@ impl ConstrainedSystem for Model {
     }
     fn row_is_drive(&self, i: usize) -> bool {
         matches!(self.row_names[i].owner, Owner::Drive(_))
+    }
+    fn row_may_jump(&self, i: usize) -> bool {
+        match self.row_names[i].owner {
+            Owner::Drive(_) => true,
+            Owner::Coupling(k) => matches!(self.spec.couplings[k], Coupling::Function { .. }),
+            Owner::Joint(_) => false,
+        }
     }
     fn rheonomic(&self) -> bool {
         self.full.conditions.iter().any(Condition::is_rheonomic)

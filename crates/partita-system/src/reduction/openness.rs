@@ -110,13 +110,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
     }
 
-    /// Does a step end with a drive so far open that it left it, rather than drifted? What closes a loop cannot jump.
+    /// Does a step end with a drive or a function of the user's so far open that it left it, rather than drifted?
     ///
     /// # Errors
     /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.
     pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
-        let drives = (0..self.size.holonomic).filter(|&i| self.system.row_is_drive(i));
-        let (part, row) = worst(drives.map(|i| (i, self.phi[i] / self.row_size[i])));
+        let given = (0..self.size.holonomic).filter(|&i| self.system.row_may_jump(i));
+        let (part, row) = worst(given.map(|i| (i, self.phi[i] / self.row_size[i])));
         if part <= JUMP {
             return Ok(());
         }
