@@ -131,8 +131,8 @@ def test_cylinders_stand_beside_each_other(browser: Chromium, tmp_path: Path) ->
 
 
 def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
-    """Solids of every kind, points, loads, a name of 60 letters with markup in it: no error, and what is named can be told
-    from joint to joint."""
+    """Solids of every kind, points, loads, a name of 60 letters with markup in it: no error, and what is named can be
+    told from joint to joint."""
     m = pt.Mechanism("cart", gravity=(0, -9.81, 0))
     cart = m.add_body("cart", mass=5.0, inertia=(1, 1, 1), position=(0, 0.3, 0))
     wheel = m.add_body("wheel", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0.4, 0.2, 0))

@@ -140,3 +140,4 @@ def test_all_words_of_runs_of_every_kind() -> None:
     single = pt.catalogue.entry("four-bar").mechanism().simulate(1.0, t_eval=[0.0])
     for run in (run_of("double-wishbone"), run_of("heavy-top"), run_of("rolling-ball"), single):
         run.plot("overview", "coordinates", "velocities", "accelerations", "reactions", "bearings", "paths", "energy")
+    assert [line.get_marker() for line in single.plot("velocities").axes[0].get_lines()] == ["o"] * 3  # else unseen
