@@ -105,9 +105,8 @@ def describe(
     tables = _tables(result, motion) | pushed
     if not packed:
         return scene | {"tables": tables}
-    scene = slim(scene)
     choices = _choices(np.asarray(result.independent))
-    others = len(json.dumps([scene, choices], separators=(",", ":")))
+    others = len(json.dumps([slim(scene), choices], separators=(",", ":")))
     places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
     kept = pack_tables(tables | plotted, others, places)
     return scene | {
