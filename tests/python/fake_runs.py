@@ -141,19 +141,23 @@ def pendulum(nt: int = 30, **options: Any) -> Fake:
 def data(page: str) -> dict[str, Any]:
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
     assert found is not None
-    return json.loads(found[1])
+    scene = json.loads(found[1])
+    none = dict.fromkeys(("axis", "axis2", "atParent", "rail", "seat", "seatParent"))
+    scene["joints"] = [none | {"open": [False, False]} | joint for joint in scene["joints"]]
+    return scene
 
 
 def unpacked(table: dict[str, Any], frames: int) -> np.ndarray:
     values = np.empty((frames, table["columns"]))
-    values[:] = [np.nan if x is None else x for x in table["still"]]
+    moving = np.cumsum(table["moving"], dtype=int)
+    values[:, np.setdiff1d(np.arange(table["columns"]), moving)] = table["still"] or 0.0
     bytes_ = base64.b64decode(table["data"])
     if "low" in table:
         whole = np.frombuffer(bytes_, "<u2").reshape(frames, -1)
         stored = np.where(whole == LEVELS + 1, np.nan, np.array(table["low"]) + np.array(table["step"]) * whole)
     else:
         stored = np.frombuffer(bytes_, "<f4").reshape(frames, -1)
-    values[:, table["moving"]] = stored
+    values[:, moving] = stored
     return values
 
 

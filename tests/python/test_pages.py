@@ -131,12 +131,14 @@ def test_cylinders_stand_beside_each_other(browser: Chromium, tmp_path: Path) ->
 
 
 def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
-    """Solids of every kind, points and loads: no error, and what is named can be told from joint to joint."""
+    """Solids of every kind, points, loads, a name of 60 letters with markup in it: no error, and what is named can be
+    told from joint to joint."""
     m = pt.Mechanism("cart", gravity=(0, -9.81, 0))
     cart = m.add_body("cart", mass=5.0, inertia=(1, 1, 1), position=(0, 0.3, 0))
     wheel = m.add_body("wheel", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0.4, 0.2, 0))
     m.add_prismatic("slide", m.ground, cart, point=(0, 0.3, 0), axis=(1, 0, 0))
-    m.add_revolute("hub", cart, wheel, point=(0.4, 0.2, 0), axis=(0, 0, 1))
+    hub = ("<b>" + 6 * "nabe-äöü-❤ ")[:60]
+    m.add_revolute(hub, cart, wheel, point=(0.4, 0.2, 0), axis=(0, 0, 1))
     m.add_force(cart, (30.0, 0.0, 0.0), point=(-0.5, 0.0, 0.0), name="push")
     shapes = {
         "cart": [{"kind": "box", "size": (1, 0.25, 0.5)}, {"kind": "ball", "radius": 0.05, "center": (0, 0.3, 0)}],
@@ -150,7 +152,7 @@ def test_what_a_person_adds_is_drawn(browser: Chromium, tmp_path: Path) -> None:
         m.simulate(1.0), tmp_path / "cart.html", shapes=shapes, points={"P": ("wheel", (0.2, 0, 0))}
     )
     assert faults(browser, path, fixed_bytes()) == []
-    assert {"slide", "hub", "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
+    assert {"slide", hub, "push", "P"} <= set(browser.value("partita.joints().map((p) => p.name)"))
 
 
 def test_paths_run_smoothly_through_outputs(browser: Chromium, tmp_path: Path) -> None:

@@ -31,6 +31,9 @@ def test_over_a_coordinate_lines_are_the_run() -> None:
     assert np.array_equal(drawn[~gaps, 1], np.linalg.norm(run.joint("A").force, axis=1))
     assert gaps.sum() == np.count_nonzero(np.diff(np.floor(angle / 360.0)))
     assert "[deg]" in run.plot("energy", x="A").axes[0].get_xlabel()
+    # No joint of it carries a moment: its forces have the paper, and ticks that tell the angle.
+    (ax,) = run.plot("reactions", x="A").axes
+    assert "[deg]" in ax.get_xlabel() and len(ax.get_xticks()) > 3
 
 
 def test_few_outputs_on_a_turn_are_dots() -> None:
@@ -101,7 +104,7 @@ def test_a_star_says_something() -> None:
     every = run_of("bennett").plot("reactions")
     assert not any("*" in label for n in (0, 1) for label in lines(every, n))
     assert "no force here is unique" in every.get_supxlabel()
-    assert run_of("jansen-pair").plot("reactions").get_supxlabel() == ""
+    assert run_of("jansen-pair").plot("reactions").get_supxlabel() == "no joint carries a moment"
 
 
 def test_own_axes_are_drawn_into() -> None:
@@ -140,3 +143,4 @@ def test_all_words_of_runs_of_every_kind() -> None:
     single = pt.catalogue.entry("four-bar").mechanism().simulate(1.0, t_eval=[0.0])
     for run in (run_of("double-wishbone"), run_of("heavy-top"), run_of("rolling-ball"), single):
         run.plot("overview", "coordinates", "velocities", "accelerations", "reactions", "bearings", "paths", "energy")
+    assert [line.get_marker() for line in single.plot("velocities").axes[0].get_lines()] == ["o"] * 3  # else unseen

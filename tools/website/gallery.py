@@ -144,6 +144,9 @@ def _shape(kind: str, points: Points, hue: str) -> str:
     if kind == "plate":
         corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         return f'<polygon class="{hue}" points="{corners}"/>'
+    if kind == "frame":
+        ring = "L".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        return f'<path class="{hue}" fill="none" d="M{ring}Z"/>'
     if len(points) == 1:
         return f'<circle class="body {hue}" cx="{points[0, 0]:.1f}" cy="{points[0, 1]:.1f}" r="6"/>'
     middle, ends = points[0], points[1:]

@@ -51,6 +51,8 @@ class Abscissa:
             }
             ax.plot(self.values, y, ls="none", color=colour, label=style.get("label"), **look)
             return
+        if len(self.values) == 1:  # of a single output there is no line
+            style = {**style, "marker": "o", "ms": 4}
         at = np.flatnonzero(self.breaks)
         ax.plot(np.insert(self.values, at, np.nan), np.insert(np.asarray(y, dtype=float), at, np.nan), *form, **style)
 

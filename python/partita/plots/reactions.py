@@ -16,11 +16,23 @@ PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
 def draw_reactions(result: Readable, canvas: Canvas, x: Abscissa | None = None) -> None:
     """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where what is not unique
     carries load."""
-    upper, lower = canvas.subplots(2, 1, sharex=True)
-    notes = {draw_loads(result, ax, key, x) for ax, key in ((upper, "force"), (lower, "moment"))} - {""}
-    upper.set_xlabel("")
+    carried = [key for key in PARTS if carries(result, key)]
+    panels = canvas.subplots(max(1, len(carried)), 1, sharex=True, squeeze=False)[:, 0]
+    notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, carried or ["force"], strict=True)} - {""}
+    for upper in panels[:-1]:
+        upper.set_xlabel("")
+    if len(carried) == 1:  # an empty panel would say the same on half of the paper
+        notes.add(f"no joint carries a {next(key for key in PARTS if key not in carried)}")
     if notes:
         canvas.supxlabel("; ".join(sorted(notes)), fontsize=8, color="#555555")
+
+
+def carries(result: Readable, key: str) -> bool:
+    """Does any joint carry a force, or a moment, that is more than rounding?"""
+    if not result.names.joints:
+        return False
+    most, force = (float(np.nanmax(np.abs(result.reactions[what]), initial=0.0)) for what in (key, "force"))
+    return most > 1e-11 * max(1.0, force)
 
 
 def draw_loads(result: Readable, ax: Axes, key: str, x: Abscissa | None = None) -> str:
@@ -38,7 +50,7 @@ def draw_loads(result: Readable, ax: Axes, key: str, x: Abscissa | None = None) 
         return ""
     size = np.linalg.norm(result.reactions[key], axis=2)
     peak = np.nanmax(size, axis=0, initial=0.0)
-    if float(peak.max()) <= 1e-11 * max(1.0, float(np.nanmax(np.abs(result.reactions["force"]), initial=0.0))):
+    if not carries(result, key):
         empty(ax, f"no joint carries a {key}")
         return ""
     own = np.einsum("tjab,tja->tjb", result.reactions["joint_rotation"], result.reactions[key])

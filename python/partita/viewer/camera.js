@@ -50,7 +50,7 @@ class Camera {
         high[i] = Math.max(high[i], dot(p, axis) + spare);
       });
     }
-    const wide = this.width * 0.84, tall = Math.max(60, this.height - this.head - 52);
+    const wide = this.width - Math.max(36, 0.1 * this.width), tall = Math.max(60, this.height - this.head - 52);
     this.scale = Math.min(wide / (high[0] - low[0]), tall / (high[1] - low[1]));
     if (!this.parallel) this.scale /= 1 + (high[2] - low[2]) / 2 / this.distance;
     const middle = [0, 1, 2].map((i) => (low[i] + high[i]) / 2);

@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 PULLEYS = 0.42
 """Two pulleys of a belt together, in parts of the distance of their axes: a ratio alone tells no size."""
+ROUND = 73
+"""Points of a belt around a pulley: so many that no corner is seen."""
 TEETH = range(16, 33)
 LONGEST_PATH = 240
 
@@ -293,6 +295,10 @@ class _Artist:
             return False
         teeth = self.teeth(lengths, [None, None])
         for (centre, radius, turn), n in zip(tips, teeth, strict=True):
+            if np.linalg.norm(centre - turn.point) > 0.2 * radius:  # a shaft to the wheel from where it is held
+                ends = {f"body{end}": turn.child for end in (1, 2)}
+                places = self.local(turn.child, turn.point), self.local(turn.child, centre)
+                self.found.rods.append({**ends, "point1": places[0], "point2": places[1]})
             towards = scale * line - (centre - apex)
             self.found.wheels.append(
                 {
@@ -351,8 +357,8 @@ class _Artist:
             )
         lean = np.arccos(((radii[0] + radii[1]) if crossed else (radii[0] - radii[1])) / distance)
         # Around the first from its upper point of contact by the far side to the lower one, then around the second.
-        first = np.linspace(lean, 2.0 * np.pi - lean, 25)
-        second = np.linspace(-lean, lean, 25) if not crossed else np.linspace(np.pi - lean, lean - np.pi, 25)
+        first = np.linspace(lean, 2.0 * np.pi - lean, ROUND)
+        second = np.linspace(-lean, lean, ROUND) if not crossed else np.linspace(np.pi - lean, lean - np.pi, ROUND)
         middle = b.point + ((a.point - b.point) @ axis) * axis
         ring = [a.point + radii[0] * (np.cos(t) * x + np.sin(t) * y) for t in first]
         ring += [middle + radii[1] * (np.cos(t) * x + np.sin(t) * y) for t in second]

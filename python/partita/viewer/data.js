@@ -3,14 +3,16 @@
 /** A table packed by the page's writer, as rows of numbers: one row per frame. */
 function unpack(table, frames) {
   const bytes = Uint8Array.from(atob(table.data), (c) => c.charCodeAt(0));
-  const { columns, low, step } = table, count = table.moving.length;
+  const { columns, low, step } = table, count = table.moving.length, moving = [], fixed = [];
+  table.moving.forEach((more, m) => moving.push(m ? moving[m - 1] + more : more));
+  for (let c = 0, m = 0; c < columns; c++) if (moving[m] === c) m++; else fixed.push(c);
   const stored = low ? new Uint16Array(bytes.buffer) : new Float32Array(bytes.buffer);
   const values = new Float32Array(frames * columns);
   for (let f = 0; f < frames; f++) {
-    for (let c = 0; c < columns; c++) values[f * columns + c] = table.still[c] === null ? NaN : table.still[c];
+    if (table.still.length) fixed.forEach((c, i) => { values[f * columns + c] = table.still[i]; });
     for (let m = 0; m < count; m++) {
       const x = stored[f * count + m];
-      values[f * columns + table.moving[m]] = !low ? x : x === 65535 ? NaN : low[m] + step[m] * x;
+      values[f * columns + moving[m]] = !low ? x : x === 65535 ? NaN : low[m] + step[m] * x;
     }
   }
   return {
@@ -38,10 +40,25 @@ function perpendicular(a) {
   return unit(cross(a, Math.abs(a[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]));
 }
 
+/** A scene with all that its writer left out because it is usual. */
+function filled(scene) {
+  const none = { axis: null, axis2: null, atParent: null, rail: null, seat: null, seatParent: null, open: [false, false] };
+  const joints = scene.joints.map((joint) => ({ ...none, ...joint }));
+  const curves = scene.curves.map((curve) => {
+    if (curve.load === undefined) return { labels: [""], size: false, open: false, ...curve };
+    const { load, of } = curve, moment = of === "moment";
+    return {
+      group: `${of}s of joints`, name: `${of} in ${joints[load].name}`, table: of, columns: [3 * load, 3 * load + 1, 3 * load + 2],
+      unit: moment ? "N m" : "N", labels: [""], size: true, open: joints[load].open[moment ? 1 : 0],
+    };
+  });
+  return { ...scene, joints, curves };
+}
+
 /** The run as the rest of the page sees it: where bodies and joints are in a frame. */
 class Run {
   constructor(scene) {
-    this.scene = scene;
+    this.scene = filled(scene);
     this.frames = scene.frames;
     this.tables = {};
     for (const name of Object.keys(scene.tables)) this.tables[name] = unpack(scene.tables[name], scene.frames);

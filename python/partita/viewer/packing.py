@@ -47,7 +47,7 @@ def pack_tables(tables: Mapping[str, FloatArray], others: int = 0, steering: Flo
     """
     nt = len(next(iter(tables.values())))
     moving = {name: _moving(table) for name, table in tables.items()}
-    still = sum(table.shape[1] for table in tables.values()) * 14
+    still = sum(int((~own).sum()) * 14 + int(own.sum()) * 3 for own in moving.values())
     columns = max(1, sum(int(own.sum()) for own in moving.values()))
     room = max(0, BYTES - others - still) * 3 // 4  # three bytes are four letters
     fine = room // (4 * columns)
@@ -98,10 +98,12 @@ def _stray(table: FloatArray, kept: NDArray[np.int_]) -> FloatArray:
 
 def _packed(table: FloatArray, moving: NDArray[np.bool_], frames: NDArray[np.int_], coarse: bool) -> dict[str, Any]:
     values = table[frames][:, moving]
+    still = [float(f"{x:.9g}") for x in table[0, ~moving]]
     about = {
         "columns": int(table.shape[1]),
-        "moving": np.flatnonzero(moving).tolist(),
-        "still": [None if m else float(f"{x:.9g}") for x, m in zip(table[0], moving, strict=True)],
+        # from one to the next, and nothing where all that is still is 0: both are long lists of large mechanisms
+        "moving": np.diff(np.flatnonzero(moving), prepend=0).tolist(),
+        "still": still if any(still) else [],
     }
     if not coarse:
         with np.errstate(over="ignore"):

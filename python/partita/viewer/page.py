@@ -14,6 +14,7 @@ from ..readable import Readable, checked_run
 from ..webpage import part_of, whole_page
 from .hints import solids, traced
 from .scene import describe
+from .slim import slim
 
 SCRIPTS = (
     "data.js", "theme.js", "camera.js", "shapes.js", "extent.js", "paths.js", "labels.js", "legends.js", "solids.js",
@@ -61,7 +62,7 @@ def html(
         )
     bodies = list(result.names.bodies)
     scene = describe(result, title, solids(shapes, bodies), traced(points, bodies))
-    return whole_page(__package__, scene["title"], scene, SCRIPTS)
+    return whole_page(__package__, scene["title"], slim(scene), SCRIPTS)
 
 
 def write_html(

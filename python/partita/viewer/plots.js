@@ -164,13 +164,14 @@ class Plots {
     if (plot.text === text) return;
     plot.text = text;
     caption.replaceChildren();
-    caption.append(`${curve.name}: `);
+    const read = element("span", "read"); // kept whole where the name must be cut
+    caption.append(element("span", "what", `${curve.name}: `), read);
     values.forEach((line, n) => {
       const part = element("span", "", (n ? ", " : "") + (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3));
       if (values.length > 1) part.style.color = COLOURS.lines[n % COLOURS.lines.length];
-      caption.append(part);
+      read.append(part);
     });
-    caption.append(`${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`);
+    read.append(`${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`);
     caption.title = text;
     plot.canvas.setAttribute("aria-label", `${text} at ${short(this.run.t[frame])} s; arrow keys change the time`);
   }

@@ -15,6 +15,7 @@ from .couplings import Pictures, pictures
 from .curves import curves, loads_open
 from .geometry import outline, plane_normal, solid_of, view
 from .packing import pack_tables
+from .slim import slim
 
 FloatArray = NDArray[np.float64]
 
@@ -105,7 +106,7 @@ def describe(
     if not packed:
         return scene | {"tables": tables}
     choices = _choices(np.asarray(result.independent))
-    others = len(json.dumps([scene, choices], separators=(",", ":")))
+    others = len(json.dumps([slim(scene), choices], separators=(",", ":")))
     places = np.concatenate([motion.position, motion.point], axis=1).reshape(len(result.t), -1)
     kept = pack_tables(tables | plotted, others, places)
     return scene | {

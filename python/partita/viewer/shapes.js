@@ -192,10 +192,10 @@ class Painter {
     const second = cross(axis, first), module = teeth ? (2 * radius) / teeth : 0, inwards = ring ? -1 : 1;
     const fine = module * p.s > 1.2; // teeth that can be seen
     const rim = [];
-    for (let k = 0; k < (fine ? teeth : 48); k++) {
+    for (let k = 0; k < (fine ? teeth : 96); k++) {
       const steps = fine ? [[-0.28, -1.1], [-0.13, 0.9], [0.13, 0.9], [0.28, -1.1]] : [[0, 0]];
       for (const [part, height] of steps) {
-        const angle = phase + ((k + part) * 2 * Math.PI) / (fine ? teeth : 48);
+        const angle = phase + ((k + part) * 2 * Math.PI) / (fine ? teeth : 96);
         rim.push([angle, radius + inwards * height * (fine ? module : 0)]);
       }
     }

@@ -480,7 +480,7 @@ class Stage:
             length = value / per_pixel
             right = self.width - margin
             sheet.line([(right - length, y), (right, y)], colour, 2 * FINER)
-            said = f"{value:g} {unit}"
+            said = f"{1e6 * value:g} µm" if unit == "m" and value < 1e-3 else f"{value:g} {unit}"
             ends = sheet.draw.textbbox((0, 0), said, font=self.font)
             at = (right - length - ends[2] - 8 * FINER, y - (ends[1] + ends[3]) / 2)
             sheet.draw.text(at, said, fill=colour, font=self.font)

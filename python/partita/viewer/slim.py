@@ -1,0 +1,38 @@
+"""A scene without what its page fills in again: of large mechanisms descriptions would be as large as the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+DIGITS = 9
+"""Of lengths in a description; the motion itself is kept in single precision."""
+
+
+def slim(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene with fewer words; `filled` in data.js is its inverse.
+
+    Joints lose what they have not, curves what is usual of their kind, numbers digits that no picture shows.
+    """
+    bodies = [_short({**body}) for body in scene["bodies"]]
+    joints = [_short({key: x for key, x in joint.items() if x not in (None, [False, False])})
+              for joint in scene["joints"]]  # fmt: skip
+    return {**scene, "bodies": bodies, "joints": joints, "curves": [_curve(curve) for curve in scene["curves"]]}
+
+
+def _curve(curve: Mapping[str, Any]) -> dict[str, Any]:
+    if curve["size"]:  # a joint's force or moment: all is said by which
+        return {"load": curve["columns"][0] // 3, "of": curve["table"]}
+    usual = {"labels": [""], "size": False, "open": False}
+    return {key: x for key, x in curve.items() if key not in usual or x != usual[key]}
+
+
+def _short(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _short(x) for key, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [_short(x) for x in value]
+    if isinstance(value, float):
+        short = float(f"{value:.{DIGITS}g}")
+        return int(short) if short.is_integer() and abs(short) < 1e9 else short
+    return value
