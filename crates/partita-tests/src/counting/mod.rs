@@ -9,7 +9,8 @@ struct Counting;
 thread_local! {
     // constant and without a destructor: reaching it allocates nothing
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-    static BYTES: Cell<usize> = const { Cell::new(0) };
+    /// What was asked for on this thread, whether it was given back or not.
+    pub static BYTES: Cell<usize> = const { Cell::new(0) };
 }
 
 // SAFETY: every call is handed to the system's allocator unchanged.
@@ -39,17 +40,4 @@ pub fn allocations<R>(f: impl FnOnce() -> R) -> (R, usize) {
     assert!(before > start, "the counter counts");
     let result = f();
     (result, ALLOCATIONS.get() - before)
-}
-
-/// How many bytes `f` asks for on the thread that calls it, whether it gives them back or not.
-///
-/// # Panics
-/// If the counter does not count.
-pub fn bytes<R>(f: impl FnOnce() -> R) -> (R, usize) {
-    let before = BYTES.get();
-    std::hint::black_box(vec![1.0; 3]);
-    let start = BYTES.get();
-    assert!(start >= before + 24, "the counter counts");
-    let result = f();
-    (result, BYTES.get() - start)
 }

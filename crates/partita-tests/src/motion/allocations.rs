@@ -1,6 +1,6 @@
 //! After the first call an evaluation of a mechanism allocates nothing, whichever way its equations are projected.
 
-use crate::counting::{allocations, bytes};
+use crate::counting::{allocations, BYTES};
 use crate::mechanisms::{body, compile, couple, drawing, empty, joint, loads, Moment, Wishes, COUPLINGS, ROLLS};
 use partita_analysis::run::{meant::Stand, run};
 use partita_integrate::simulate::Status;
@@ -268,6 +268,16 @@ fn frictions_that_follow_reactions_allocate_nothing() {
             }
         }
     }
+}
+
+/// How many bytes `f` asks for on this thread, whether it gives them back or not.
+fn bytes<R>(f: impl FnOnce() -> R) -> (R, usize) {
+    let before = BYTES.get();
+    std::hint::black_box(vec![1.0; 3]);
+    let start = BYTES.get();
+    assert!(start >= before + 24, "the counter counts");
+    let result = f();
+    (result, BYTES.get() - start)
 }
 
 /// From the look at its drawing to the end of a few steps: nothing in a run is kept for each pair of loops, let alone for each
