@@ -156,3 +156,15 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
     assert "outside the folder" in told and "nothing is fetched" in told and ".dae" in told and "radius" in told
     scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
     assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
+
+
+def test_pulleys_have_their_radii_where_there_is_room() -> None:
+    """Axes 0.5 m apart: wheels of 0.1 and 0.3 m stand beside each other, of 0.2 and 0.6 m they cannot and show the ratio."""
+    for part, seen in ((1.0, [0.1, 0.3]), (2.0, [0.0525, 0.1575])):
+        m = pt.Mechanism("belt")
+        for i in (1, 2):
+            wheel = m.add_body(f"wheel {i}", mass=1.0, inertia=(1, 1, 2), position=(0.5 * i, 0, 0))
+            m.add_revolute(f"A{i}", m.ground, wheel, point=(0.5 * i, 0, 0))
+        m.add_belt("A1", "A2", radius1=0.1 * part, radius2=0.3 * part)
+        wheels = data(viewer.html(m.simulate(0.1)))["wheels"]
+        assert sorted(wheel["radius"] for wheel in wheels) == pytest.approx(seen)

@@ -1,8 +1,8 @@
 """How couplings look: gears that mesh, belts, racks, cams, wheels that roll, rods without mass.
 
 A description says ratios, not wheels. Where the axes stand, wheels of that ratio that touch are unique, so gears are
-drawn to scale, with teeth for show; of belts the ratio alone is known. What has no picture is a thin line between its
-parts.
+drawn to scale, with teeth for show; pulleys have their radii, where there is room. What has no picture is a thin line
+between its parts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .geometry import plain
 FloatArray = NDArray[np.float64]
 
 PULLEYS = 0.42
-"""Two pulleys of a belt together, in parts of the distance of their axes: a ratio alone tells no size."""
+"""Two pulleys of a belt together, in parts of the distance of their axes, where there is no room for theirs."""
 ROUND = 73
 """Points of a belt around a pulley: so many that no corner is seen."""
 TEETH = range(16, 33)
@@ -108,7 +108,8 @@ class _Artist:
             if coupling["kind"] != "linear":
                 return False
             if word == "belt":
-                return self.belt(joints, coupling["factors"])
+                said = (coupling.get("said") or {}).get("radii")
+                return self.belt(joints, coupling["factors"], said and (said["radius2"], said["radius1"]))
             return word == "gear" and self.mesh(joints, coupling["factors"])
         if len(joints) == 2 and joints[0] in self.slides and joints[1] in self.turns:
             slide, turn = self.slides[joints[0]], self.turns[joints[1]]
@@ -317,8 +318,9 @@ class _Artist:
 
     # ---- belts, racks, cams
 
-    def belt(self, joints: Sequence[str], factors: Sequence[float]) -> bool:
-        """Two pulleys and the belt around both, open or crossed by the sign of the ratio."""
+    def belt(self, joints: Sequence[str], factors: Sequence[float], said: Sequence[float] | None) -> bool:
+        """Two pulleys and the belt around both, open or crossed by the sign of the ratio; to scale where radii
+        were said that have room between the axes."""
         if len(joints) != 2:
             return False
         a, b = (self.turns[name] for name in joints)
@@ -339,7 +341,7 @@ class _Artist:
             known = self.pulleys.get((turn.child, tuple(np.round(turn.point, 9))))
             if known is not None and known / weight * sum(weights) < 0.85 * distance:
                 scale = known / weight
-        radii = [weight * scale for weight in weights]
+        radii = list(said) if said and sum(said) < distance else [weight * scale for weight in weights]
         for turn, radius in zip((a, b), radii, strict=True):
             self.pulleys.setdefault((turn.child, tuple(np.round(turn.point, 9))), radius)
             self.found.wheels.append(
