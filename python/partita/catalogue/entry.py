@@ -57,8 +57,9 @@ class Entry:
     """A problem with a known answer.
 
     `title` and `source` are words for people; `duration` [s] is the length of the run that `checks` judge, with
-    `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need; `notes` tells conventions and traps. A
-    member of the zoo has `truth`: its mobility, redundancy and unique reactions by the theory of mechanisms.
+    `options` of `Mechanism.simulate`; `times` [s] are outputs the checks need, `samples` how many others there are;
+    `notes` tells conventions and traps. A member of the zoo has `truth`: its mobility, redundancy and unique reactions
+    by the theory of mechanisms.
 
     >>> import partita as pt
     >>> entry = pt.catalogue.entry("planar-pendulum")
@@ -77,6 +78,7 @@ class Entry:
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: str = ""
     truth: Truth | None = None
+    samples: int = 201
 
     def mechanism(self) -> Mechanism:
         """A new mechanism, drawn closed in its starting position: all joint coordinates begin at zero."""
@@ -86,9 +88,10 @@ class Entry:
         """The starting state of `mechanism`, which `mechanism()` made: drawn position, published rates."""
         return self.start(mechanism)
 
-    def t_eval(self, samples: int = 201) -> FloatArray:
-        """Output times [s]: `samples` equal ones over the duration, and exactly those the checks need."""
-        even = np.linspace(0.0, self.duration, samples)
+    def t_eval(self, samples: int | None = None) -> FloatArray:
+        """Output times [s]: `samples` equal ones over the duration, as many as the entry has unless said otherwise, and
+        exactly those the checks need."""
+        even = np.linspace(0.0, self.duration, self.samples if samples is None else samples)
         wanted = np.array([t for t in self.times if t <= self.duration], dtype=float)
         near = np.abs(even[:, None] - wanted) <= 1e-9 * self.duration
         return np.sort(np.concatenate([even[~near.any(axis=1)], wanted]))

@@ -45,35 +45,35 @@ def in_line(m: Mechanism, angles: tuple[float, ...], directions: tuple[complex, 
 
 
 @member(MEMBERS, "engine-inline-two", "two cylinders in line, crank pins opposite",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def inline_two(m: Mechanism) -> None:
     """Rods and pistons 0.1 m apart along the shaft."""
     in_line(m, (35.0, 215.0))
 
 
 @member(MEMBERS, "engine-inline-three", "three cylinders in line, crank pins in thirds",
-        planar(7, 10, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(7, 10, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def inline_three(m: Mechanism) -> None:
     """Pins at 120 degrees."""
     in_line(m, (35.0, 155.0, 275.0))
 
 
 @member(MEMBERS, "engine-inline-four", "four cylinders in line, crank pins in a plane",
-        planar(9, 13, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(9, 13, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def inline_four(m: Mechanism) -> None:
     """The outer pins on one side, the inner on the other."""
     in_line(m, (35.0, 215.0, 215.0, 35.0))
 
 
 @member(MEMBERS, "engine-boxer", "boxer twin: opposite cylinders move against each other",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def boxer(m: Mechanism) -> None:
     """Crank pins opposite, cylinders as well."""
     in_line(m, (35.0, 215.0), (1.0 + 0j, -1.0 + 0j))
 
 
 @member(MEMBERS, "engine-v-twin", "V twin: two rods side by side on one crank pin, cylinders at a right angle",
-        planar(5, 7, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(5, 7, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def v_twin(m: Mechanism) -> None:
     """Cylinders 45 degrees to either side of the upright."""
     pin = flat(polar(THROW, 20.0))
@@ -83,7 +83,7 @@ def v_twin(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "engine-radial-five", "radial engine: a master rod carries four others, five cylinders in a star",
-        planar(11, 16, HEYWOOD), rates={"main": 60.0})  # fmt: skip
+        planar(11, 16, HEYWOOD), rates={"main": 60.0}, samples=1201)  # fmt: skip
 def radial_five(m: Mechanism) -> None:
     """Knuckle pins 0.03 from the crank pin, in fifths about it; the other rods shorter by as much."""
     pin, up = polar(THROW, 25.0), 1j

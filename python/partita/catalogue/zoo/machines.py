@@ -119,7 +119,7 @@ def windscreen_wiper(m: Mechanism) -> None:
 
 
 @member(MEMBERS, "needle-bar", "sewing machine: needle bar and thread lever on one crank",
-        planar(5, 7, ARTOBOLEVSKY), rates={"A": 30.0})  # fmt: skip
+        planar(5, 7, ARTOBOLEVSKY), rates={"A": 30.0}, samples=601)  # fmt: skip
 def needle_bar(m: Mechanism) -> None:
     """A slider-crank and a four-bar share the crank pin (times 0.1: crank 0.15, rod 0.4, lever 0.3 and 0.25)."""
     pin, pivot = polar(0.015, 20.0), 0.03 + 0.02j

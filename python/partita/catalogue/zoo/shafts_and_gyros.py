@@ -71,7 +71,7 @@ def rccc(m: Mechanism) -> None:
 
 @member(MEMBERS, "gyroscope", "gyroscope in two gimbals, out of balance a little",
         Truth(3, 0, EVERYTHING, why="an open chain of three hinges", source=MAGNUS),
-        rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL)  # fmt: skip
+        rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL, samples=801)  # fmt: skip
 def gyroscope(m: Mechanism) -> None:
     """The rotor's centre lies 5 mm beside the crossing of the axes; the inner frame begins 30 degrees tilted."""
     axis = around((1, 0, 0), 30.0) @ (0.0, 1.0, 0.0)
@@ -85,7 +85,7 @@ def gyroscope(m: Mechanism) -> None:
 
 @member(MEMBERS, "heavy-top", "Lagrange's heavy top on a ball joint",
         Truth(3, 0, EVERYTHING, why="a ball leaves three turns", source=MAGNUS),
-        rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL)  # fmt: skip
+        rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL, samples=1500)  # fmt: skip
 def heavy_top(m: Mechanism) -> None:
     """A disc 0.1 m from its tip, leaning by 40 degrees."""
     axis = around((0, 1, 0), 40.0) @ (0.0, 0.0, 1.0)
@@ -95,7 +95,8 @@ def heavy_top(m: Mechanism) -> None:
 
 @member(MEMBERS, "gyro-pair", "two rotors against each other in a frame that flies freely",
         Truth(8, 0, EVERYTHING, why="the frame's six and a turn each", source=MAGNUS),
-        rates={"flight": (0.1, 0.0, 0.05, 0.2, 0.3, 0.1), "left": 80.0, "right": -70.0}, gravity=REST)  # fmt: skip
+        rates={"flight": (0.1, 0.0, 0.05, 0.2, 0.3, 0.1), "left": 80.0, "right": -70.0}, gravity=REST,
+        samples=1001)  # fmt: skip
 def gyro_pair(m: Mechanism) -> None:
     """Axes inclined to each other by 60 degrees."""
     link(m, "frame", REST, (0.2, 0, 0), (-0.2, 0, 0), (0, 0.1, 0), density=3.0)
