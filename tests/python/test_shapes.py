@@ -159,7 +159,7 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
 
 
 def test_pulleys_have_their_radii_where_there_is_room() -> None:
-    """Axes 0.5 m apart: wheels of 0.1 and 0.3 m stand beside each other, of 0.2 and 0.6 m they cannot and show the ratio."""
+    """Axes 0.5 m apart: wheels of 0.1 and 0.3 m stand beside each other, of 0.2 and 0.6 m they show the ratio."""
     for part, seen in ((1.0, [0.1, 0.3]), (2.0, [0.0525, 0.1575])):
         m = pt.Mechanism("belt")
         for i in (1, 2):
