@@ -75,7 +75,7 @@ def along(r: Any, first: str, last: str) -> np.ndarray:
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_a_coupler_without_mass_is_a_held_distance(tied: Any, coordinates: str, formulation: str) -> None:
     if (coordinates, formulation) == ("absolute", "explicit-closing"):
-        pytest.skip("explicit closing follows the joints")
+        pytest.skip("explicit closing walks joints of the tree; absolute coordinates have none")
     r = run(four_bar(), coordinates, formulation=formulation)
     assert np.abs(turns(r, "A", "D") - turns(tied, "A", "D")).max() < 1e-10
     tension = tied.coupling("bar").tension
