@@ -15,26 +15,24 @@ impl Model {
         let mut s = from.scratch();
         from.look(q, v, &mut s);
         let (mut q2, mut v2) = (self.initial(), vec![0.0; self.size().nv]);
+        let turned = from.turned(q);
         for e in &self.placed.topology.tree {
             match e.joint {
                 Some(j) => self.carry_joint(j, from, (q, v), &s, &mut q2, &mut v2),
-                None => self.carry_floating(e.to - 1, (from, q), &s, &mut q2, &mut v2),
+                None => self.carry_floating(e.to - 1, (from, &turned), &s, &mut q2, &mut v2),
             }
         }
         (q2, v2)
     }
 
-    /// How far a body of a planar mechanism has turned from the drawing, whole turns included.
-    fn turned(&self, body: usize, q: &[f64]) -> f64 {
-        let (mut sum, mut link) = (0.0, self.placed.bodies[body].link);
-        while link != 0 {
-            let l = &self.placed.links[link];
-            if let Motion::Turn(a) = l.motion {
-                sum += a.0[2].signum() * q[l.q];
-            }
-            link = l.parent;
+    /// How far the links of a planar mechanism have turned from the drawing, whole turns included; parents come first.
+    fn turned(&self, q: &[f64]) -> Vec<f64> {
+        let mut turned = vec![0.0; self.placed.links.len()];
+        for (i, l) in self.placed.links.iter().enumerate().skip(1) {
+            let own = if let Motion::Turn(a) = l.motion { a.0[2].signum() * q[l.q] } else { 0.0 };
+            turned[i] = turned[l.parent] + own;
         }
-        sum
+        turned
     }
 
     /// Refuse a state of another model of the same mechanism in which something is wound farther than this one can tell: in
@@ -93,7 +91,7 @@ impl Model {
     fn carry_floating(
         &self,
         body: usize,
-        (from, q_from): (&Model, &[f64]),
+        (from, turned): (&Model, &[f64]),
         s: &ModelScratch,
         q: &mut [f64],
         v: &mut [f64],
@@ -116,7 +114,7 @@ impl Model {
                     v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0);
                 }
                 Motion::Turn(_) => {
-                    let (angle, counted) = (turn.0[1][0].atan2(turn.0[0][0]), from.turned(body, q_from));
+                    let (angle, counted) = (turn.0[1][0].atan2(turn.0[0][0]), turned[from.placed.bodies[body].link]);
                     q[l.q] = angle + ((counted - angle) / TAU).round() * TAU;
                     v[l.v] = spin.0[2];
                 }

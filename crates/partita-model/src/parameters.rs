@@ -274,7 +274,8 @@ impl Model {
     /// where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by itself.
     ///
     /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a planar
-    /// mechanism whose joints no longer meet in the plane, a gear whose whole turns are told no more. Cost: that of making the trees, without finding them.
+    /// mechanism whose joints no longer meet in the plane, a gear whose whole turns are told no more.
+    /// Cost: that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
         let (mut described, _) = changed(&self.spec, changes)?;
         let mut spec = rewritten(&self.spec, &described);

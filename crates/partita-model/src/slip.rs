@@ -35,7 +35,7 @@ impl Model {
             for (i, r) in readings.iter().enumerate() {
                 let moved = y[i] - x[i];
                 slip += factors[i] * if r.wraps { moved - (moved / TAU).round() * TAU } else { moved };
-                size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.placed.length.min(1.0) });
+                size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.placed.length });
             }
             if slip.abs() > SLIPPED * size {
                 let message = format!(

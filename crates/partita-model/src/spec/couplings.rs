@@ -3,10 +3,7 @@
 use super::{Level, Measure, Table};
 use partita_math::scalar::Scalar;
 use serde::{Deserialize, Serialize};
-
-fn one(x: &mut f64) -> &mut [f64] {
-    std::slice::from_mut(x)
-}
+use std::slice::from_mut as one;
 
 /// A condition between what is read off a mechanism.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -4,6 +4,7 @@
 
 use super::{Value, VectorValue};
 use serde::{Deserialize, Serialize};
+use std::slice::from_mut as one;
 
 /// What all of these forces can say of themselves.
 pub trait Load {
@@ -29,10 +30,6 @@ pub trait Load {
     fn fault(&self) -> Option<String> {
         None
     }
-}
-
-fn one(x: &mut f64) -> &mut [f64] {
-    std::slice::from_mut(x)
 }
 
 fn constant(v: &mut Value) -> Option<&mut [f64]> {
