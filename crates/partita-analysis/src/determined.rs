@@ -9,7 +9,6 @@
 //! those in which self-stresses can load the joint. A component along any axis is determined if the axis is perpendicular
 //! to them.                                                                                          (R2)
 
-use crate::drawn::Drawn;
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, lifted, Geometry};
 use crate::outputs::{tables, Rows, States, Watch};
@@ -19,7 +18,7 @@ use partita_math::spatial::{Mat3, Vec3};
 use partita_model::rows::Owner;
 use partita_model::spec::Measure;
 use partita_model::Model;
-use partita_system::start::{analyse, Start};
+use partita_system::start::{analyse, rank_here, Start};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Directions in which self-stresses load a joint, the longest first, in units of what counts as zero.
@@ -99,8 +98,8 @@ fn here(system: &Geometry, start: &Start, t: f64, q: &[f64]) -> Result<(Vec<Open
 }
 
 /// The same at any position, a singular one too: what is open there for an instant only is open.
-fn anywhere(system: &Geometry, drawn: Drawn, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
-    match drawn.rank_at(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
+fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<Open>, Vec<bool>), AnalysisError> {
+    match rank_here(system, t, q).map_err(Into::into).and_then(|start| here(system, &start, t, q)) {
         // not even that many conditions are independent: nothing is claimed
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
             let model = system.model;
@@ -127,16 +126,6 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
     open
 }
 
-/// How the mechanism is drawn, asked of the first state.
-fn drawn(system: &Geometry, model: &Model, states: &States) -> Drawn {
-    if states.is_empty() {
-        return Drawn::Fits;
-    }
-    let (t, q, _) = states.at(model, 0);
-    let q = lifted(model, system.model, q);
-    Drawn::of(system, t, &q)
-}
-
 /// [`determined`] of all joints at each state: 6 flags a joint (1 or 0) in world axes, the same in joint axes, one for
 /// the effort along each velocity of each joint, and one for each multiplier of a condition that is no closing.
 ///
@@ -161,12 +150,12 @@ pub fn flags<E: Send + From<AnalysisError>>(
             freedoms - p.shape.freedoms()
         })
         .collect();
-    let (drawn, of_model) = (drawn(&system, model, states), rows_between(model, &twin));
+    let of_model = rows_between(model, &twin);
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let q = lifted(model, &twin, q);
         twin.look(&q, &still, s);
-        let (found, open) = anywhere(&system, drawn, t, &q)?;
+        let (found, open) = anywhere(&system, t, &q)?;
         rows.row(2, i).fill(1.0);
         for d in twin.drives.iter().filter(|d| open[d.row]) {
             if let Some((j, c)) = d.joint {
@@ -202,10 +191,9 @@ pub fn directions<E: Send + From<AnalysisError>>(
 ) -> Result<Vec<f64>, E> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
     let system = Geometry::new(&twin, true);
-    let drawn = drawn(&system, model, states);
     let row = |i: usize, (): &mut (), rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
-        let (found, _) = anywhere(&system, drawn, t, &lifted(model, &twin, q))?;
+        let (found, _) = anywhere(&system, t, &lifted(model, &twin, q))?;
         for (to, from) in rows.row(0, i).chunks_mut(3).zip(found[j].force.iter().chain(&found[j].moment)) {
             to.copy_from_slice(&from.0);
         }

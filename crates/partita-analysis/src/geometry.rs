@@ -14,10 +14,10 @@ use partita_math::spatial::{Quaternion, Vec3};
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
-use partita_system::drawing::EXACT;
+use partita_system::rank::EXACT;
 use partita_system::start::{Start, REDUNDANT};
 use partita_system::system::Tangent;
-use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
+use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
 
 /// The mechanism with all closing rows in space, and its coordinates there.
 ///
@@ -99,8 +99,8 @@ impl<'m> Geometry<'m> {
         // conditions that are no closings say themselves what they measure; 0 where nothing is known
         row_reach.extend((model.closing_rows..all.rows).map(|i| model.row_reach(i).unwrap_or(0.0)));
         let row_reach = rows.iter().map(|&i| row_reach[i]).collect();
-        // where misfits of the drawing are told from round-off, they are not round-off
-        let nothing = if model.drawing_tolerance() > 0.0 { EXACT } else { REDUNDANT };
+        // weak conditions of a drawing are not round-off
+        let nothing = if model.geometry().weak { EXACT } else { REDUNDANT };
         Self { model, pattern, rows, holonomic, scale2, row_reach, nothing }
     }
 
@@ -171,11 +171,8 @@ impl ConstrainedSystem for Geometry<'_> {
     fn row_may_jump(&self, i: usize) -> bool {
         self.model.row_may_jump(self.rows[i])
     }
-    fn drawing_tolerance(&self) -> f64 {
-        self.model.drawing_tolerance()
-    }
-    fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        self.model.fit(t, q, tolerance)
+    fn finite(&self) -> Option<Finite> {
+        self.model.finite()
     }
     fn travel(&self, v: &[f64]) -> f64 {
         self.model.travel(v)

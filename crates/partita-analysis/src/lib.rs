@@ -4,7 +4,6 @@
 pub mod cures;
 pub mod determined;
 pub mod doubtful;
-mod drawn;
 pub mod error;
 #[cfg(test)]
 mod examples;

@@ -1,12 +1,11 @@
 //! What of a drawing does not fit, joint by joint, in the words of the drawing.
 
-use crate::geometry::Geometry;
 use crate::reason::names;
-use crate::stress::{Pose, Stress};
+use crate::stress::Pose;
 use partita_math::spatial::Vec3;
 use partita_model::joint::Motion;
-use partita_system::start::Start;
-use partita_system::ConstrainedSystem;
+use partita_model::spec::LARGEST_TOLERANCE;
+use partita_model::{Geometry, Model, Verdict};
 use std::collections::BTreeSet;
 
 /// Axes this near to parallel were meant to be parallel (rad): ten times the largest drawing tolerance.
@@ -15,37 +14,55 @@ const MEANT_PARALLEL: f64 = 0.1;
 const ROUND_OFF: f64 = 1e-13;
 /// Of those that are off, the ones that are off by at least this part of the worst are named.
 const NAMED: f64 = 0.5;
+/// Displacements of joint frames below this part of the turns beside them are not told.
+const BESIDE: f64 = 0.1;
 
-/// One sentence for each loop that does not fit, the worst first in each; and one that says what the closings open by.
-pub(crate) fn sentences(system: &Geometry, pose: &Pose, start: &Start, stresses: &[Stress]) -> Vec<String> {
-    let mut loops: Vec<BTreeSet<usize>> = Vec::new();
-    for (stress, row) in stresses.iter().zip(&start.dropped) {
-        if start.near.iter().any(|x| x.0 == *row) {
-            let joints: BTreeSet<usize> = stress.joints.iter().map(|x| x.0).collect();
-            if !joints.is_empty() && !loops.contains(&joints) {
-                loops.push(joints);
-            }
-        }
+/// What of a drawing does not fit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Misfit {
+    /// In sentences.
+    pub(crate) sentences: Vec<String>,
+    /// The largest change of a joint frame by which it fits (rad, parts of lengths).
+    pub(crate) size: f64,
+    /// Degrees of freedom with the change, where it is beyond the tolerance and not made.
+    pub(crate) meant: Option<usize>,
+}
+
+/// What was repaired of the drawing of a mechanism, or what beyond its tolerance would let it move.
+pub(crate) fn of_drawing(model: &Model) -> Misfit {
+    let own = model.geometry();
+    if own.misfit() > 0.0 {
+        let drawn = model.as_drawn();
+        let sentences = drawn.as_ref().map_or_else(Vec::new, |drawn| sentences(drawn, own));
+        return Misfit { sentences, size: own.misfit(), meant: None };
     }
-    // a loop within another one says the same of fewer joints
-    let all = loops.clone();
-    loops.retain(|x| !all.iter().any(|y| x != y && x.is_subset(y)));
+    let freedoms = own.freedoms.unwrap_or(0);
+    let wide = model.geometry_within(LARGEST_TOLERANCE);
+    match wide.freedoms.filter(|x| *x > freedoms && wide.misfit() > 0.0) {
+        Some(meant) => Misfit { sentences: sentences(model, &wide), size: wide.misfit(), meant: Some(meant) },
+        None => Misfit::default(),
+    }
+}
+
+/// One sentence for each loop that does not fit.
+fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
     let mut said: Vec<String> = Vec::new();
-    for joints in &loops {
-        for sentence in out_of_parallel(pose, joints) {
-            if !said.contains(&sentence) {
-                said.push(sentence);
-            }
+    let Ok(space) = drawn.in_space() else { return said };
+    let pose = Pose::new(&space, 0.0, &space.initial());
+    for block in geometry.blocks.iter().filter(|x| x.verdict == Verdict::Repaired) {
+        let joints: BTreeSet<usize> = block.joints.iter().copied().collect();
+        let mut all = out_of_parallel(&pose, &joints);
+        let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));
+        if let Some((_, &joint)) = worst.filter(|_| all.is_empty() || block.moved.0 > BESIDE * block.moved.1) {
+            all.push(format!(
+                "the loops would close with joint frames moved by up to {:.2e} m and turned by up to {}, most at {}",
+                block.moved.0,
+                degrees(block.moved.1),
+                drawn.spec.joints[joint].name
+            ));
         }
-    }
-    let worst = start.near.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some(&(row, part)) = worst.filter(|x| x.1 > 0.0) {
-        let by = part * system.row_reach(row).unwrap_or(1.0);
-        let by = if system.row_is_angle(row) { degrees(by) } else { format!("{by:.2e} m") };
-        said.push(format!(
-            "{} opens by {by} ({part:.1e} of its size) when the mechanism is moved by a tenth of a radian or of its length",
-            system.row_words(row)
-        ));
+        all.retain(|x| !said.contains(x));
+        said.extend(all);
     }
     said
 }

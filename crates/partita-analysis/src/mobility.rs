@@ -2,14 +2,13 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, Geometry};
-use crate::misfit;
+use crate::misfit::{self, Misfit};
 use crate::reason::{names, reason};
 use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
 use partita_model::Model;
-use partita_system::drawing::beyond;
-use partita_system::start::{analyse, Start, REDUNDANT};
+use partita_system::start::{analyse, REDUNDANT};
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Serialize;
 
@@ -48,10 +47,9 @@ pub struct Mobility {
     pub redundant: Vec<Redundant>,
     /// The same as rows of [`Model::in_space`], ascending.
     pub dropped: Vec<usize>,
-    /// What of the drawing does not fit, in sentences: within its tolerance, and bridged, or beyond it, and a structure.
+    /// What of the drawing does not fit, in sentences: within its tolerance, and repaired, or beyond it, and a condition.
     pub misfits: Vec<String>,
-    /// What the closings that misfit open by when the mechanism is moved by a tenth of a radian or of its length, in parts of
-    /// their sizes; 0 where the drawing fits.
+    /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
     pub misfit: f64,
     /// Degrees of freedom that it would have, drives released, if its drawing did not misfit by more than its tolerance.
     pub meant: Option<usize>,
@@ -71,15 +69,12 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     let of_rows = stresses(&released, &pose, &free, t, &q)?;
-    let misfits = match free.misfit > 0.0 {
-        true => misfit::sentences(&released, &pose, &free, &of_rows),
-        false => Vec::new(),
-    };
+    let Misfit { sentences: misfits, size: misfit, meant } = misfit::of_drawing(model);
     for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
             row: released.row_name(row),
             joint: twin.row_names[released.row_of_model(row)].owner.name(&twin.spec).to_string(),
-            why: reason(&pose, stress, free.misfit > 0.0),
+            why: reason(&pose, stress),
         });
     }
     let mut found = Mobility {
@@ -91,21 +86,11 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         velocities: nv,
         redundant,
         misfits,
-        misfit: free.misfit,
-        meant: None,
+        misfit,
+        meant,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
-    if found.misfit == 0.0 {
-        if let Some(meant) = beyond(&released, t, &q, released.drawing_tolerance())? {
-            let (rank, dropped, misfit) = (meant.rank, meant.dropped, meant.misfit);
-            let meant = Start { rank, dropped, near: meant.near, misfit, ..Start::default() };
-            let of_rows = stresses(&released, &pose, &meant, t, &q)?;
-            found.misfits = misfit::sentences(&released, &pose, &meant, &of_rows);
-            found.misfit = misfit;
-            found.meant = Some(nv - meant.rank);
-        }
-    }
     if !twin.drives.is_empty() {
         let driven = Geometry::new(&twin, true);
         let start = analyse(&driven, t, &q)?;
@@ -128,8 +113,8 @@ impl Mobility {
         let what = self.misfits.join("; ");
         Some(match self.meant {
             None => format!(
-                "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the motion and the \
-                 reactions are those of the mechanism as it was meant, and what stands open is watched"
+                "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the mechanism is \
+                 the nearest drawing that fits"
             ),
             Some(meant) => format!(
                 "{} only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; without that \

@@ -3,8 +3,6 @@
 use crate::stress::{Pose, Stress};
 use partita_math::spatial::Vec3;
 use partita_model::joint::Motion;
-use partita_system::reduction::bridged_gap;
-use partita_system::ConstrainedSystem;
 
 /// Sine of the angle below which directions count as parallel; what ten printed digits of an axis can be off.
 const PARALLEL: f64 = 1e-8;
@@ -100,9 +98,7 @@ pub(crate) fn names<S: AsRef<str>>(names: &[S]) -> String {
 }
 
 /// The sentence for a row whose self-stress this is.
-///
-/// `misfits` where the drawing does: what is parallel within its tolerance was meant to be parallel.
-pub(crate) fn reason(pose: &Pose, stress: &Stress, misfits: bool) -> String {
+pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
     let joints: Vec<usize> = stress.joints.iter().map(|x| x.0).collect();
     let all: Vec<&str> = joints.iter().map(|&j| pose.model.spec.joints[j].name.as_str()).collect();
     if all.is_empty() {
@@ -114,8 +110,7 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress, misfits: bool) -> String {
     }
     let all = names(&all);
     let size = pose.model.placed.size;
-    let parallel = if misfits { PARALLEL.max(bridged_gap(pose.model.drawing_tolerance())) } else { PARALLEL };
-    let motions = Motions::of(pose, &joints, parallel);
+    let motions = Motions::of(pose, &joints, PARALLEL);
     let wrenches = || stress.joints.iter().map(|(j, w)| (pose.points[*j], w));
     let small = |force: f64| force <= stress.zero;
     if motions.one_axis(size) {

@@ -89,7 +89,7 @@ pub struct Report {
     pub closing_rank: usize,
     /// Do all motions lie in one plane?
     pub planar: bool,
-    /// What the closings that misfit in the drawing open by when it is moved a little, in parts of sizes; 0 where it fits.
+    /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
     pub misfit: f64,
     /// What of the drawing does not fit, in sentences.
     pub misfits: Vec<String>,
@@ -222,8 +222,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     let mut told = match on {
         None => unmoved(model)?,
         Some(b) => {
-            // next to a singular position rows are weak by the distance to it, which is no misfit of the drawing
-            let there = Mobility { misfits: Vec::new(), misfit: 0.0, meant: None, ..mobility(model, t, &b.beside)? };
+            let there = mobility(model, t, &b.beside)?;
             regular(model, t, &b.beside, there)?
         }
     };

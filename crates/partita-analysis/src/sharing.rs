@@ -13,7 +13,6 @@
 //! energy, so that w* are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves
 //! continuously with the mechanism, and what every self-stress leaves alone is left alone.
 
-use crate::drawn::Drawn;
 use crate::error::AnalysisError;
 use crate::geometry::{lifted, Geometry, GeometryScratch};
 use crate::stress::{Balance, BalanceRoom, Pose, Stress};
@@ -27,7 +26,7 @@ use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::Model;
 use partita_system::partition::split::Split;
-use partita_system::start::analyse;
+use partita_system::start::{analyse, rank_here};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::HashMap;
 
@@ -108,7 +107,6 @@ impl Metric {
 pub struct Sharing<'g, 'm> {
     system: &'g Geometry<'m>,
     metric: Metric,
-    drawn: Drawn,
     balance: Option<(Balance<'g, 'm>, f64)>,
 }
 
@@ -135,9 +133,8 @@ pub struct Room<'m> {
 impl<'g, 'm> Sharing<'g, 'm> {
     /// For positions like (t, q), q those of `system.model`, the mechanism in space.
     pub(crate) fn new(system: &'g Geometry<'m>, t: f64, q: &[f64]) -> Result<Self, AnalysisError> {
-        let drawn = Drawn::of(system, t, q);
-        let mut made = Self { system, metric: Metric::new(system.model), drawn, balance: None };
-        let start = match drawn.rank_at(system, t, q) {
+        let mut made = Self { system, metric: Metric::new(system.model), balance: None };
+        let start = match rank_here(system, t, q) {
             Err(SystemError::Singular { .. }) => return Ok(made),
             other => other?,
         };
@@ -188,7 +185,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
                 return Ok(());
             }
         }
-        let start = self.drawn.rank_at(self.system, t, q)?;
+        let start = rank_here(self.system, t, q)?;
         room.stresses = crate::stress::stresses(self.system, &room.pose, &start, t, q)?;
         Ok(())
     }

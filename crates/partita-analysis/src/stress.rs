@@ -13,7 +13,7 @@ use partita_model::model::Model;
 use partita_model::reaction::Wrench;
 use partita_model::rows::Owner;
 use partita_model::tree::TreeScratch;
-use partita_system::reduction::{bridged_gap, SINGULAR_PIVOT};
+use partita_system::reduction::SINGULAR_PIVOT;
 use partita_system::start::Start;
 use partita_system::{ConstrainedSystem, SystemError};
 
@@ -297,10 +297,8 @@ impl<'g, 'm> Balance<'g, 'm> {
                 unit[row] = 1.0 / length;
             }
         }
-        // self-stresses of the mechanism as it was meant, seen through a drawing that misfits
-        let least = if start.misfit > 0.0 { ZERO.max(bridged_gap(system.drawing_tolerance())) } else { ZERO };
         Ok((
-            Self { system, dropped: start.dropped.clone(), least, plan, step_of, closing_of, drive_of, unit, reach },
+            Self { system, dropped: start.dropped.clone(), least: ZERO, plan, step_of, closing_of, drive_of, unit, reach },
             c,
         ))
     }

@@ -197,7 +197,7 @@ pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Op
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),
         StepFailure::Rhs { error, .. } | StepFailure::Interpolation { error, .. } => {
             let status = match &error {
-                SystemError::Contradiction { .. } | SystemError::Misfit { .. } => Status::Contradiction,
+                SystemError::Contradiction { .. } => Status::Contradiction,
                 e if is_of_a_position(e) => Status::Singular,
                 _ => Status::EvaluationFailed,
             };

@@ -44,5 +44,5 @@ pub mod value;
 
 pub use error::DescriptionError;
 pub use evaluator::Evaluator;
-pub use model::Model;
+pub use model::{BlockVerdict, Geometry, Model, Verdict};
 pub use part::Part;

@@ -94,6 +94,8 @@ pub struct Model {
     row_reach: Vec<Option<f64>>,
     /// Rows that close directions.
     row_is_angle: Vec<bool>,
+    /// What was decided of the drawing.
+    geometry: Arc<Geometry>,
 }
 
 impl Deref for Model {
@@ -103,12 +105,10 @@ impl Deref for Model {
     }
 }
 
-mod blocks;
-mod fit;
-mod meant;
+mod geometry;
 mod system;
 
-pub use meant::Meant;
+pub use geometry::{BlockVerdict, Geometry, Verdict};
 
 /// Do fixed joints alone hold every body? Then there is no coordinate in any tree, and the verdict is the same in all.
 fn all_welded(spec: &Spec) -> bool {
@@ -140,7 +140,7 @@ fn following(
 impl Model {
     /// Compile a description; `functions` are those it names by number.
     pub fn new(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
-        Self::build(spec, functions, coordinates, true)
+        Self::build(spec, functions, coordinates)
     }
 
     /// The functions handed along with its description.
@@ -154,30 +154,62 @@ impl Model {
         self
     }
 
+    /// What was decided of the drawing.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// What would make it move if the drawing might be off by so much (radians, parts of lengths).
+    pub fn geometry_within(&self, tolerance: f64) -> Geometry {
+        let drawn = self.as_drawn();
+        geometry::decide(drawn.as_ref().unwrap_or(self), tolerance).0
+    }
+
+    /// The mechanism as it was drawn, where it was repaired.
+    pub fn as_drawn(&self) -> Option<Self> {
+        let drawn = self.geometry.drawn.as_ref()?;
+        Self::compiled((**drawn).clone(), self.functions(), (self.coordinates, true), false).ok()
+    }
+
     /// The same mechanism with all rows of its closings in space, also when it is planar: for questions about the
     /// reactions out of the plane.
     pub fn in_space(&self) -> Result<Self, DescriptionError> {
-        Self::build((*self.spec).clone(), self.callers.functions.clone(), self.coordinates, false)
+        self.same((*self.spec).clone(), (self.coordinates, false))
     }
 
     /// The same mechanism in these coordinates.
     pub fn in_coordinates(&self, coordinates: Coordinates) -> Result<Self, DescriptionError> {
-        Self::build((*self.spec).clone(), self.callers.functions.clone(), coordinates, true)
+        self.same((*self.spec).clone(), (coordinates, true))
     }
 
     /// The same mechanism with nothing prescribed.
     pub fn without_drives(&self) -> Result<Self, DescriptionError> {
-        let spec = Spec { drives: Vec::new(), ..(*self.spec).clone() };
-        Self::build(spec, self.callers.functions.clone(), self.coordinates, true)
+        self.same(Spec { drives: Vec::new(), ..(*self.spec).clone() }, (self.coordinates, true))
     }
 
+    /// Compiled anew in another form; its geometry is decided already.
+    fn same(&self, spec: Spec, form: (Coordinates, bool)) -> Result<Self, DescriptionError> {
+        let mut made = Self::compiled(spec, self.functions(), form, false)?;
+        made.geometry = self.geometry.clone();
+        Ok(made)
+    }
+
+    /// The mechanism that a description means: exact, repaired or as drawn.                          (11.9)
     fn build(
         spec: Spec,
         functions: Arc<dyn Functions>,
         coordinates: Coordinates,
-        allow_plane: bool,
     ) -> Result<Self, DescriptionError> {
-        Self::compiled(spec, functions, (coordinates, allow_plane), false)
+        let form = (coordinates, true);
+        let mut model = Self::compiled(spec, functions.clone(), form, false)?;
+        let (mut geometry, joints) = geometry::decide(&model, model.spec.drawing_tolerance);
+        if let Some(joints) = joints {
+            let drawn = model.spec.clone();
+            model = Self::compiled(Spec { joints, ..(*drawn).clone() }, functions, form, false)?;
+            geometry.drawn = Some(drawn);
+        }
+        model.geometry = Arc::new(geometry);
+        Ok(model)
     }
 
     /// The same of a part, which may be welded to the ground as a whole.
@@ -201,10 +233,25 @@ impl Model {
         Self::made(spec, placed, numbers, drives, functions, coordinates)
     }
 
-    /// This model with another description of the same structure.
-    pub(crate) fn renewed(&self, spec: Spec, placed: Placed, numbers: Numbers<f64>) -> Result<Self, DescriptionError> {
+    /// This model with another description of the same structure; `moved`: with another geometry, to be decided.
+    pub(crate) fn renewed(
+        &self,
+        spec: Spec,
+        placed: Placed,
+        numbers: Numbers<f64>,
+        moved: bool,
+    ) -> Result<Self, DescriptionError> {
         let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
-        let made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
+        let mut made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
+        made.geometry = self.geometry.clone();
+        if moved {
+            let (geometry, joints) = geometry::decide(&made, made.spec.drawing_tolerance);
+            if joints.is_some() {
+                made = Self::new((*made.spec).clone(), made.functions(), self.coordinates)?;
+            } else {
+                made.geometry = Arc::new(geometry);
+            }
+        }
         Ok(made.with_recursion(self.preference))
     }
 
@@ -278,6 +325,7 @@ impl Model {
             clusters,
             preference: Preference::default(),
             has_power,
+            geometry: Arc::default(),
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.light.is_empty() && !model.is_short_of_mass() {

@@ -29,6 +29,7 @@ use crate::rows::Owner;
 use crate::spec::{Coupling, Force, JointKind, Spec, Value, VectorValue};
 use crate::validate;
 use partita_math::scalar::Scalar;
+use partita_system::ConstrainedSystem;
 use std::collections::HashSet;
 
 /// Where a parameter lives in [`Described`].
@@ -277,7 +278,13 @@ impl Model {
     /// mechanism whose joints no longer meet in the plane, a gear whose whole turns are told no more.
     /// Cost: that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
-        let (mut described, _) = changed(&self.spec, changes)?;
+        if let Some(drawn) = &self.geometry().drawn {
+            // what was repaired is repaired anew
+            let spec = rewritten(drawn, &changed(drawn, changes)?.0);
+            let made = Self::new(spec, self.callers.functions.clone(), self.coordinates())?;
+            return self.of_one_structure(made);
+        }
+        let (mut described, slots) = changed(&self.spec, changes)?;
         let mut spec = rewritten(&self.spec, &described);
         validate::validate(&spec, self.callers.functions.count())?;
         coincident::unite(&mut spec);
@@ -304,7 +311,18 @@ impl Model {
                 }
             }
         }
-        self.renewed(spec, placed, numbers)
+        let is_geometry =
+            |x: &Slot| matches!(x, Slot::Point(_) | Slot::ChildPoint(_) | Slot::Pitch(_) | Slot::OfCoupling(..));
+        self.of_one_structure(self.renewed(spec, placed, numbers, slots.iter().any(is_geometry))?)
+    }
+
+    /// Another model of this mechanism, if it has the same coordinates and rows.
+    fn of_one_structure(&self, made: Self) -> Result<Self, DescriptionError> {
+        if made.size() == self.size() && made.is_planar() == self.is_planar() {
+            return Ok(made);
+        }
+        let m = "with these numbers its drawing is repaired otherwise, and it has other coordinates; compile anew";
+        Err(DescriptionError::new("mechanism", &self.spec.name, m))
     }
 
     /// The same mechanism over other numbers, with parameters that are such numbers: what is computed from them carries

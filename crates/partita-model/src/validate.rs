@@ -5,7 +5,7 @@ use crate::spec::{Body, Coupling, Force, Load, Measure, Spec, Value, VectorValue
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
-use partita_system::drawing::LARGEST_TOLERANCE;
+use crate::spec::LARGEST_TOLERANCE;
 use std::collections::HashMap;
 
 /// Name of the ground.

@@ -106,12 +106,6 @@ pub fn system(py: Python<'_>, e: SystemError) -> PyErr {
             ];
             raise(py, "ContradictionError", &message, &fields)
         }
-        SystemError::Misfit { t, what, by, .. } => {
-            let whom = "the other joints of its loop".to_string();
-            let fields =
-                [("t", t.into()), ("gap", by.into()), ("who", String::from(what).into()), ("whom", whom.into())];
-            raise(py, "ContradictionError", &message, &fields)
-        }
         SystemError::Unfelt { .. } => {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", "".into())])
         }

@@ -408,14 +408,7 @@ impl Model {
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-            let Some(meant) = analysis::run::meant::Stand::of(&self.inner, options.t0, (&q, &v)) else {
-                return run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls);
-            };
-            let model = Arc::new(meant.model);
-            let d = run::run(py, model.clone(), &options, &t_eval, (&meant.q, &meant.v), tangent, progress, calls)?;
-            run::bridged(py, &d, &self.inner, meant.note)?;
-            d.set_item("model", Self { inner: model, structure: OnceLock::new() }.into_pyobject(py)?)?;
-            Ok(d)
+            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)
         })
     }
 

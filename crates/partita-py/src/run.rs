@@ -8,7 +8,6 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
 use partita_analysis::run::{self, Finding, Journal, Request, Run};
 use partita_integrate::simulate::Status;
-use partita_model::Model;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -247,21 +246,6 @@ pub fn doubt(
     Ok(())
 }
 
-/// What the `drawn` mechanism misfits by where a run of the one that was meant went, and what was changed.
-pub fn bridged(py: Python<'_>, d: &Bound<'_, PyDict>, drawn: &Model, note: String) -> PyResult<()> {
-    let read = |key: &str| -> PyResult<Vec<f64>> {
-        Ok(d.get_item(key)?.and_then(|x| crate::arrays::entries(&x)).unwrap_or_default())
-    };
-    let (t, q) = (read("t")?, read("q")?);
-    let places = t.iter().copied().zip(q.chunks(drawn.size().nq));
-    let misfit = run::meant::misfit(drawn, places).map_err(|e| failure::system(py, e))?;
-    d.set_item("misfit", misfit.max(f64::EPSILON))?;
-    match d.get_item("notes")? {
-        Some(notes) => notes.call_method1("append", (note,)).map(|_| ()),
-        None => Ok(()),
-    }
-}
-
 /// Whose evaluation failed.
 fn blamed(error: &SystemError) -> String {
     match error {
@@ -310,9 +294,6 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item("kept_rows", &run.rows)?;
     d.set_item("steps_open", run.open)?;
     d.set_item("gaps", (run.gaps.position.part, run.gaps.velocity.part))?;
-    // a drawing that is bridged is told from one that fits, even where nothing was seen to open
-    let least = if run.journal.limits.misfit > 0.0 { f64::EPSILON } else { 0.0 };
-    d.set_item("misfit", run.gaps.misfit.part.max(least))?;
     d.set_item("findings", told(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);

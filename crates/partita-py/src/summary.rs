@@ -32,7 +32,10 @@ struct Summary<'m> {
     velocities: &'m [String],
     rows_names: Vec<String>,
     removed: Vec<Removed<'m>>,
+    /// What would let it move, or lets it: the largest change of a joint frame.
     misfit: f64,
+    /// The change that was made.
+    repaired: f64,
     notes: Vec<String>,
 }
 
@@ -102,6 +105,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
         misfit: mobility.map_or(0.0, |x| x.misfit),
+        repaired: m.geometry().misfit(),
         notes: note.map(str::to_string).into_iter().chain(of_drawing).collect(),
     };
     serde_json::to_string(&summary)

@@ -272,29 +272,6 @@ pub enum SystemError {
         /// Is the one left out a drive?
         drive: bool,
     },
-    /// What the drawing tolerance bridges opens by more than it allows.
-    #[error(
-        "the drawing misfits at t = {}: {what} stands open by {} {}, {part:.1e} of its size, where the drawing \
-         tolerance of {tolerance:.0e} bridges up to {:.0e}; draw that joint more exactly, or give a larger \
-         drawing_tolerance if it has that much play",
-        six_digits(*t), told(*by), if *angle { "rad" } else { "m" }, allowed
-    )]
-    Misfit {
-        /// When it was seen.
-        t: f64,
-        /// Which closing, in words.
-        what: Box<str>,
-        /// By how much (rad or m).
-        by: f64,
-        /// Is it a direction?
-        angle: bool,
-        /// The same in parts of its size.
-        part: f64,
-        /// The drawing tolerance.
-        tolerance: f64,
-        /// Up to which part it bridges.
-        allowed: f64,
-    },
     /// A condition is left in a step, however short.
     #[error(
         "{what} jumps by {} at t = {}: no body follows a step; what is prescribed must be continuous with its rate",

@@ -4,7 +4,6 @@
 pub mod branching;
 pub mod closing;
 pub mod clusters;
-pub mod drawing;
 pub mod equations;
 pub mod error;
 pub mod formulation;
@@ -13,6 +12,7 @@ pub mod knots;
 pub mod options;
 pub mod partition;
 pub mod positions;
+pub mod rank;
 pub mod record;
 pub mod reduction;
 pub mod singular;
@@ -23,4 +23,4 @@ pub mod weight;
 pub mod words;
 
 pub use partition::Partition;
-pub use system::{ConstrainedSystem, Fit, Size, SystemError};
+pub use system::{ConstrainedSystem, Finite, Size, SystemError};

@@ -66,8 +66,6 @@ pub struct FormulationOptions {
     pub renew: Renew,
     /// The user's tangent velocities.
     pub tangent: Option<Arc<dyn TangentMap>>,
-    /// How far conditions may be open that the drawing tolerance bridges, in parts of their sizes; 0: none is bridged.
-    pub misfit: f64,
 }
 
 impl FormulationOptions {
@@ -123,7 +121,6 @@ impl Default for FormulationOptions {
             baumgarte: None,
             renew: Renew::Below(0.5),
             tangent: None,
-            misfit: 0.0,
         }
     }
 }

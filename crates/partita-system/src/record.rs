@@ -188,18 +188,13 @@ pub struct Gaps {
     pub position: Gap,
     /// C v + a.
     pub velocity: Gap,
-    /// Φ of closings that a drawing tolerance bridges; the other two leave them out.
-    pub misfit: Gap,
-    /// C v + a of them.
-    pub misfit_rate: Gap,
 }
 
 impl Gaps {
     /// Rates in parts of the fastest.
     pub fn in_parts_of(&mut self, fastest: f64) {
-        for rate in [&mut self.velocity.part, &mut self.misfit_rate.part] {
-            *rate = if *rate > 0.0 { *rate / fastest } else { 0.0 };
-        }
+        let rate = &mut self.velocity.part;
+        *rate = if *rate > 0.0 { *rate / fastest } else { 0.0 };
     }
 
     /// Take over what is worse in `other`.
@@ -207,8 +202,6 @@ impl Gaps {
         let worse = |a: Gap, b: Gap| if b.part > a.part { b } else { a };
         self.position = worse(self.position, other.position);
         self.velocity = worse(self.velocity, other.velocity);
-        self.misfit = worse(self.misfit, other.misfit);
-        self.misfit_rate = worse(self.misfit_rate, other.misfit_rate);
     }
 }
 

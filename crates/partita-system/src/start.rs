@@ -1,13 +1,13 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
 use crate::branching;
-use crate::drawing;
 use crate::kinematics::projection::correct_orthogonally;
 use crate::partition::criterion;
+use crate::rank::exact::{ranked as by_sizes, EXACT};
 use crate::reduction::openness::OPEN;
 use crate::reduction::Reduction;
 pub use crate::reduction::REDUNDANT;
-use crate::system::{ConstrainedSystem, SystemError};
+use crate::system::{ConstrainedSystem, Finite, SystemError};
 use partita_math::rank::{preferred_rows, RowRank};
 
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
@@ -30,11 +30,6 @@ pub struct Start {
     pub gap: f64,
     /// Smallest squared sine kept: κ, the distance of the mechanism from a singular position.
     pub smallest: f64,
-    /// Rows dropped that are redundant but for a misfit of the drawing, ascending, each with what it opens by on a short
-    /// motion, in parts of its size.
-    pub near: Vec<(usize, f64)>,
-    /// The largest of these; 0 where nothing is bridged.
-    pub misfit: f64,
 }
 
 /// Rank at the last position; rows that are nearly nothing as a whole do not count.
@@ -55,42 +50,104 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
     rank
 }
 
-/// Rank of the constraints at an assembled position, by pivots with a gap (scaled Delassus matrix).
+/// Rank of the constraints at an assembled position, and the rows to be kept.
 ///
-/// A row that is dependent only here (a singular position) is told from a redundant one by a small move along the
-/// mechanism's own motion: redundant rows stay closed and stay dependent. Closings that would be redundant in an exact drawing
-/// are bridged within its tolerance.
+/// Where the geometry was decided its verdict is taken: of so many closings the strongest here. Else pivots with a gap tell
+/// (scaled Delassus matrix), and a small move along the own motion tells a row that is dependent only here (a singular position)
+/// from a redundant one: redundant rows stay closed and stay dependent.
+///
+/// # Errors
+/// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only, everywhere.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    if let Some(b) = drawing::bridged(system, t, q, system.drawing_tolerance())? {
-        let (rank, dropped, gap, smallest) = (b.rank, b.dropped, b.gap, b.smallest);
-        return Ok(Start { rank, dropped, gap, smallest, near: b.near, misfit: b.misfit });
-    }
-    let (start, largest_dropped) = ranked(system, t, q)?;
-    if start.dropped.is_empty() {
-        return Ok(start);
-    }
-    if system.drawing_tolerance() > 0.0 {
-        // what misfits by more than the tolerance is a condition of its own, however weak: the drawing is another mechanism
-        if let Some(b) = drawing::beyond(system, t, q, system.drawing_tolerance())? {
-            return Ok(as_drawn(&b, system));
+    let Some(finite) = system.finite() else {
+        let (start, largest_dropped) = ranked(system, t, q)?;
+        if !start.dropped.is_empty() {
+            persists(system, (t, q), &start, largest_dropped)?;
         }
+        return Ok(start);
+    };
+    if finite.instantaneous > 0 {
+        return Err(shaky(t, finite));
     }
-    persists(system, (t, q), &start, largest_dropped)?;
+    let start = counted(system, t, q, finite)?;
+    let wanted = system.size().nv.saturating_sub(finite.freedoms);
+    let is_drive = |i: &usize| system.row_is_drive(*i);
+    let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
+    let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
+    if kept < wanted {
+        return Err(singular(system, (t, q), &start, start.rank + wanted - kept)?);
+    }
+    if start.dropped.iter().any(|i| is_drive(i)) && start.rank < system.size().nv {
+        check_neighbour(system, t, q, &start)?;
+    }
     Ok(start)
 }
 
-/// The mechanism as it is drawn: with the conditions that misfit.
-fn as_drawn<S: ConstrainedSystem>(found: &drawing::Bridged, system: &S) -> Start {
-    let is_near = |i: &usize| found.weak.contains(i);
-    let dropped: Vec<usize> = found.dropped.iter().copied().filter(|i| !is_near(i)).collect();
-    let rank = system.size().rows - dropped.len();
-    Start { rank, dropped, gap: found.gap, smallest: found.smallest, ..Start::default() }
+/// Motions that exist for an instant only, wherever the mechanism goes.
+fn shaky(t: f64, finite: Finite) -> SystemError {
+    let (k, more) = (finite.freedoms, finite.instantaneous);
+    let message = format!(
+        "{more} motion{} of the mechanism exist{} at every position, but for an instant only: beyond {k} degree{} of freedom its          joints lock at a higher order, where no force of theirs is determined; add a joint that holds {} (a guide, another leg          that is not parallel), or free one",
+        if more == 1 { "" } else { "s" },
+        if more == 1 { "s" } else { "" },
+        if k == 1 { "" } else { "s" },
+        if more == 1 { "it" } else { "them" },
+    );
+    SystemError::SingularStart { t, message }
 }
 
-/// The rank of the mechanism as it is drawn at (t, q), drives included, where it misfits by more than its tolerance.
-pub fn drawn_beyond<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Option<usize> {
-    let found = drawing::beyond(system, t, q, system.drawing_tolerance()).ok().flatten()?;
-    Some(as_drawn(&found, system).rank)
+/// Of the closings that the verdict counts those that are strongest at a position, and drives besides. Where the position is
+/// singular there are fewer.
+fn counted<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], finite: Finite) -> Result<Start, SystemError> {
+    let limit = if finite.weak { EXACT } else { REDUNDANT };
+    let drive = |i: usize| system.row_is_drive(i);
+    let mut probe = Reduction::geometric(system, 0);
+    probe.position(t, q)?;
+    probe.refresh_scales(t, q)?;
+    let wanted = system.size().nv.saturating_sub(finite.freedoms);
+    let found = by_sizes(&probe, 0.0, (0.0, &drive));
+    let of_closings: Vec<(usize, f64)> =
+        found.kept.iter().copied().zip(found.pivots.iter().copied()).filter(|x| !drive(x.0)).collect();
+    let kept = of_closings.iter().take(wanted).filter(|x| x.1 > limit).count();
+    let strongest = of_closings[kept..].iter().fold(found.largest_dropped, |m: f64, x| m.max(x.1));
+    let mut is_kept = vec![false; system.size().rows];
+    of_closings[..kept].iter().for_each(|x| is_kept[x.0] = true);
+    let mut start = Start { gap: f64::INFINITY, smallest: 1.0, ..Start::default() };
+    start.smallest = of_closings[..kept].iter().fold(1.0, |m: f64, x| m.min(x.1));
+    if strongest > 0.0 {
+        start.gap = start.smallest / strongest;
+    }
+    if (0..is_kept.len()).any(drive) {
+        let pattern = system.pattern();
+        (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.c[pattern.row(i)].fill(0.0));
+        let with_drives = by_sizes(&probe, REDUNDANT, (0.0, &drive));
+        with_drives.kept.iter().zip(&with_drives.pivots).filter(|x| drive(*x.0)).for_each(|(&i, &pivot)| {
+            is_kept[i] = true;
+            start.smallest = start.smallest.min(pivot);
+        });
+    }
+    start.rank = is_kept.iter().filter(|x| **x).count();
+    start.dropped = (0..is_kept.len()).filter(|&i| !is_kept[i]).collect();
+    Ok(start)
+}
+
+/// What is told of rows that are dependent here and not next to it, where the rank is `there`.
+fn singular<S: ConstrainedSystem>(
+    system: &S,
+    (t, q): (f64, &[f64]),
+    start: &Start,
+    there: usize,
+) -> Result<SystemError, SystemError> {
+    let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
+    let advice = branching::words(system, t, q)?
+        .unwrap_or_else(|| "the motion from here is not unique; start a little away from it".into());
+    let message = format!(
+        "{} closing rows ({}) are dependent here but not next to it (rank {} here, {there} next to it): {advice}",
+        start.dropped.len(),
+        names.join(", "),
+        start.rank,
+    );
+    Ok(SystemError::SingularStart { t, message })
 }
 
 /// Are the rows dropped redundant next door too?
@@ -117,41 +174,10 @@ fn persists<S: ConstrainedSystem>(
 /// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused: a
 /// singular position has a rank of its own.
 pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    Ok(ranked(system, t, q)?.0)
-}
-
-/// The rank at one position of a mechanism that is bridged: no more than `rank`, that of the mechanism as it was meant.
-pub fn rank_of_ideal<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    strongest(system, rank, (t, q), REDUNDANT, f64::EPSILON)
-}
-
-/// The rank at one position of a mechanism that misfits by more than its tolerance, `rank` as it is drawn: what misfits holds
-/// it, however weak it is.
-pub fn rank_as_drawn<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<Start, SystemError> {
-    strongest(system, rank, (t, q), drawing::EXACT, 0.0)
-}
-
-/// Of so many rows those that say most at a position, and more than `least`.
-fn strongest<S: ConstrainedSystem>(
-    system: &S,
-    rank: usize,
-    (t, q): (f64, &[f64]),
-    least: f64,
-    misfit: f64,
-) -> Result<Start, SystemError> {
-    let mut r = Reduction::new(system, rank);
-    r.position(t, q)?;
-    r.refresh_scales(t, q)?;
-    let found = r.strongest_rows();
-    let mut kept = vec![false; system.size().rows];
-    let mut start = Start { smallest: 1.0, gap: f64::INFINITY, misfit, ..Start::default() };
-    for (&row, &pivot) in found.kept.iter().zip(&found.pivots).take(rank).filter(|x| *x.1 > least) {
-        kept[row] = true;
-        start.rank += 1;
-        start.smallest = start.smallest.min(pivot);
+    match system.finite() {
+        Some(finite) => counted(system, t, q, finite),
+        None => Ok(ranked(system, t, q)?.0),
     }
-    start.dropped = (0..kept.len()).filter(|&i| !kept[i]).collect();
-    Ok(start)
 }
 
 /// The rank at a position, and the largest squared sine of a row dropped.
@@ -163,8 +189,7 @@ fn ranked<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<(Start,
     let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
     let mut dropped = here.dropped.clone();
     dropped.sort_unstable();
-    let (near, misfit) = (Vec::new(), 0.0);
-    Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest, near, misfit }, here.largest_dropped))
+    Ok((Start { rank: here.rank, dropped, gap: here.gap, smallest }, here.largest_dropped))
 }
 
 /// Take a small step along the motion that the kept rows allow; a redundant row does not notice.
@@ -198,17 +223,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
     if there.rank > start.rank || open > OPENS {
-        let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
-        let advice = branching::words(system, t, q)?
-            .unwrap_or_else(|| "the motion from here is not unique; start a little away from it".into());
-        let message = format!(
-            "{} closing rows ({}) are dependent here but not next to it (rank {} here, {} next to it): {advice}",
-            start.dropped.len(),
-            names.join(", "),
-            start.rank,
-            there.rank.max(start.rank + 1)
-        );
-        return Err(SystemError::SingularStart { t, message });
+        return Err(singular(system, (t, q), start, there.rank.max(start.rank + 1))?);
     }
     Ok(())
 }

@@ -7,18 +7,15 @@ use crate::knots::{Knots, Reading};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
-/// A drawing that does not fit exactly: what was meant, and what is drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
-    /// Degrees of freedom as it was meant, drives released.
+/// What is known of the freedoms of a system over finite motions, drives released.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Finite {
+    /// Degrees of freedom at generic positions.
     pub freedoms: usize,
-    /// The same as it is drawn, every digit taken at its word.
-    pub drawn: usize,
-    /// What the joints together open by at the least (root of the sum of squares of angles and of displacements over their
-    /// sizes) when the mechanism is moved by a tenth of its reach.
-    pub misfit: f64,
-    /// Within the tolerance?
-    pub within: bool,
+    /// Further motions that exist at every position, but for an instant only.
+    pub instantaneous: usize,
+    /// May a condition be as weak as a drawing tolerance and hold all the same?
+    pub weak: bool,
 }
 
 /// Sizes of a system.
@@ -314,14 +311,9 @@ pub trait ConstrainedSystem: Sync {
     }
     /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
     fn knot_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
-    /// How far the drawing may be off: what is redundant but for so much (radians, parts of sizes) is taken as redundant.
-    fn drawing_tolerance(&self) -> f64 {
-        0.0
-    }
-    /// Whether the drawing fits, judged on a form of the mechanism in which nothing is a matter of choice: no tree, no cut. None
-    /// where this system is that form.
-    fn fit(&self, _t: f64, _q: &[f64], _tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        Ok(None)
+    /// The verdict on rank, where one was made once and for all; else each position is asked.
+    fn finite(&self) -> Option<Finite> {
+        None
     }
     /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
     fn travel(&self, v: &[f64]) -> f64 {

@@ -438,7 +438,6 @@ def simulate(
             raw["message"] = f"stopped at t = {raw['ended']:.6f} s, driven further than the joints allow: {why}"
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
-    core = raw.pop("model", model.core)
     return Result.from_run(
-        raw, model=core, summary=model.summary, spec=model.description, options=chosen, sensors=model.sensors
+        raw, model=model.core, summary=model.summary, spec=model.description, options=chosen, sensors=model.sensors
     )

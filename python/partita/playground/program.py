@@ -123,8 +123,8 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
-        # what redundant conditions may open by: rounding, or the misfit of a drawing that is bridged
-        "loose": max(1e-6, 10.0 * float(model.summary.get("misfit", 0.0))),
+        # what redundant conditions may open by: rounding
+        "loose": 1e-6,
         "normal": None if normal is None else normal.tolist(),
         "loops": loops(model.summary),
         "bodies": [body["name"] for body in drawn["bodies"]],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import PartitaError
 from ..readable import Readable
 from .notebook import lines
-from .verdict import Finding, allowed, findings_of, of_arrays, of_energy, of_reactions, unnoticed, word_of
+from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, word_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -66,8 +66,8 @@ class Certificate:
     """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     misfit: float = 0.0
-    """Largest part of its size (of a radian, of the length of its loop) by which a closing stood open that the drawing
-    tolerance bridges; 0 where the drawing fits. `notes` say what does not."""
+    """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it fits.
+    `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
     """What stands against the run: broken or doubtful, when [s], and a sentence."""
 
@@ -102,7 +102,7 @@ class Certificate:
             _line("Newton-Euler", f"{_shown(self.newton_euler)} of the largest force"
                                   f"{_who(self.worst_body, self.worst_body_t)}"),
             *(
-                [_line("drawing misfit", f"{_shown(self.misfit)} (bridged by the drawing tolerance)")]
+                [_line("drawing misfit", f"{_shown(self.misfit)} (repaired within the drawing tolerance)")]
                 * bool(self.misfit)
             ),
             *(
@@ -136,14 +136,14 @@ def certify(result: Readable) -> Certificate:
         try:
             residual = result.reactions["residual"]
             newton_euler = _largest(residual)
-            findings += of_reactions(result.t, residual, result.record.options, result.record.misfit_of_joints)
+            findings += of_reactions(result.t, residual, result.record.options)
         except PartitaError as error:
             notes.append(f"the reactions could not be computed: {error}")
     if result.has_energy:
         findings += of_energy(
             result.t,
             result.energy,
-            allowed(result.record.options, result.record.misfit),
+            tolerance(result.record.options),
             int(result.counters.get("steps", 0)),
             unnoticed(result.spec, result.record.options),
         )

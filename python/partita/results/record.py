@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import version as core_version
 from .tables import Tables
-from .verdict import WHOLE, Finding, findings_of
+from .verdict import Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps", "misfit",
@@ -37,7 +37,7 @@ class Record:
     gaps: tuple[float, float] = (0.0, 0.0)
     """The same in parts of what a large move opens each condition by, and of the fastest rate."""
     misfit: float = 0.0
-    """Largest part of its size that a closing which the drawing tolerance bridges stood open by; 0 where none is."""
+    """Largest change of a joint frame by which the drawing was repaired (rad, parts of lengths); 0 where none was."""
     findings: list[Finding] = field(default_factory=list)
     """What stands against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
@@ -52,11 +52,6 @@ class Record:
     def spec(self) -> dict[str, Any] | None:
         """The description as plain data, kept so that a stored result can still be drawn."""
         return None if self.description is None else json.loads(self.description)
-
-    @property
-    def misfit_of_joints(self) -> float:
-        """What a misfit puts reactions out of balance by, in parts: what stood open, or the drawing over a reach."""
-        return max(self.misfit, WHOLE * float(self.summary.get("misfit") or 0.0)) if self.misfit > 0.0 else 0.0
 
     @classmethod
     def from_raw(
@@ -78,7 +73,7 @@ class Record:
             message=str(raw.get("message", "")),
             steps_open=_pair(raw.get("steps_open")),
             gaps=_pair(raw.get("gaps")),
-            misfit=float(raw.get("misfit", 0.0)),
+            misfit=float(summary.get("repaired") or 0.0),
             findings=findings_of(raw.get("findings", ())),
             options=read_exact(exact(options)),  # as a file gives them back
             error=raw.get("error"),

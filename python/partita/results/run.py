@@ -26,7 +26,7 @@ from .self_stress import SelfStresses, self_stresses_of
 from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .variables import units
-from .verdict import DOUBTFUL, Finding, allowed, of_energy, of_reactions, unnoticed, word_of
+from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, unnoticed, word_of
 
 FloatArray = NDArray[np.float64]
 R = TypeVar("R", bound="Run")
@@ -126,11 +126,9 @@ class Run:
         known = list(self._record.findings)
         if self._source is not None and len(self.t):
             ends = [0, -1] if len(self.t) > 1 else [0]
-            own = of_reactions(
-                self.t[ends], self._source.residual_at(ends), self.options, self._record.misfit_of_joints
-            )
+            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options)
             if self.has_energy:
-                explained = allowed(self._record.options, self._record.misfit)
+                explained = tolerance(self._record.options)
                 least = unnoticed(self.spec, self._record.options)
                 own += of_energy(self.t, self.energy, explained, int(self.counters.get("steps", 0)), least)
             self._warn(own)

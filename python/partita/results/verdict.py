@@ -17,10 +17,6 @@ DRIFT = 1e4, 1e-6, 1e-3
 NEWTON_EULER = 1e-7, 1e-3
 """Residual of a body over the largest force: what round-off leaves of it next to the worst position that is worked in
 (1e-16 times a condition of 1e9), and where no digit is safe."""
-LEVER = 3.0
-"""Moments of a reaction about where a joint is not, in misfits of its loop: loops are longer than their bodies."""
-WHOLE = 10.0
-"""A drawing is tried by a tenth of a reach; what joints share goes out of balance by its misfit over a whole one."""
 ENERGY = 100
 """Tolerances that the energy may be off by besides one for each step: errors grow with the motion."""
 ENERGY_FLOOR = 1e-8
@@ -56,14 +52,8 @@ def word_of(findings: Iterable[Finding]) -> str:
     return worst
 
 
-def of_reactions(
-    t: NDArray[np.float64], residual: NDArray[np.float64], options: Mapping[str, Any], misfit: float = 0.0
-) -> list[Finding]:
-    """What Newton-Euler residuals (nt,) with the returned reactions say; NaN where a reaction has no value.
-
-    In a joint that stands open by a `misfit` of the drawing, a reaction and its counterpart act that far apart; and
-    what redundant joints share balances in the mechanism as it was meant, in the one that is drawn but for its misfit.
-    """
+def of_reactions(t: NDArray[np.float64], residual: NDArray[np.float64], options: Mapping[str, Any]) -> list[Finding]:
+    """What Newton-Euler residuals (nt,) with the returned reactions say; NaN where a reaction has no value."""
     known = np.flatnonzero(np.isfinite(residual))
     if not len(known):
         return []
@@ -73,7 +63,6 @@ def of_reactions(
         times, least, most = DRIFT
         doubtful = min(max(times * tolerance(options), least), most)
         broken = max(broken, 10.0 * doubtful)
-    doubtful = max(doubtful, LEVER * misfit)
     broken = max(broken, 10.0 * doubtful)
     if worst <= doubtful:
         return []
@@ -120,11 +109,6 @@ def of_energy(
 def tolerance(options: Mapping[str, Any]) -> float:
     """Relative tolerance that a run was asked for; of fixed steps nobody knows it."""
     return 1.0 if options.get("step") is not None else float(options.get("rtol") or 0.0)
-
-
-def allowed(options: Mapping[str, Any], misfit: float) -> float:
-    """The tolerance that an energy is held against: that of the run, or what a misfit of the drawing explains."""
-    return max(tolerance(options), misfit / ENERGY)
 
 
 def of_arrays(t: NDArray[np.float64], *arrays: NDArray[np.float64]) -> list[Finding]:

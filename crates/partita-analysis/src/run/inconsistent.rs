@@ -4,7 +4,6 @@ use crate::error::AnalysisError;
 use partita_math::told;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
-use partita_system::start::choose_partition;
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Rows open by more than this many times their own round-off are open: what an assembly leaves is a thousandth of it.
@@ -47,11 +46,6 @@ pub(super) fn note<S: ConstrainedSystem>(
     let mut r = Reduction::new(system, rank);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    if system.drawing_tolerance() > 0.0 && rank < system.size().rows {
-        // what is bridged is known when the rows are chosen; where they cannot be, all of them are looked at
-        let _ = choose_partition(&mut r, t, q, None, None);
-        r.position(t, q)?;
-    }
     let (open, row) = r.openness();
     let mut said = Vec::new();
     if open > OPEN {

@@ -57,7 +57,7 @@ pub struct Assessed {
 }
 
 /// Numbers kept of what stands open at an output: a part and a row of each kind, and the fastest rate.
-const OPEN: usize = 9;
+const OPEN: usize = 5;
 
 /// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores nor
 /// on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
@@ -116,8 +116,7 @@ impl Journal {
             rows.row(3, i)[0] = sample.closure;
             rows.row(4, i)[0] = sample.velocity_closure;
             let (position, velocity) = (sample.gaps.position, sample.gaps.velocity);
-            let (misfit, rate) = (sample.gaps.misfit, sample.gaps.misfit_rate);
-            let open = [position, velocity, misfit, rate].map(|gap| [gap.part, gap.row as f64]).concat();
+            let open = [position, velocity].map(|gap| [gap.part, gap.row as f64]).concat();
             let (last, open_to) = (OPEN - 1, rows.row(5, i));
             open_to[..last].copy_from_slice(&open);
             open_to[last] = sample.fastest;
@@ -173,7 +172,7 @@ impl Journal {
         let mut gaps = Gaps::default();
         for (x, output) in open.chunks_exact(OPEN).zip(&self.outputs) {
             let gap = |i: usize| Gap { part: x[2 * i], t: output.t, row: x[2 * i + 1] as usize };
-            let mut here = Gaps { position: gap(0), velocity: gap(1), misfit: gap(2), misfit_rate: gap(3) };
+            let mut here = Gaps { position: gap(0), velocity: gap(1) };
             here.in_parts_of(fastest);
             gaps.raise(&here);
         }

@@ -4,7 +4,6 @@ pub mod cost;
 mod departure;
 mod inconsistent;
 mod journal;
-pub mod meant;
 mod request;
 mod stepping;
 mod verdict;
@@ -16,11 +15,9 @@ pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome, Status};
-use partita_system::drawing;
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::TangentMap;
 use partita_system::record::{FormulationCounters, Gaps, Output};
-use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::{weight, ConstrainedSystem, SystemError};
@@ -85,19 +82,11 @@ const CANNOT_MOVE: &str =
      holds it where it is, and its reactions are those at rest";
 
 /// What a structure is told whose conditions are too weak for its reactions to be computed.
-fn no_reactions<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<AnalysisError, SystemError> {
-    let beyond = drawing::beyond(system, t, q, system.drawing_tolerance())?;
-    let rows: Vec<usize> = beyond.iter().flat_map(|x| &x.near).map(|x| x.0).collect();
-    let weak = match rows.is_empty() {
-        true => String::new(),
-        false => format!(", such as {}", some(&rows, |&i| system.row_words(i))),
-    };
-    let message = format!(
-        "the mechanism cannot move: it is held by conditions so weak{weak} that what they carry is lost in rounding; draw its \
-         joints exactly as they are meant, or give a drawing_tolerance (now {:.0e}) for the play they have",
-        system.drawing_tolerance()
-    );
-    Ok(AnalysisError::Argument { argument: "drawing_tolerance", message })
+fn no_reactions() -> AnalysisError {
+    let message = "the mechanism cannot move: it is held by conditions so weak that what they carry is lost in rounding; draw its \
+                   joints exactly as they are meant, or give a larger drawing_tolerance for the play they have"
+        .to_string();
+    AnalysisError::Argument { argument: "drawing_tolerance", message }
 }
 
 /// March `system` from `(q, v)` as asked, with outputs at `t_eval`; `watch` is asked after every step whether to go on.
@@ -118,8 +107,8 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     if let Some((end, _)) = &ends {
         settings.t_end = *end;
     }
-    let mut options = request.formulation_options(system, tangent)?;
-    let mut limits = Limits::of(request);
+    let options = request.formulation_options(system, tangent)?;
+    let limits = Limits::of(request);
     let mut notes = Vec::new();
     let unread = registry::unread(&request.formulation, &options);
     if !unread.is_empty() {
@@ -139,10 +128,6 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         None => (request.t0, q.to_vec(), v.to_vec()),
     };
     let (q_start, v_start) = (&q_start[..], &v_start[..]);
-    if found.misfit > 0.0 {
-        options.misfit = bridged_gap(system.drawing_tolerance());
-        limits.misfit = options.misfit;
-    }
     if !found.dropped.is_empty() {
         notes.push(note_of_dropped(system, &found));
         consistency::check(system, &found, (t, q_start, v_start), request.t_end - t)?;
@@ -168,7 +153,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
         Ok(())
     };
     let mut outcome = match simulate(&mut f, t, q_start, v_start, &reached[done..], &settings, &mut sink, watch) {
-        Err(SystemError::Singular { .. }) if rigid => return Err(no_reactions(system, request.t0, q)?),
+        Err(SystemError::Singular { .. }) if rigid => return Err(no_reactions()),
         outcome => outcome?,
     };
     if let Some(departure) = &launched {

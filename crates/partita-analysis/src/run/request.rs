@@ -164,7 +164,6 @@ impl Request {
             baumgarte: self.baumgarte,
             renew,
             tangent,
-            misfit: 0.0,
         })
     }
 }

@@ -9,7 +9,6 @@ use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
 use partita_system::record::{Gaps, Output};
-use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start;
 use partita_system::{weight, ConstrainedSystem, SystemError};
@@ -48,14 +47,10 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
         let settings = request.settings()?;
-        let mut options = request.formulation_options(system, None)?;
-        let mut limits = Limits::of(request);
+        let options = request.formulation_options(system, None)?;
+        let limits = Limits::of(request);
         let mut notes = Vec::new();
         let found = start::analyse(system, t, q)?;
-        if found.misfit > 0.0 {
-            options.misfit = bridged_gap(system.drawing_tolerance());
-            limits.misfit = options.misfit;
-        }
         if !found.dropped.is_empty() {
             notes.push(note_of_dropped(system, &found));
             consistency::check(system, &found, (t, q, v), length)?;

@@ -35,8 +35,6 @@ pub struct Limits {
     pub position: (f64, f64),
     /// Rates, in parts of the fastest.
     pub velocity: (f64, f64),
-    /// Closings that a drawing tolerance bridges, in parts of their sizes, and their rates in parts of the fastest.
-    pub misfit: f64,
 }
 
 impl Limits {
@@ -52,7 +50,6 @@ impl Limits {
         Self {
             position: (position, (10.0 * explained).max(OPEN)),
             velocity: (velocity, (10.0 * explained).max(OPEN_RATE)),
-            misfit: 0.0,
         }
     }
 
@@ -74,10 +71,6 @@ impl Limits {
         };
         look(gaps.position, self.position, "the closing", "its size");
         look(gaps.velocity, self.velocity, "the rate", "the fastest");
-        // beyond the tolerance it is broken: there is nothing between a misfit that was allowed and one that was not
-        let rates = (4.0 * self.misfit).max(OPEN_RATE); // a misfit of a turn goes round with twice its rate, there and back
-        look(gaps.misfit, (self.misfit, self.misfit), "the closing that the drawing tolerance bridges", "its size");
-        look(gaps.misfit_rate, (rates, rates), "the rate of what the drawing tolerance bridges", "the fastest");
     }
 }
 

@@ -1,6 +1,6 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
-use super::{Dense, Model, ModelScratch};
+use super::{Dense, Geometry, Model, ModelScratch};
 use crate::clusters::{Plan, Preference, Tangents, Way};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
@@ -16,7 +16,7 @@ use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
 use partita_system::knots::{Knots, Reading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
-use partita_system::{ConstrainedSystem, Fit, Size, SystemError};
+use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
 
 /// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
@@ -92,11 +92,9 @@ impl ConstrainedSystem for Model {
     fn knot_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
         self.curves().read(&self.own, t, (q, v), s, out);
     }
-    fn drawing_tolerance(&self) -> f64 {
-        self.spec.drawing_tolerance
-    }
-    fn fit(&self, t: f64, q: &[f64], tolerance: f64) -> Result<Option<Fit>, SystemError> {
-        self.judged_by_blocks(t, q, tolerance)
+    fn finite(&self) -> Option<Finite> {
+        let Geometry { freedoms, instantaneous, weak, .. } = *self.geometry;
+        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak })
     }
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);

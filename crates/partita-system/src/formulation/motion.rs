@@ -12,8 +12,6 @@ mod passing;
 use super::{Formulation, Step, Verdict};
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
-use crate::kinematics::projection::correct_orthogonally;
-use crate::kinematics::velocity::near_with_rates;
 use crate::knots::Watched;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
@@ -57,14 +55,7 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     watch: Watch,
     v: Vec<f64>,
     vdot: Vec<f64>,
-    /// Rows kept up to the last step taken: where others are, what misfits is open in others.
-    rows: Vec<usize>,
-    /// The end of that step, as it was with these rows.
-    taken: Output,
 }
-
-/// Newton's method from a misfit of a hundredth reaches round-off in three steps; one more sees it.
-const CLOSE_OTHERS: usize = 4;
 
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
 pub type Projective<'s, S> = Motion<'s, S, Chosen<'s, S>, All>;
@@ -86,7 +77,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
         let positions = All::new(system.size().nq, options.correction);
-        Self::with(name, system, Chosen::new(system, rank, options), positions, options.misfit)
+        Self::with(name, system, Chosen::new(system, rank, options), positions)
     }
 }
 
@@ -95,7 +86,7 @@ impl<'s, S: ConstrainedSystem> WehageHaug<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "wehage-haug", "integrates as many coordinates as velocities")?;
         let positions = Independent::new(system, rank, Newton::default());
-        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions, options.misfit))
+        Ok(Self::with("wehage-haug", system, Chosen::new(system, rank, options), positions))
     }
 }
 
@@ -104,7 +95,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "explicit-closing", "computes dependent coordinates from independent ones")?;
         let positions = Independent::new(system, rank, InverseKinematics::default());
-        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions, options.misfit))
+        Ok(Self::with("explicit-closing", system, Blocks::new(system, rank, options)?, positions))
     }
 }
 
@@ -112,7 +103,7 @@ impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
         let (name, positions) = (basis.name(), All::new(system.size().nq, options.correction));
-        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions, options.misfit)
+        Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions)
     }
 }
 
@@ -121,7 +112,7 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         needs_positions(system, "tangent-space", "parametrises closed positions")?;
         let tangent = Frozen::new(system, rank, Box::new(Rule::GramSchmidt), options.renew);
-        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?, options.misfit))
+        Ok(Self::with("tangent-space", system, tangent, Chart::new(system, rank, options.renew)?))
     }
 }
 
@@ -134,7 +125,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size().nq, options.correction).whole_turns();
-        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions, options.misfit))
+        Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))
     }
 }
 
@@ -144,18 +135,18 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
         let positions = All::new(system.size().nq, tangent.correction);
-        Self::with(name, system, tangent, positions, options.misfit)
+        Self::with(name, system, tangent, positions)
     }
 }
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
-    fn with(name: &'static str, system: &'s S, tangent: T, positions: P, misfit: f64) -> Self {
+    fn with(name: &'static str, system: &'s S, tangent: T, positions: P) -> Self {
         let (n, r) = (system.size().nv, tangent.seen());
         Self {
             name,
             system,
             k: tangent.count(),
-            describer: Describer::new(system, r.rank(), r.is_dense(), misfit > 0.0),
+            describer: Describer::new(system, r.rank(), r.is_dense()),
             tangent,
             positions,
             observes_work: system.has_power() || system.rheonomic(),
@@ -163,11 +154,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             moved: true,
             way: Way::new(system.size()),
             knots: Watched::new(system.knots()),
-            watch: Watch::new(misfit),
+            watch: Watch::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
-            rows: Vec::new(),
-            taken: Output::default(),
         }
     }
 
@@ -278,34 +267,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         Ok(rewritten)
     }
 
-    /// Other rows are kept from here on, and what misfits in the drawing is open in others than before: the least move in the
-    /// mass metric closes these, and the least change of velocities keeps their rates.                 (33, 35)
-    fn close_other_rows(&mut self, step: &mut Step) -> Result<()> {
-        let (p, w) = self.places();
-        let t = step.t;
-        if self.taken.t != t {
-            self.evaluate(t, step.y)?; // gone back farther than the last step
-            self.taken.set(t, self.positions.q(), &self.tangent.seen().v, 0.0);
-        }
-        let mut q = self.taken.q.clone();
-        let r = self.tangent.reduction();
-        for _ in 0..CLOSE_OTHERS {
-            r.position(t, &q)?;
-            if r.is_closed() {
-                break;
-            }
-            correct_orthogonally(r, t, &mut q)?;
-            r.system.normalise(&mut q);
-        }
-        let v = near_with_rates(r, t, &q, &self.taken.v, &[])?;
-        self.positions.rewrite(&mut self.tangent, &q, step.y);
-        if self.positions.holds_all() {
-            step.y[..p].copy_from_slice(&q);
-        }
-        self.tangent.select(&v, &mut step.y[p..w]);
-        self.derivative(t, step.y, step.dy)
-    }
-
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.places();
@@ -350,7 +311,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         let mut q = q.to_vec();
         self.tangent.start(t, &mut q, v)?;
-        self.rows.clone_from(&self.tangent.seen().partition.rows);
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
@@ -403,24 +363,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
-        if !self.watch.bridges() {
-            return self.conclude(verdict, step);
-        }
-        if verdict != Verdict::Repeat {
-            if self.moved {
-                self.evaluate(step.t, step.y)?;
-            }
-            self.tangent.base_mut().look_at_rows();
-            self.taken.set(step.t, self.positions.q(), &self.tangent.seen().v, 0.0);
-        }
-        let rewritten = self.conclude(verdict, step)?;
-        let now = &self.tangent.seen().partition.rows;
-        if now.iter().all(|row| self.rows.contains(row)) {
-            return Ok(rewritten);
-        }
-        self.rows.clone_from(now);
-        self.close_other_rows(step)?;
-        Ok(true)
+        self.conclude(verdict, step)
     }
 
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {

@@ -66,9 +66,6 @@ pub fn by_name<'s, S: ConstrainedSystem<Scratch: Send>>(
             Box::new(FullState::new(system, rank, rule, o))
         }
         "range-space" => Box::new(FullState::new(system, rank, Range::new(size.nv, rank), o)),
-        "proximal" if o.misfit > 0.0 => {
-            Box::new(FullState::new(system, rank, Iteration::of_rows_kept(size.nv, rank), o))
-        }
         "proximal" => Box::new(FullState::new(system, rank, Iteration::new(size.nv, size.rows, rank < size.rows), o)),
         "baumgarte" => {
             Box::new(FullState::new(system, rank, Stabilised::new(size.nv, size.rows, rank, o.baumgarte)?, o))

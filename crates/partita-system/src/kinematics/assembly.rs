@@ -13,7 +13,6 @@ mod words;
 
 pub use walk::move_to;
 
-use crate::reduction::bridged_gap;
 use crate::system::{ConstrainedSystem, SystemError};
 use descent::{Descent, Ending};
 
@@ -26,9 +25,6 @@ const AS_DRAWN: f64 = 1e-3;
 
 /// What a drawing with twelve digits leaves open along its loops, and no motion closes: a tenth of what counts as closed.
 const LAST_DIGITS: f64 = 1e-10;
-
-/// A position nearly closes when it is open by this part of what a drawing tolerance bridges.
-const NEARLY: f64 = 0.5;
 
 /// Starts around the drawing that are tried where the drawing itself leads to a position that is nearest to closing
 /// without closing: with a chance of one half each, one in ten million is missed.
@@ -52,8 +48,7 @@ pub struct Assembly {
 /// Close a rough drawing: the nearest position with Φ(q, t) = 0 that damped least-norm steps reach.          (S3)
 ///
 /// `tolerance` is relative: in radians for angles, in parts of each row's characteristic length for displacements; the
-/// loops are then closed further, to round-off. Redundant rows are harmless; those that misfit within the drawing tolerance are
-/// left out. `locked` velocities keep their coordinate.
+/// loops are then closed further, to round-off. Redundant rows are harmless. `locked` velocities keep their coordinate.
 /// Loops that come to rest open, or closed with an axis pointing backwards, are tried again from a few starts around the
 /// drawing, always the same ones.
 ///
@@ -72,16 +67,6 @@ pub fn close<S: ConstrainedSystem>(
     let mut report = Assembly::default();
     let drawn = q.to_vec();
     d.evaluate(t, q)?;
-    let misfit = bridged_gap(system.drawing_tolerance());
-    if misfit > tolerance {
-        // what nearly closes is looked at before it is closed for good: of a drawing that misfits some rows never close
-        if d.worst() > misfit {
-            report.iterations = d.descend(t, q, NEARLY * misfit)?;
-        }
-        if d.worst() <= misfit && d.bridge(t, q)? {
-            d.evaluate(t, q)?;
-        }
-    }
     d.judge(tolerance * AS_DRAWN);
     d.turn_over(q);
     if d.open().next().is_none() {
@@ -90,9 +75,7 @@ pub fn close<S: ConstrainedSystem>(
     }
     let opened: Vec<bool> = d.parts.iter().map(|p| p.ending != Ending::Closed).collect();
     report.iterations += d.descend(t, q, tolerance)?;
-    if misfit > 0.0 {
-        d.accept_last_digits(LAST_DIGITS);
-    }
+    d.accept_last_digits(LAST_DIGITS);
     let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();

@@ -114,10 +114,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut dropped = vec![true; self.size.rows];
         self.partition.rows.iter().for_each(|&i| dropped[i] = false);
         self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
-        if self.system.drawing_tolerance() > 0.0 {
-            let closing = |i: usize| i < self.size.holonomic && !self.system.row_is_drive(i);
-            self.bridges.iter_mut().enumerate().for_each(|(i, x)| *x = dropped[i] && closing(i));
-        }
+        self.left_out = dropped;
         self.plan_recursion();
         self.place_columns(independent);
         let mut place = vec![NONE; self.size.nv];

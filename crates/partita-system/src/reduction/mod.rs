@@ -8,7 +8,7 @@ mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
-pub use rows::{bridged_gap, bridged_row, BY_CHOICE, REDUNDANT};
+pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
@@ -102,10 +102,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
     dropped: Vec<usize>,
-    /// May the drawing tolerance bridge this row? A closing that is not kept, where there is one: nothing is closed by it.
-    bridges: Vec<bool>,
-    /// Must the rows in use stay in use?
-    rows_stay: bool,
+    /// Is this row not kept? Then nothing is closed by it.
+    left_out: Vec<bool>,
     /// Do velocities weigh by their reaches, whatever the masses?
     weighs_reaches: bool,
     /// Is M short of mass?
@@ -212,8 +210,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
             row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
             dropped: Vec::new(),
-            bridges: vec![false; size.rows],
-            rows_stay: false,
+            left_out: vec![false; size.rows],
             weighs_reaches: false,
             lacks_mass: system.lacks_mass(),
             noise: vec![0.0; size.rows],
@@ -304,10 +301,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t });
         }
         let independent = std::mem::take(&mut self.partition.independent);
-        // inside a step other rows would close other positions, where the drawing misfits
-        self.rows_stay = self.rank < self.size.rows && self.misfit().0 > FITS;
         let planned = self.set_partition(t, &independent);
-        self.rows_stay = false;
         if planned.is_err() {
             self.partition.independent = independent;
         }
@@ -457,7 +451,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             true => 0.0,
             false => self.row_scale[i],
         };
-        let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.bridges[*i]);
+        let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.left_out[*i]);
         let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
         let scale = if known { &self.reach } else { &self.s };
         let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));

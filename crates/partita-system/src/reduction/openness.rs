@@ -35,17 +35,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         worst(self.phi.iter().zip(&self.row_size).map(|(x, size)| x / size).enumerate())
     }
 
-    /// The same over the closings that were dropped: what does not fit of a drawing. Drives are no matter of drawing.
-    pub fn misfit(&self) -> (f64, usize) {
-        let closings = self.dropped.iter().filter(|&&i| i < self.size.holonomic && !self.system.row_is_drive(i));
-        worst(closings.map(|&i| (i, self.phi[i] / self.row_size[i])))
-    }
-
-    /// The same over all rows but closings that were dropped.
-    pub fn gap_beside_misfit(&self) -> (f64, usize) {
-        worst((0..self.size.holonomic).filter(|&i| !self.bridges[i]).map(|i| (i, self.phi[i] / self.row_size[i])))
-    }
-
     /// The same over the rows that were dropped.
     pub fn dropped_gap(&self) -> (f64, usize) {
         let positions = self.dropped.iter().filter(|&&i| i < self.size.holonomic);
@@ -56,18 +45,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn gap_of_kept(&self) -> f64 {
         let positions = self.partition.rows.iter().filter(|&&i| i < self.size.holonomic);
         worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i]))).0
-    }
-
-    /// Largest |C v + a|_i over its row's size [1/s] of the closings that were dropped, and its row.
-    pub fn misfit_rate(&self) -> (f64, usize) {
-        let closings = self.dropped.iter().filter(|&&i| !self.system.row_is_drive(i));
-        worst(closings.map(|&i| (i, (self.row_times(i, &self.v) + self.a[i]) / self.row_size[i])))
-    }
-
-    /// The same over all rows but closings that were dropped.
-    pub fn velocity_gap_beside_misfit(&self) -> (f64, usize) {
-        let open = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a).zip(&self.row_size);
-        worst(open.map(|(x, size)| x / size).enumerate().filter(|(i, _)| !self.bridges[*i]))
     }
 
     /// Largest |C v + a|_i over its row's size [1/s], and its row.

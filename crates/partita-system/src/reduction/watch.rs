@@ -152,20 +152,20 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         largest(self.phi.iter().copied())
     }
 
-    /// Largest |Φ| of the rows that are closed: all but those that a drawing tolerance may bridge.
+    /// Largest |Φ| of the rows kept.
     pub fn closure_of_kept(&self) -> f64 {
-        largest(self.phi.iter().zip(&self.bridges).filter(|x| !x.1).map(|x| *x.0))
+        largest(self.phi.iter().zip(&self.left_out).filter(|x| !x.1).map(|x| *x.0))
     }
 
-    /// Is Φ zero up to its own round-off, but for what a drawing tolerance may bridge?
+    /// Are the rows kept zero up to their own round-off?
     pub fn is_closed(&self) -> bool {
-        self.phi.iter().zip(&self.noise).zip(&self.bridges).all(|((x, n), bridged)| *bridged || x.abs() <= *n)
+        self.phi.iter().zip(&self.noise).zip(&self.left_out).all(|((x, n), left_out)| *left_out || x.abs() <= *n)
     }
 
     /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it by: a
-    /// row that nothing moves is made of rounding errors alone. What a drawing tolerance may bridge does not count; NaN does as infinite.
+    /// row that nothing moves is made of rounding errors alone. NaN counts as infinite.
     pub fn openness(&self) -> (f64, usize) {
-        let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.bridges[*i]);
+        let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
             let least = self.row_reach[i].map_or(f64::MIN_POSITIVE, |reach| 4.0 * f64::EPSILON * reach);
             let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };

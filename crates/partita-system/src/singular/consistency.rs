@@ -39,9 +39,6 @@ pub fn check<S: ConstrainedSystem>(
     if choose_partition(&mut r, t, q, None, None).is_err() || close(&mut r, t, &mut here).is_err() {
         return Ok(());
     }
-    if start.misfit > 0.0 {
-        return drives_agree(&mut r, start, (t, &here, v));
-    }
     let (part, row) = r.dropped_gap();
     if part > OPEN {
         return Err(r.contradiction(t, row, part, ""));
@@ -78,36 +75,6 @@ pub fn check<S: ConstrainedSystem>(
     }
 }
 
-/// Of a drawing that misfits: the closings that are bridged were tried on a motion already; drives are never bridged.
-fn drives_agree<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    start: &Start,
-    (t, q, v): (f64, &[f64], &[f64]),
-) -> Result<(), SystemError> {
-    let drives: Vec<usize> = start.dropped.iter().copied().filter(|&i| r.system.row_is_drive(i)).collect();
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
-    if drives.is_empty() || r.evaluate(t, q, &speeds).is_err() {
-        return Ok(());
-    }
-    let fastest = r.fastest();
-    let mut vdot = vec![0.0; v.len()];
-    r.full_acceleration(&mut vdot);
-    let strongest = r.strongest(&vdot).max(fastest * fastest);
-    for i in drives {
-        let size = r.row_size(i);
-        let rate = (r.row_times(i, &r.v) + r.a[i]).abs() / size;
-        let bend = (r.row_times(i, &vdot) + r.b[i]).abs() / size;
-        for (open, limit, unit) in
-            [(r.phi[i].abs() / size, OPEN, ""), (rate, OPEN_RATE * fastest, "/s"), (bend, BENDS * strongest, "/s^2")]
-        {
-            if open > limit {
-                return Err(r.contradiction(t, i, open, unit));
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Close the kept rows to round-off near q; leaves the factors there.
 fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
     let size = r.size();
@@ -125,37 +92,10 @@ fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> R
     r.factor(t)
 }
 
-/// At an output, as [`gaps`]: which rows of a mechanism that is bridged were kept on the way there is not known any
-/// more, so all its closings are held against the tolerance.
-pub(crate) fn gaps_of_output<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Gaps {
-    let mut open = gaps(t, r, bridged);
-    if bridged && !r.system.row_is_drive(open.position.row) {
-        if open.position.part > open.misfit.part {
-            open.misfit = open.position;
-        }
-        open.position = Gap::default();
-    }
-    if bridged && !r.system.row_is_drive(open.velocity.row) {
-        if open.velocity.part > open.misfit_rate.part {
-            open.misfit_rate = open.velocity;
-        }
-        open.velocity = Gap::default();
-    }
-    open
-}
-
-/// At the point last evaluated, rates in parts of sizes alone [1/s]. `bridged`: closings left out are told by themselves.
-pub(crate) fn gaps<S: ConstrainedSystem>(t: f64, r: &Reduction<S>, bridged: bool) -> Gaps {
+/// At the point last evaluated, rates in parts of sizes alone [1/s].
+pub(crate) fn gaps<S: ConstrainedSystem>(t: f64, r: &Reduction<S>) -> Gaps {
     let gap = |(part, row): (f64, usize)| Gap { part, t, row };
-    if !bridged {
-        return Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()), ..Gaps::default() };
-    }
-    Gaps {
-        position: gap(r.gap_beside_misfit()),
-        velocity: gap(r.velocity_gap_beside_misfit()),
-        misfit: gap(r.misfit()),
-        misfit_rate: gap(r.misfit_rate()),
-    }
+    Gaps { position: gap(r.gap()), velocity: gap(r.velocity_gap()) }
 }
 
 /// What was open at the end of the step that is judged, and at the ends of those taken.
@@ -171,27 +111,15 @@ pub struct Watch {
     pub gaps: Gaps,
     /// The fastest rate so far [1/s].
     fastest: f64,
-    /// How far closings may be open that the drawing tolerance bridges; 0: none is bridged.
-    misfit: f64,
 }
 
 impl Watch {
-    /// Over a run in which closings may misfit by so much.
-    pub fn new(misfit: f64) -> Self {
-        Self { misfit, ..Self::default() }
-    }
-
-    /// May closings misfit?
-    pub fn bridges(&self) -> bool {
-        self.misfit > 0.0
-    }
-
     /// Look at the end of a step, the point last evaluated.
     pub fn look<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) {
         self.trial = (r.closure(), r.velocity_closure());
         let fastest = self.fastest.max(r.fastest());
         self.trial_fastest = fastest;
-        self.trial_gaps = gaps(t, r, self.misfit > 0.0);
+        self.trial_gaps = gaps(t, r);
         self.trial_gaps.in_parts_of(fastest);
     }
 
@@ -200,37 +128,6 @@ impl Watch {
         self.fastest = self.trial_fastest;
         self.open = (self.open.0.max(self.trial.0), self.open.1.max(self.trial.1));
         self.gaps.raise(&self.trial_gaps);
-    }
-
-    /// The same where a drawing tolerance bridges closings: they may misfit, drives may not.
-    fn check_bridged<S: ConstrainedSystem>(&self, t: f64, q: &[f64], r: &Reduction<S>) -> Result<(), SystemError> {
-        let (misfit, row) = r.misfit();
-        if misfit > self.misfit {
-            return Err(SystemError::Misfit {
-                t,
-                what: r.system.row_words(row).into(),
-                by: misfit * r.row_size(row),
-                angle: r.system.row_is_angle(row),
-                part: misfit,
-                tolerance: r.system.drawing_tolerance(),
-                allowed: self.misfit,
-            });
-        }
-        let mut drives = r.dropped().iter().copied().filter(|&i| r.system.row_is_drive(i));
-        let off = drives.find_map(|i| {
-            let (part, rate) = (r.phi[i].abs() / r.row_size(i), (r.row_times(i, &r.v) + r.a[i]).abs() / r.row_size(i));
-            if part > OPEN {
-                Some((i, part, ""))
-            } else {
-                (rate > OPEN_RATE * self.trial_fastest).then_some((i, rate, "/s"))
-            }
-        });
-        let Some((row, off, unit)) = off else { return Ok(()) };
-        let mut probe = Reduction::new(r.system, r.rank());
-        match choose_partition(&mut probe, t, q, None, None) {
-            Ok(()) => Err(probe.contradiction(t, row, off, unit)),
-            Err(_) => Ok(()), // next to a singular position: nothing can be said
-        }
     }
 
     /// Do the dropped rows contradict the others at the end of the step that was looked at, (t, q, v)?
@@ -244,9 +141,6 @@ impl Watch {
         let (kept, size) = (r.gap_of_kept(), r.size());
         let (part, (rate, _)) = (r.dropped_gap().0, r.dropped_velocity_gap());
         let fastest = self.trial_fastest;
-        if self.misfit > 0.0 {
-            return self.check_bridged(t, q, r);
-        }
         let open = part > OPEN && part > CLEARLY * kept;
         let limit = if size.rows == size.holonomic { OPEN_RATE } else { OPEN };
         if !open && rate <= limit * fastest {

@@ -56,11 +56,6 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         Ok(())
     }
 
-    /// Where the drawing misfits, poor rows make much of it: are there better ones?
-    pub fn look_at_rows(&mut self) {
-        self.fading |= self.r.k() > 0 && self.r.rows_are_poor();
-    }
-
     /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and
     /// then; true if they are.
     pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {

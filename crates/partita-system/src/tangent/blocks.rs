@@ -28,8 +28,6 @@ pub struct Blocks<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     fixed: Option<Vec<usize>>,
     exchange: f64,
-    /// How far closings may be open that the drawing tolerance bridges.
-    misfit: f64,
     /// None before the start.
     closing: Option<Box<dyn Closing + Send + 's>>,
     /// Steps to go before the system is asked for other inputs again, and how many there were after the last answer:
@@ -65,7 +63,6 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             base,
             fixed,
             exchange,
-            misfit: options.misfit,
             closing: None,
             patience: 0,
             waited: 0,
@@ -89,11 +86,8 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
-        // which closings of a mechanism that misfits stand open is no matter of the branch
-        let wide = |&(i, phi): &(usize, &f64)| {
-            let limit = if r.system.row_is_drive(i) { limit } else { limit.max(self.misfit) };
-            phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0)
-        };
+        let wide =
+            |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument("closing", format!(

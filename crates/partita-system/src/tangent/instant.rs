@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::partition::criterion::{self, Quality};
 use crate::record::{Output, Sample};
 use crate::reduction::{largest, velocity_residuals, Reduction};
-use crate::singular::consistency::gaps_of_output;
+use crate::singular::consistency::gaps;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -19,16 +19,14 @@ pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
     dense: bool,
-    /// Are closings bridged by a drawing tolerance?
-    bridged: bool,
     probe: Option<Reduction<'s, S>>,
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     /// For a system of the given rank; takes no memory before it is asked. `dense`: with D and M_d in full, for those
     /// whose quality is told by them.
-    pub fn new(system: &'s S, rank: usize, dense: bool, bridged: bool) -> Self {
-        Self { system, rank, dense, bridged, probe: None }
+    pub fn new(system: &'s S, rank: usize, dense: bool) -> Self {
+        Self { system, rank, dense, probe: None }
     }
 
     /// All of `out` but turns and work, for these independent velocities; `None` takes the best ones of the moment.
@@ -40,7 +38,7 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         independent: Option<&[usize]>,
         out: &mut Sample,
     ) -> Result<Option<&mut Reduction<'s, S>>> {
-        let (system, rank, dense, bridged) = (self.system, self.rank, self.dense, self.bridged);
+        let (system, rank, dense) = (self.system, self.rank, self.dense);
         let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
         let r = self.probe.get_or_insert_with(|| match dense {
             true => Reduction::dense(system, rank),
@@ -53,14 +51,14 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
         out.note = None;
         let why = match at.singular {
             true => "the mechanism stands in a singular position".into(),
-            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, (v, bridged), out)) {
+            false => match choose(r, t, q, independent).and_then(|()| levels(r, t, q, v, out)) {
                 Ok(()) => return Ok(Some(r)),
                 Err(e @ (SystemError::Singular { .. } | SystemError::Choice { .. })) => e.to_string(),
                 Err(e) => return Err(e),
             },
         };
         r.position(t, q)?;
-        closures(r, v, bridged, out);
+        closures(r, v, out);
         out.independent = independent.map_or_else(Vec::new, <[usize]>::to_vec);
         undetermined(r.size().nv, r.size().rows, &why, out);
         Ok(None)
@@ -89,10 +87,10 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
     }
 }
 
-fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], bridged: bool, out: &mut Sample) {
+fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
     out.closure = r.closure();
     r.v.copy_from_slice(v);
-    out.gaps = gaps_of_output(out.t, r, bridged);
+    out.gaps = gaps(out.t, r);
     out.fastest = r.fastest();
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
@@ -101,11 +99,11 @@ fn levels<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,
     q: &[f64],
-    (v, bridged): (&[f64], bool),
+    v: &[f64],
     out: &mut Sample,
 ) -> Result<()> {
     let size = r.size();
-    closures(r, v, bridged, out);
+    closures(r, v, out);
     r.tangent(t)?;
     r.velocity(t, q)?;
     r.acceleration(t, q)?;

@@ -41,8 +41,6 @@ pub struct Iteration {
     step: Vec<f64>,
     /// Are there rows that others imply?
     redundant: bool,
-    /// Are all rows taken?
-    all: bool,
     unsettled: u64,
     largest: f64,
 }
@@ -50,20 +48,13 @@ pub struct Iteration {
 impl Iteration {
     /// Room for n velocities and m rows, some of them `redundant` or not.
     pub fn new(n: usize, m: usize, redundant: bool) -> Self {
-        Self { redundant, all: true, ..Self::of_rows_kept(n, m) }
-    }
-
-    /// Room for n velocities and the r rows kept alone: those left out of a drawing that misfits are conditions of another
-    /// mechanism, and weak as they are they would hold it.
-    pub fn of_rows_kept(n: usize, m: usize) -> Self {
         Self {
             metric: MassMetric::new(n, m),
             factor: vec![0.0; m * m],
             x: vec![0.0; m],
             change: vec![0.0; m],
             step: vec![0.0; n],
-            redundant: false,
-            all: false,
+            redundant,
             unsettled: 0,
             largest: 0.0,
         }
@@ -76,7 +67,7 @@ impl AccelerationRule for Iteration {
     }
 
     fn takes_all_rows(&self) -> bool {
-        self.all
+        true
     }
 
     fn solve(&mut self, x: &Instant, vdot: &mut [f64], lambda: &mut [f64]) -> Result<u64, Failure> {

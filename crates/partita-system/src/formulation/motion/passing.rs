@@ -124,9 +124,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         let mut best = Reduction::new(self.system, rank);
         choose_partition(&mut best, t, q, None, None).ok()?;
-        if self.watch.bridges() && !best.rows_are_clear() {
-            return None; // in a singular position of the mechanism as it was meant only what misfits is left to choose
-        }
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
 
@@ -278,11 +275,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             pace.floor = 0.0; // what fell was the distance of the rows given up
         }
         self.way.passing = advice != Advice::Free;
-        if self.watch.bridges() && pace.floor > 0.0 {
-            // where branches nearly meet a drawing that is off leads from one towards the other, the faster the closer it
-            // comes: steps that resolve this creep into it, and what they resolve is the misfit
-            pace.floor = pace.floor.max(self.watch.gaps.misfit.part);
-        }
         if let Advice::GiveUp { zero } = advice {
             return Err(SystemError::Passage { t: zero, tries: self.way.passage.tries() });
         }

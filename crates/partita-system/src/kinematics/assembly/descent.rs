@@ -4,7 +4,6 @@
 //! by itself: a thousand loops side by side take as many iterations as the slowest of them.
 
 use super::scaled::Scaled;
-use crate::drawing;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::least_norm::LeastNorm;
 
@@ -144,17 +143,6 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
     /// These velocities keep their coordinate from now on.
     pub fn lock(&mut self, locked: &[usize]) {
         locked.iter().for_each(|&v| self.scaled.locked[v] = true);
-    }
-
-    /// Near a closed position: leave out the closings that the drawing tolerance bridges there. True if there are any.
-    pub fn bridge(&mut self, t: f64, q: &[f64]) -> Result<bool, SystemError> {
-        let system = self.scaled.system;
-        self.scaled.bridged.fill(false);
-        let found = drawing::bridged(system, t, q, system.drawing_tolerance())?;
-        for i in found.iter().flat_map(|x| &x.dropped).filter(|i| !system.row_is_drive(**i)) {
-            self.scaled.bridged[*i] = true;
-        }
-        Ok(found.is_some())
     }
 
     /// Φ and C at (t, q), and what is open in each part.

@@ -16,8 +16,6 @@ pub(super) struct Scaled<'s, S: ConstrainedSystem> {
     pub length: Vec<f64>,
     /// Velocities whose coordinate stays.
     pub locked: Vec<bool>,
-    /// Rows that the drawing tolerance bridges: nothing is closed by them.
-    pub bridged: Vec<bool>,
     /// Rows of S3, then one for each target.
     pub pattern: Pattern,
     pub phi: Vec<f64>,
@@ -45,7 +43,6 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             raw_a: vec![0.0; size.rows],
             length: vec![1.0; size.holonomic],
             locked: vec![false; size.nv],
-            bridged: vec![false; size.holonomic],
             phi: vec![0.0; pattern.rows],
             c: vec![0.0; pattern.nnz()],
             reach,
@@ -79,7 +76,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         }
         self.phi.fill(0.0);
         self.c.fill(0.0);
-        for (i, raw) in self.raw_phi.iter().enumerate().filter(|(i, _)| !self.bridged[*i]) {
+        for (i, raw) in self.raw_phi.iter().enumerate() {
             self.phi[i] = raw / self.length[i];
             for e in self.pattern.row(i) {
                 let v = self.pattern.col_idx[e];

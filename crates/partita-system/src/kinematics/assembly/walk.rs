@@ -59,7 +59,6 @@ pub fn move_to<S: ConstrainedSystem>(
     let targets = read(system, targets)?;
     let locked: Vec<usize> = targets.iter().map(|x| x.velocity).collect();
     let mut d = Descent::new(system, t, q, &locked)?;
-    d.bridge(t, q)?;
     let mut report = Assembly::default();
     let mut fraction = 1.0f64;
     let mut here = q.to_vec();

@@ -5,13 +5,13 @@
 //! measured in lengths of its own, seen from the body by which it hangs on the ground. A joint that closes no loop is in no
 //! block, and neither is what hangs on it.
 
-use super::Model;
-use crate::place::{diameter, Coordinates, POINT};
+use crate::model::Model;
+use crate::place::{diameter, POINT};
 use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
-use partita_math::spatial::{Mat3, Quaternion, Vec3};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use partita_math::spatial::{Mat3, Vec3};
+use std::collections::{BTreeSet, HashMap};
 
 /// Where a body has gone from where it was drawn: x becomes `turn` x + `shift`.
 #[derive(Clone, Copy)]
@@ -28,12 +28,6 @@ impl Moved {
     fn of(&self, point: Vec3<f64>) -> Vec3<f64> {
         self.turn.apply(point) + self.shift
     }
-
-    /// The same seen from what has gone to `base`.
-    fn seen_from(&self, base: &Self) -> Self {
-        let back = base.turn.transpose();
-        Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
-    }
 }
 
 /// Loops that share more than a body, as free bodies between joints.
@@ -41,118 +35,114 @@ pub(super) struct Block {
     /// Its joints, ascending, by their numbers in the whole.
     pub(super) joints: Vec<usize>,
     /// The mechanism of these loops alone.
-    pub(super) twin: Model,
-    /// Its coordinates where the whole stands.
-    pub(super) q: Vec<f64>,
-    /// Degrees of freedom that it has as a whole: six where it is not seen from any of its bodies.
-    pub(super) afloat: usize,
+    pub(super) spec: Spec,
+    /// Degrees of freedom that it has as a whole: it is not seen from any of its bodies.
+    pub(super) floats: bool,
 }
 
 /// A mechanism, taken apart.
 pub(super) struct Blocks {
     pub(super) blocks: Vec<Block>,
-    /// Degrees of freedom of what closes no loop.
-    pub(super) freedoms: usize,
+    /// Joints that close no loop.
+    pub(super) free: Vec<usize>,
+    /// Sets of bodies that do not hang on the ground.
+    pub(super) afloat: usize,
+}
+
+/// The blocks of a mechanism as it is drawn. Cost: proportional to bodies and joints.
+pub(super) fn blocks(spec: &Spec) -> Blocks {
+    let index = nodes(spec);
+    let node = |name: &str| index.get(name).copied().unwrap_or(0);
+    let lines = lines(spec, &index);
+    let taken = taken_apart(spec.bodies.len() + 1, &lines);
+    let mut found = Blocks { blocks: Vec::new(), free: Vec::new(), afloat: taken.afloat };
+    // couplings by a body they tie: what one ties together is one block
+    let mut of_body: Vec<Vec<usize>> = vec![Vec::new(); if spec.couplings.is_empty() { 0 } else { index.len() + 1 }];
+    for (i, c) in spec.couplings.iter().enumerate() {
+        for body in bodies_of(spec, c).into_iter().map(node).collect::<BTreeSet<_>>() {
+            of_body[body].push(i);
+        }
+    }
+    for part in taken.parts {
+        let joints: Vec<usize> = part.lines.iter().copied().filter(|i| *i < spec.joints.len()).collect();
+        if let ([only], 1) = (joints.as_slice(), part.lines.len()) {
+            found.free.push(*only);
+            continue;
+        }
+        let own: BTreeSet<usize> = part.lines.iter().flat_map(|&i| lines[i]).collect();
+        let near: BTreeSet<usize> = own.iter().flat_map(|&i| of_body.get(i).into_iter().flatten().copied()).collect();
+        let held = |i: &usize| bodies_of(spec, &spec.couplings[*i]).iter().all(|x| own.contains(&node(x)));
+        let couplings: Vec<Coupling> = near.into_iter().filter(held).map(|i| spec.couplings[i].clone()).collect();
+        // points of conditions sit on bodies: the ground stands for none of them
+        let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
+        let of_base = |i: &usize| *i == 0 || Some(*i) == base;
+        let mut drawn = Spec {
+            partita: spec.partita,
+            name: spec.name.clone(),
+            gravity: [0.0; 3],
+            drawing_tolerance: spec.drawing_tolerance,
+            bodies: own.iter().filter(|i| !of_base(i)).map(|i| spec.bodies[i - 1].clone()).collect(),
+            joints: joints.iter().map(|&j| spec.joints[j].clone()).collect(),
+            couplings,
+            drives: Vec::new(),
+            forces: Vec::new(),
+            sights: Vec::new(),
+        };
+        for joint in &mut drawn.joints {
+            for end in [&mut joint.parent, &mut joint.child] {
+                if Some(node(end)) == base {
+                    *end = GROUND.into();
+                }
+            }
+        }
+        found.blocks.push(Block { joints, spec: drawn, floats: base.is_none() });
+    }
+    found
+}
+
+/// The joints of each block. Cost: proportional to bodies and joints.
+pub(super) fn joints_of_blocks(spec: &Spec) -> Vec<Vec<usize>> {
+    let taken = taken_apart(spec.bodies.len() + 1, &lines(spec, &nodes(spec)));
+    let rings = taken.parts.into_iter().map(|x| x.lines).filter(|x| x.len() > 1);
+    rings.map(|x| x.into_iter().filter(|i| *i < spec.joints.len()).collect()).collect()
 }
 
 impl Model {
-    /// The blocks of this mechanism, standing where it has q; None where one of them cannot be compiled by itself.
-    pub(super) fn blocks(&self, q: &[f64]) -> Option<Blocks> {
-        let (spec, moved) = (&self.spec, self.moved(q));
-        let index = nodes(spec);
-        let node = |name: &str| index.get(name).copied().unwrap_or(0);
-        let lines = lines(spec, &index);
-        let taken = taken_apart(spec.bodies.len() + 1, &lines);
-        let of_one = if self.is_planar() { 3 } else { 6 };
-        let mut found = Blocks { blocks: Vec::new(), freedoms: taken.afloat * of_one };
-        for part in taken.parts {
-            let joints: Vec<usize> = part.lines.iter().copied().filter(|i| *i < spec.joints.len()).collect();
-            if let ([only], 1) = (joints.as_slice(), part.lines.len()) {
-                found.freedoms += self.placed.joints[*only].shape.freedoms();
-                continue;
-            }
-            let own: BTreeSet<usize> = part.lines.iter().flat_map(|&i| lines[i]).collect();
-            let couplings: Vec<Coupling> = spec
-                .couplings
-                .iter()
-                .filter(|c| bodies_of(spec, c).iter().all(|x| own.contains(&node(x))))
-                .cloned()
-                .collect();
-            // points of conditions sit on bodies: the ground stands for none of them
-            let base = part.from.filter(|x| *x == 0 || couplings.is_empty());
-            let mut drawn = Spec {
-                bodies: own
-                    .iter()
-                    .filter(|i| **i != 0 && Some(**i) != base)
-                    .map(|i| spec.bodies[i - 1].clone())
-                    .collect(),
-                joints: joints.iter().map(|&j| spec.joints[j].clone()).collect(),
-                couplings,
-                ..(**spec).clone()
-            };
-            (drawn.drives, drawn.forces, drawn.sights) = (Vec::new(), Vec::new(), Vec::new());
-            for joint in &mut drawn.joints {
-                for end in [&mut joint.parent, &mut joint.child] {
-                    if Some(node(end)) == base {
-                        *end = GROUND.into();
-                    }
-                }
-            }
-            let from = base.map_or(Moved::nowhere(), |x| moved[x]);
-            let stands: BTreeMap<usize, Moved> = own.iter().map(|&i| (i, moved[i].seen_from(&from))).collect();
-            let is_rigid = |i: usize| self.placed.joints[joints[i]].shape.freedoms() == 0;
-            let length = length(&drawn, is_rigid, |name| stands.get(&node(name)).copied().unwrap_or(Moved::nowhere()));
-            let functions = self.callers.functions.clone();
-            let mut twin = Self::compiled(drawn, functions, (Coordinates::Absolute, false), true).ok()?;
-            let mut there = twin.initial();
-            for (body, placed) in twin.spec.bodies.iter().zip(&twin.placed.bodies) {
-                let (to, ball, reference) =
-                    (&stands[&node(&body.name)], twin.placed.links[placed.link].q, twin.reference()[placed.link]);
-                there.get_mut(ball.checked_sub(3)?..ball)?.copy_from_slice(&(to.of(reference) - reference).0);
-                there.get_mut(ball..ball + 4)?.copy_from_slice(&Quaternion::from_matrix(&to.turn).0);
-            }
-            if let (Some(length), true) = (length, twin.spec.couplings.is_empty()) {
-                twin.measure_in(length);
-            }
-            found.blocks.push(Block { joints, twin, q: there, afloat: if base.is_some() { 0 } else { 6 } });
-        }
-        Some(found)
-    }
-
-    /// The joints of each block, without the blocks. Cost: proportional to bodies and joints.
-    pub(super) fn joints_of_blocks(&self) -> Vec<Vec<usize>> {
-        let spec = &self.spec;
-        let taken = taken_apart(spec.bodies.len() + 1, &lines(spec, &nodes(spec)));
-        let rings = taken.parts.into_iter().map(|x| x.lines).filter(|x| x.len() > 1);
-        rings.map(|x| x.into_iter().filter(|i| *i < spec.joints.len()).collect()).collect()
-    }
-
-    /// Where the ground and every body have gone.
-    fn moved(&self, q: &[f64]) -> Vec<Moved> {
+    /// Where every body has gone, by name.
+    fn moved(&self, q: &[f64]) -> HashMap<&str, Moved> {
         let mut s = self.full.scratch();
         self.full.poses(q, &mut s);
         let out = self.placed.basis;
-        let mut all = vec![Moved::nowhere()];
+        let mut all = HashMap::new();
         for (own, body) in self.placed.bodies.iter().zip(&self.spec.bodies) {
             let rot = Mat3(body.orientation);
             let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
             let com = self.full.place(own.link, &s) + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
             let turn = turned.mul(&rot.transpose());
             let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
-            all.push(Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
+            all.insert(body.name.as_str(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
         }
         all
     }
 
-    /// Count displacements in parts of this length; what opens on a longer arm, in parts of the arm.
-    fn measure_in(&mut self, length: f64) {
-        let before = self.placed.length;
+    /// The length of this block where it stands at q; that of the whole where conditions are no matter of bodies.
+    pub(super) fn length_at(&self, q: &[f64]) -> Option<f64> {
+        if !self.spec.couplings.is_empty() {
+            return None;
+        }
+        let is_rigid = |i: usize| self.placed.joints[i].shape.freedoms() == 0;
+        let moved = self.moved(q);
+        length(&self.spec, is_rigid, |name| moved.get(name).copied().unwrap_or(Moved::nowhere()))
+    }
+
+    /// Count displacements in parts of this length.
+    pub(super) fn measure_in(&mut self, length: f64) {
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
             self.reach[l.v] = length;
         }
-        for (size, _) in self.row_reach.iter_mut().zip(&self.row_is_angle).filter(|x| !x.1) {
-            *size = size.map(|x| if x > before { x.max(length) } else { length });
-        }
+        let closings = self.closing_rows;
+        let rows = self.row_reach.iter_mut().zip(&self.row_is_angle).take(closings).filter(|x| !x.1);
+        rows.for_each(|(size, _)| *size = Some(length));
     }
 }
 

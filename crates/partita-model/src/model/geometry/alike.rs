@@ -4,7 +4,8 @@
 //! opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not there. Equal lengths
 //! between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
 
-use super::{is_sought, LARGEST, OWN, PARALLEL, ROUNDED};
+use super::change::{is_sought, LARGEST, OWN, PARALLEL, ROUNDED};
+use super::{blocks, Drawing};
 use crate::model::Model;
 use crate::place::alignment;
 use crate::spec::JointKind;
@@ -57,27 +58,23 @@ impl Condition {
     }
 }
 
-impl Model {
+impl Drawing {
     /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one plane.
-    pub(super) fn alike(&self) -> Vec<Alike> {
-        alike(&self.pins(0..self.spec.joints.len()), self.nearly())
-    }
-
-    /// Lengths that differ by less were meant to be equal (m).
-    fn nearly(&self) -> f64 {
-        PARALLEL * self.spec.drawing_tolerance * self.placed.size
+    pub(super) fn alike(&self, tolerance: f64) -> Vec<Alike> {
+        alike(&pins(&self.model, 0..self.model.spec.joints.len()), PARALLEL * tolerance * self.length)
     }
 
     /// What is alike as conditions on a change of this drawing.
     pub(super) fn conditions(&self, alike: &[Alike]) -> Vec<Condition> {
-        let pins = if alike.is_empty() { Vec::new() } else { self.pins(0..self.spec.joints.len()) };
-        alike.iter().flat_map(|x| x.conditions(&pins, self.placed.size)).collect()
+        let pins = if alike.is_empty() { Vec::new() } else { pins(&self.model, 0..self.model.spec.joints.len()) };
+        alike.iter().flat_map(|x| x.conditions(&pins, self.length)).collect()
     }
 
     /// The shortest change of the drawing by which all of it is alike.
     pub(super) fn made_alike(&self, alike: &[Alike]) -> Option<Vec<f64>> {
-        let (size, mut pins) = (self.placed.size, self.pins(0..self.spec.joints.len()));
-        let mut change = vec![0.0; OWN * self.spec.joints.len()];
+        let joints = self.model.spec.joints.len();
+        let (size, mut pins) = (self.length, pins(&self.model, 0..joints));
+        let mut change = vec![0.0; OWN * joints];
         if 2 * alike.len() * change.len().pow(2) > LARGEST {
             return None;
         }
@@ -95,35 +92,34 @@ impl Model {
         }
         Some(change)
     }
+}
 
-    /// Are lengths of one block off that are nearly alike, by more than rounding? Blocks in which nothing is sought are not asked:
-    /// what is alike grows with the third power of the axes in one line.
-    pub(super) fn is_unlike(&self) -> bool {
-        let size = self.placed.size;
-        self.joints_of_blocks().into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
-            let pins = self.pins(joints);
-            let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > ROUNDED);
-            alike(&pins, self.nearly()).iter().any(off)
-        })
-    }
+/// Are lengths of one block off that are nearly alike, by more than rounding? Blocks in which nothing is sought are not asked:
+/// what is alike grows with the third power of the axes in one line.
+pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
+    let (size, near) = (model.placed.size, PARALLEL * tolerance * model.placed.size);
+    blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
+        let pins = pins(model, joints);
+        let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > ROUNDED);
+        alike(&pins, near).iter().any(off)
+    })
+}
 
-    /// The axes about which bodies turn, on either side of these joints.
-    fn pins(&self, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
-        let mut pins = Vec::new();
-        for j in joints {
-            let (joint, placed) = (&self.spec.joints[j], &self.placed.joints[j]);
-            let turns = matches!(joint.kind, JointKind::Revolute | JointKind::Cylindrical);
-            let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint))
-            else {
-                continue;
-            };
-            let there = joint.child_point.unwrap_or(joint.point);
-            pins.push(Pin { node: placed.parent, place: j * OWN, at: Vec3(joint.point), axis });
-            let axis = align.apply_transposed(axis);
-            pins.push(Pin { node: placed.child, place: j * OWN + OWN / 2, at: Vec3(there), axis });
-        }
-        pins
+/// The axes about which bodies turn, on either side of these joints.
+fn pins(model: &Model, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
+    let mut pins = Vec::new();
+    for j in joints {
+        let (joint, placed) = (&model.spec.joints[j], &model.placed.joints[j]);
+        let turns = matches!(joint.kind, JointKind::Revolute | JointKind::Cylindrical);
+        let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint)) else {
+            continue;
+        };
+        let there = joint.child_point.unwrap_or(joint.point);
+        pins.push(Pin { node: placed.parent, place: j * OWN, at: Vec3(joint.point), axis });
+        let axis = align.apply_transposed(axis);
+        pins.push(Pin { node: placed.child, place: j * OWN + OWN / 2, at: Vec3(there), axis });
     }
+    pins
 }
 
 /// What is alike within `near` (m).

@@ -1,0 +1,349 @@
+//! The least change of a drawing by which it moves.                                                     (11.9, 4)
+//!
+//! Between free bodies every joint is a closing. Its frame on either body may sit a little off, by p (displacements over the
+//! block's length, and turns). Along the motion each self-stress n asks for
+//!
+//! ```text
+//! nᵀ (Φ + P p) = 0,   P = C times the motion of the body that carries the frame
+//! ```
+//!
+//! and the shortest p that satisfies all of them at once is the least change.
+
+use super::alike::{Alike, Condition};
+use super::Drawing;
+use crate::place::alignment;
+use crate::spec::{Joint, JointKind, Spec};
+use crate::tree::TreeScratch;
+use partita_math::dense::Matrix;
+use partita_math::factor::svd;
+use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+use partita_system::rank::{Cut, Kernel, Place};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Numbers of a joint: displacement and turn on either side.
+pub(super) const OWN: usize = 12;
+/// Rounds: quadratic from 1e-4 to rounding in three or four, linear next to double roots.
+const ROUNDS: usize = 14;
+/// Positions at which the self-stresses are asked.
+const PLACES: usize = 14;
+/// Fewer say nothing.
+const FEWEST: usize = 3;
+/// What opens by less (parts of sizes) is rounding.
+const ROUNDING: f64 = 1e-14;
+/// The drawing fits when nothing opens by more.
+const FITS: f64 = 1e-12;
+/// Singular values of the conditions on p below so many openings say nothing...
+const NOTHING: f64 = 30.0;
+/// ... never below this part of the largest...
+const LEAST: f64 = 1e-9;
+/// ... nor above this one.
+const MOST: f64 = 1e-3;
+/// A round that gains less than this is near a double root: smaller values are asked.
+const GAINS: f64 = 0.1;
+/// Axes that are parallel within so many tolerances were meant to be.
+pub(super) const PARALLEL: f64 = 3.0;
+/// Products of a decomposition beyond which nothing is sought.
+pub(super) const LARGEST: usize = 150_000_000;
+/// A fit that rests on singular values of less than this may be near a double root...
+const SURE: f64 = 1e-4;
+/// ... where some of those that say nothing are this part of the change that is left, or more...
+const DOUBLE: f64 = 1e-2;
+/// ... which is less than this, or what opens would show it.
+const LEFT: f64 = 1e-5;
+/// What is off by less was rounded.
+pub(super) const ROUNDED: f64 = 1e-14;
+/// Singular values below this part of the largest certainly say nothing.
+const WEAK: f64 = 1e-6;
+
+/// A change by which a drawing fits.
+pub(super) struct Change {
+    pub(super) numbers: Vec<f64>,
+    /// The smallest singular value that was taken to say something, in parts of the largest.
+    least: f64,
+    /// Those that say nothing.
+    weak: Vec<f64>,
+}
+
+impl Change {
+    /// Does the change rest on a double root in lengths that are `off` by so much? They say something then where they are off.
+    pub(super) fn is_double(&self, off: f64) -> bool {
+        self.least < SURE || off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
+    }
+}
+
+/// How much the frame of a joint on one body is changed at the most.
+pub(super) fn largest(numbers: &[f64]) -> f64 {
+    numbers.chunks(OWN / 2).map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max)
+}
+
+/// Is a change sought in a block of so many joints?
+pub(super) fn is_sought(joints: usize) -> bool {
+    (OWN * joints).saturating_pow(3) <= LARGEST
+}
+
+impl Drawing {
+    /// The shortest change, next to the one that is `begun` and with what is `kept` of it, by which this drawing goes through
+    /// the places with `kernel` null directions. None where there is none.
+    pub(super) fn change(
+        &self,
+        places: &[Place],
+        kernel: usize,
+        (begun, kept): (&[f64], &[Alike]),
+    ) -> Result<Option<Change>, SystemError> {
+        let mut change = Change { numbers: begun.to_vec(), least: 1.0, weak: Vec::new() };
+        let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
+        let cut = Cut::Rank(self.model.size().nv.saturating_sub(kernel));
+        let mut at: Vec<Vec<f64>> = spread(places, kernel).into_iter().map(|x| x.q.clone()).collect();
+        let (mut before, mut nothing) = (f64::INFINITY, MOST);
+        for _ in 0..ROUNDS {
+            let (rows, open) = now.asked(&mut at, cut, &now.conditions(kept))?;
+            if at.len() < FEWEST || rows.rows() * rows.cols().pow(2) > LARGEST {
+                return Ok(None);
+            }
+            let worst = open.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            if worst < ROUNDING || worst < FITS && worst > 0.5 * before {
+                return Ok(Some(change));
+            }
+            if !worst.is_finite() {
+                return Ok(None);
+            }
+            // near a double root little is gained: values that rounding still tells are asked then
+            nothing = match worst > GAINS * before {
+                true => (nothing / NOTHING).max(LEAST),
+                false => (NOTHING * worst).clamp(LEAST, MOST),
+            };
+            before = worst;
+            let Ok(f) = svd(&rows) else { return Ok(None) };
+            let Some(top) = f.s.first().copied().filter(|s| *s > 0.0) else { return Ok(None) };
+            // the least of the whole change, not of its last step: A p_new = A p - open
+            let wanted: Vec<f64> = rows.matvec(&change.numbers).iter().zip(&open).map(|(a, open)| a - open).collect();
+            change.numbers.fill(0.0);
+            change.weak = f.s.iter().map(|s| s / top).filter(|s| *s < WEAK).collect();
+            for (i, s) in f.s.iter().enumerate().take_while(|x| *x.1 > nothing * top) {
+                change.least = s / top;
+                let part = (0..rows.rows()).map(|r| f.u[(r, i)] * wanted[r]).sum::<f64>() / s;
+                change.numbers.iter_mut().enumerate().for_each(|(j, x)| *x += part * f.v[(j, i)]);
+            }
+            let Some(next) = self.changed(&change.numbers) else { return Ok(None) };
+            now = next;
+        }
+        Ok(None)
+    }
+
+    /// What self-stresses at the positions, closed anew, and conditions on the drawing ask of a change: rows, and what each is
+    /// off by.
+    fn asked(&self, at: &mut Vec<Vec<f64>>, cut: Cut, kept: &[Condition]) -> Result<(Matrix, Vec<f64>), SystemError> {
+        let columns = OWN * self.model.spec.joints.len();
+        let (mut rows, mut open): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        let mut kernel = Kernel::new(&self.model, 0.0);
+        let mut s = self.model.full.scratch();
+        let mut still = Vec::with_capacity(at.len());
+        for mut q in at.drain(..) {
+            if kernel.close(&mut q, cut)?.is_none() {
+                continue;
+            }
+            let nulls = kernel.nulls(&q, cut)?;
+            self.model.full.poses(&q, &mut s);
+            for stress in &nulls.stresses {
+                let mut row = vec![0.0; columns];
+                let weights = stress.iter().zip(&kernel.sizes).map(|(x, size)| x / size);
+                let weighed: Vec<(usize, f64)> = kernel.rows.iter().copied().zip(weights).collect();
+                self.slope(&weighed, &kernel.c, &s, &mut row);
+                rows.extend(row);
+                open.push(weighed.iter().map(|(i, w)| w * kernel.phi[*i]).sum());
+            }
+            still.push(q);
+        }
+        *at = still;
+        for condition in kept {
+            let mut row = vec![0.0; columns];
+            condition.set(&mut row);
+            rows.extend(row);
+            open.push(condition.off);
+        }
+        Ok((Matrix::from_vec(open.len(), columns, rows), open))
+    }
+
+    /// With the frames of the joints changed by so much; in a plane it stays the plane.
+    pub(super) fn changed(&self, change: &[f64]) -> Option<Self> {
+        self.changed_to(change).filter(|new| new.model.is_planar() == self.model.is_planar())
+    }
+
+    /// The same, whatever plane that makes.
+    pub(super) fn changed_to(&self, change: &[f64]) -> Option<Self> {
+        let mut spec: Spec = (*self.model.spec).clone();
+        for (joint, x) in spec.joints.iter_mut().zip(change.chunks(OWN)) {
+            set(joint, x, self.length, self.normal());
+        }
+        Self::new(spec, self.model.functions(), Some(self.length))
+    }
+
+    /// The change by which joints whose axes are parallel sit at one height along them on both of their bodies.
+    pub(super) fn heights(&self) -> Option<Vec<f64>> {
+        let joints = &self.model.spec.joints;
+        let normal = joints.iter().find_map(|j| j.axis.filter(|_| j.kind == JointKind::Revolute)).map(Vec3)?.unit()?;
+        let mut change = vec![0.0; OWN * joints.len()];
+        for (j, x) in joints.iter().zip(change.chunks_mut(OWN)) {
+            let off = normal.dot(Vec3(j.child_point.unwrap_or(j.point)) - Vec3(j.point)) / self.length;
+            let half = normal.times(0.5 * off);
+            x[..3].copy_from_slice(&half.0);
+            x[OWN / 2..OWN / 2 + 3].copy_from_slice(&half.times(-1.0).0);
+        }
+        Some(change)
+    }
+
+    /// Distances between the frames of each body, square to the first axis where that is a hinge's.
+    pub(super) fn lengths(&self) -> Vec<f64> {
+        let model = &self.model;
+        let mut frames: Vec<(usize, Vec3<f64>, Option<Vec3<f64>>)> = Vec::new();
+        for (joint, placed) in model.spec.joints.iter().zip(&model.placed.joints) {
+            let axis = joint.axis.filter(|_| joint.kind == JointKind::Revolute).and_then(|x| Vec3(x).unit());
+            let there = joint.child_point.unwrap_or(joint.point);
+            frames.push((placed.parent, Vec3(joint.point), axis));
+            frames.push((placed.child, Vec3(there), axis));
+        }
+        let mut lengths = Vec::new();
+        for (i, one) in frames.iter().enumerate() {
+            for two in frames[i + 1..].iter().filter(|x| x.0 == one.0) {
+                let to = two.1 - one.1;
+                lengths.push(one.2.map_or(to, |axis| to - axis.times(axis.dot(to))).norm());
+            }
+        }
+        lengths
+    }
+
+    /// Normal of the plane that it moves in.
+    fn normal(&self) -> Option<Vec3<f64>> {
+        let up = Vec3([0.0, 0.0, 1.0]);
+        self.model.is_planar().then(|| self.model.placed.basis.apply_transposed(up))
+    }
+
+    /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how much it
+    /// was off.
+    pub(super) fn alike_too(&self, change: &[f64], q: &[f64], tolerance: f64) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
+        let mut numbers = change.to_vec();
+        let mut off = 0.0f64;
+        let mut add = |more: &[f64]| {
+            numbers.iter_mut().zip(more).for_each(|(x, more)| *x += more);
+            off = more.iter().fold(off, |m: f64, x| m.max(x.abs()));
+            self.changed(&numbers)
+        };
+        let parallel = add(&self.changed(change)?.parallel(q, PARALLEL * tolerance))?;
+        let alike = parallel.alike(tolerance);
+        add(&parallel.made_alike(&alike)?)?;
+        (off > ROUNDED).then_some((numbers, alike, off))
+    }
+
+    /// The change of this drawing by which axes that are parallel within `near` where they stand at q are so exactly: where the
+    /// fit of others is a double root, to first order these would do as they are.
+    pub(super) fn parallel(&self, q: &[f64], near: f64) -> Vec<f64> {
+        let model = &self.model;
+        let mut change = vec![0.0; OWN * model.spec.joints.len()];
+        let mut s = model.full.scratch();
+        model.full.poses(q, &mut s);
+        // where the turn stands in a change, how its body is turned, and the axis now
+        let mut axes: Vec<(usize, Mat3<f64>, Vec3<f64>)> = Vec::new();
+        let out = model.placed.basis;
+        for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.placed.joints).enumerate() {
+            let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
+            let Some(axis) = Vec3(axis).unit() else { continue };
+            for (node, place, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
+                let turn = out.transpose().mul(&s.links[model.placed.link_of(node)].rot).mul(&out);
+                axes.push((j * OWN + place, turn, turn.apply(axis)));
+            }
+        }
+        while let Some((_, _, first)) = axes.first().copied() {
+            let (group, others): (Vec<_>, Vec<_>) = axes.into_iter().partition(|x| x.2.cross(first).norm() <= near);
+            axes = others;
+            let ahead = |x: Vec3<f64>| x.times(if x.dot(first) < 0.0 { -1.0 } else { 1.0 });
+            // the one that the others are nearest to: where most are exactly parallel, those stay as they are
+            let off = |x: Vec3<f64>| group.iter().map(|y| x.cross(y.2).norm()).sum::<f64>();
+            let least = group.iter().min_by(|x, y| off(x.2).total_cmp(&off(y.2))).map_or(first, |x| ahead(x.2));
+            for &(place, turn, axis) in &group {
+                let across = ahead(axis).cross(least);
+                let (sine, cosine) = (across.norm(), ahead(axis).dot(least));
+                if sine > 0.0 {
+                    let by = turn.apply_transposed(across.times(sine.atan2(cosine) / sine));
+                    change[place..place + 3].copy_from_slice(&by.0);
+                }
+            }
+        }
+        change
+    }
+
+    /// What a change of each number would open, rows added up with these weights, at the position of `s` and `c`.
+    fn slope(&self, rows: &[(usize, f64)], c: &[f64], s: &TreeScratch<Spatial<f64>>, out: &mut [f64]) {
+        let model = &self.model;
+        let (pattern, placed) = (model.pattern(), &model.placed);
+        // mechanism axes are world axes, unless a plane lies tilted
+        let basis = placed.basis;
+        for &(row, weight) in rows.iter().filter(|x| x.1 != 0.0) {
+            let Some(j) = model.joint_of_row(row) else { continue };
+            let joint = &placed.joints[j];
+            for (node, other, point, first) in [
+                (joint.parent, joint.child, joint.parent_point, 0),
+                (joint.child, joint.parent, joint.child_point, OWN / 2),
+            ] {
+                // a frame on the ground moves by as much as the other body would move against it
+                let (body, sign) = if node == 0 { (other, -weight) } else { (node, weight) };
+                let (own, link) = (placed.link_of(node), placed.link_of(body));
+                let effort = self.effort(link, |v| {
+                    pattern.row(row).find(|&e| pattern.col_idx[e] == v).map_or(0.0, |e| sign * c[e])
+                });
+                let (force, moment) = (effort.0, if self.model.is_planar() { effort.1 } else { s.links[link].rot.apply(effort.1) });
+                let turn = &s.links[own].rot;
+                let here = model.full.place(own, s) + turn.apply(point - model.reference()[own]);
+                let about = moment + (model.full.place(link, s) - here).cross(force);
+                let shift = basis.apply_transposed(turn.apply_transposed(force)).times(self.length);
+                let turned = basis.apply_transposed(turn.apply_transposed(about));
+                let numbers = &mut out[j * OWN + first..][..OWN / 2];
+                shift.0.iter().chain(&turned.0).zip(numbers).for_each(|(x, out)| *out += x);
+            }
+        }
+    }
+
+    /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from what each of its velocities
+    /// feels.
+    fn effort(&self, link: usize, of: impl Fn(usize) -> f64) -> (Vec3<f64>, Vec3<f64>) {
+        let links = &self.model.placed.links;
+        let v = links[link].v;
+        match self.model.is_planar() {
+            true => (Vec3([of(v - 2), of(v - 1), 0.0]), Vec3([0.0, 0.0, of(v)])),
+            false => (Vec3([of(v - 3), of(v - 2), of(v - 1)]), Vec3([of(v), of(v + 1), of(v + 2)])),
+        }
+    }
+}
+
+/// Places of the right kernel, spread over the paths.
+fn spread(places: &[Place], kernel: usize) -> Vec<&Place> {
+    let right: Vec<&Place> = places.iter().filter(|x| x.kernel.0 == kernel).collect();
+    let all = if right.len() < FEWEST { places.iter().collect() } else { right };
+    let step = all.len() as f64 / PLACES.min(all.len()).max(1) as f64;
+    (0..PLACES.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
+}
+
+/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane they turn about
+/// its normal.
+fn set(joint: &mut Joint, by: &[f64], size: f64, normal: Option<Vec3<f64>>) {
+    let part = |i: usize| Vec3([by[i], by[i + 1], by[i + 2]]);
+    let turned = |w: Vec3<f64>| normal.map_or(w, |n| n.times(n.dot(w)));
+    if part(0).norm() + part(6).norm() > 0.0 {
+        let child = Vec3(joint.child_point.unwrap_or(joint.point)) + part(6).times(size);
+        joint.child_point = Some(child.0);
+        joint.point = (Vec3(joint.point) + part(0).times(size)).0;
+    }
+    let turns = [part(3), part(9)].map(turned);
+    if turns[0].norm() + turns[1].norm() == 0.0 {
+        return;
+    }
+    let [on_parent, on_child] = turns.map(|w| Quaternion::exp(w).matrix());
+    let Ok(drawn) = alignment(joint) else { return };
+    for axis in [&mut joint.axis, &mut joint.axis2].into_iter().flatten() {
+        *axis = on_parent.apply(Vec3(*axis)).0;
+    }
+    joint.frame = joint.frame.map(|frame| on_parent.mul(&Mat3(frame)).0);
+    let fits = on_parent.mul(&drawn).mul(&on_child.transpose());
+    let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
+    joint.child_axis = None;
+    joint.child_frame = Some(fits.transpose().mul(&frame).0);
+}

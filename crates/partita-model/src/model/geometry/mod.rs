@@ -1,0 +1,540 @@
+//! What a drawing means: exactly one mechanism, decided when it is compiled.                            (11.9)
+//!
+//! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it move over a
+//! finite path; or it stands *as drawn*. Blocks of loops are judged one by one, by what pivots and a short exact motion settle
+//! ([`exact`]), else by levels of singular values along finite motions.
+
+mod alike;
+mod blocks;
+mod change;
+
+use super::Model;
+use crate::place::Coordinates;
+use crate::spec::{Joint, Spec};
+use crate::value::Functions;
+use change::{is_sought, largest, Change, OWN};
+use partita_system::rank::{exact, Cut, Exact, Kernel};
+use partita_system::{ConstrainedSystem, SystemError};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// The coarsest level, in tolerances: singular values of random misfits are up to 0.9 of them, of longer loops more.
+const COARSEST: f64 = 10.0;
+/// Levels below it.
+const LEVELS: [f64; 2] = [1e-5, 1e-7];
+/// Tried besides where the drawing may stand in a singular position.
+const HALVES: [f64; 3] = [3e-4, 1e-4, 3e-5];
+/// Below this values are rounding.
+const FINEST: f64 = 1e-9;
+/// What opens by less along a path fits.
+const FITS: f64 = 1e-11;
+/// The largest change of a joint frame, in tolerances.
+const CHANGED: f64 = 2.0;
+/// Axes are parallel within so many tolerances in what was meant to be plane.
+const PLANE: f64 = 4.0;
+/// The part of the bodies' lengths by which the drawing of a block may be open for its decision to mean anything.
+const NEAR: f64 = 0.5;
+/// Finer levels with a change this much smaller are taken where a coarse one folds a length away.
+const FOLDED: f64 = 0.1;
+/// Lengths above this (in parts of the block's) are lengths.
+const LENGTH: f64 = 1e-9;
+/// Decimals of a block's length to which equal blocks agree.
+const EQUAL: f64 = 1e-13;
+
+/// What was decided about one block of loops.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// All closings are independent.
+    Regular,
+    /// Closings are redundant wherever it goes.
+    Redundant,
+    /// The drawing is exact, but stands in a singular position.
+    SingularHere,
+    /// Some motions exist for an instant at every position and are locked at a higher order.
+    Shaky,
+    /// It does not move.
+    Locked,
+    /// The drawing is repaired; then one of the others.
+    Repaired,
+    /// As drawn: weak conditions hold what a change beyond the tolerance would free.
+    Conditions,
+    /// Not decided: too large, or conditions on rates alone.
+    Undecided,
+}
+
+/// A block of loops and what was decided about it.
+#[derive(Clone, Debug)]
+pub struct BlockVerdict {
+    /// Its joints, by their numbers in the description.
+    pub joints: Vec<usize>,
+    /// What was decided.
+    pub verdict: Verdict,
+    /// Degrees of freedom over a finite motion, those of a floating block as a whole not counted.
+    pub freedoms: Option<usize>,
+    /// Null directions of the closings at generic positions.
+    pub kernel: Option<usize>,
+    /// Largest change of each of its joints' frames (rad, parts of the block's length).
+    pub changed: Vec<f64>,
+    /// The largest displacement of a joint frame (m) and its largest turn (rad).
+    pub moved: (f64, f64),
+}
+
+/// Freedoms of a mechanism as its drawing was decided, drives released.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// The blocks that needed a look.
+    pub blocks: Vec<BlockVerdict>,
+    /// Degrees of freedom; `None` where a block is undecided.
+    pub freedoms: Option<usize>,
+    /// Motions that exist for an instant only, at every position.
+    pub instantaneous: usize,
+    /// May conditions be as weak as the drawing tolerance?
+    pub weak: bool,
+    /// The description as it was drawn, where it was repaired.
+    pub drawn: Option<Arc<Spec>>,
+}
+
+impl Geometry {
+    /// The largest change of a joint frame (rad, parts of lengths); 0 where nothing was repaired.
+    pub fn misfit(&self) -> f64 {
+        let repaired = self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
+        repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
+    }
+
+    /// What was repaired, in a sentence.
+    pub fn words(&self, spec: &Spec) -> Option<String> {
+        let repaired = || self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
+        let of = |x: &BlockVerdict| {
+            let most = x.changed.iter().zip(&x.joints).max_by(|a, b| a.0.total_cmp(b.0));
+            most.map(|(by, joint)| (*by, *joint))
+        };
+        let (_, joint) = repaired().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (shift, turn) = repaired().fold((0.0f64, 0.0f64), |m, x| (m.0.max(x.moved.0), m.1.max(x.moved.1)));
+        Some(format!(
+            "the mechanism is the nearest drawing that fits: joint frames were moved by up to {shift:.1e} m and turned by up to \
+             {:.1e} deg, most at \"{}\"",
+            turn.to_degrees(),
+            spec.joints.get(joint).map_or("", |j| &j.name)
+        ))
+    }
+}
+
+/// A block as free bodies between joints, measured in a length of its own.
+struct Drawing {
+    model: Model,
+    length: f64,
+}
+
+/// What a level makes of a drawing.
+struct Fit {
+    freedoms: usize,
+    kernel: usize,
+    /// Change of the frames; none where the drawing is exact.
+    change: Option<Vec<f64>>,
+    most: f64,
+    joints: Vec<Joint>,
+    folds: bool,
+}
+
+impl Drawing {
+    /// Compiled; measured in `length`, or in that of the drawing.
+    fn new(spec: Spec, functions: Arc<dyn Functions>, length: Option<f64>) -> Option<Self> {
+        let mut model = Model::compiled(spec, functions, (Coordinates::Absolute, true), true).ok()?;
+        let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.placed.size);
+        model.measure_in(known);
+        Some(Self { model, length: known })
+    }
+
+    /// Can it be asked at all?
+    fn is_holonomic(&self) -> bool {
+        self.model.size().rows == self.model.size().holonomic
+    }
+}
+
+/// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to ask what would make it
+/// move. The joints of a repaired mechanism stand in the second.
+pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
+    let spec = &model.spec;
+    if let Ok(Exact::Regular(freedoms)) = exact(model, 0.0, &model.initial(), COARSEST * tolerance.max(FINEST)) {
+        return (Geometry { freedoms: Some(freedoms), ..Geometry::default() }, None);
+    }
+    if let Ok(Exact::Redundant(freedoms)) = exact(model, 0.0, &model.initial(), COARSEST * tolerance.max(FINEST)) {
+        if !alike::is_unlike(model, tolerance) {
+            return (Geometry { freedoms: Some(freedoms), ..Geometry::default() }, None);
+        }
+    }
+    let parts = blocks::blocks(spec);
+    let floating = if model.is_planar() { 3 } else { 6 };
+    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.freedoms()).sum::<usize>();
+    let mut found = Geometry { freedoms: Some(of_free + floating * parts.afloat), ..Geometry::default() };
+    let mut joints: Option<Vec<Joint>> = None;
+    let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
+    for block in parts.blocks {
+        let key = shape(&block.spec);
+        let decided = match key.as_ref().and_then(|k| known.get(k)) {
+            Some(decided) => decided.clone(),
+            None => {
+                let decided = judged(&block.spec, model.functions(), block.floats, tolerance);
+                key.map(|k| known.insert(k, decided.clone()));
+                decided
+            }
+        };
+        let verdict = &decided.verdict;
+        found.freedoms = found.freedoms.zip(decided.freedoms).map(|(a, b)| a + b);
+        found.weak |= *verdict == Verdict::Conditions;
+        if *verdict == Verdict::Shaky {
+            found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.freedoms.unwrap_or(0));
+        }
+        if *verdict == Verdict::Repaired {
+            let all = joints.get_or_insert_with(|| spec.joints.clone());
+            for (k, &j) in block.joints.iter().enumerate() {
+                decided.apply(k, &block.spec.joints[k], &mut all[j]);
+            }
+        }
+        if !matches!(verdict, Verdict::Regular | Verdict::Redundant) {
+            let moved = (decided.most(0) * decided.length, decided.most(3));
+            let changed = decided.numbers.chunks(OWN).map(largest).collect();
+            let (freedoms, kernel, verdict) = (decided.freedoms, decided.kernel, decided.verdict);
+            found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved });
+        }
+    }
+    (found, joints)
+}
+
+/// What was decided about a block, as parts that serve an equal one.
+#[derive(Clone)]
+struct Decided {
+    verdict: Verdict,
+    freedoms: Option<usize>,
+    kernel: Option<usize>,
+    numbers: Vec<f64>,
+    length: f64,
+    /// Joints as drawn and as repaired.
+    joints: Vec<(Joint, Joint)>,
+}
+
+impl Decided {
+    fn plain(verdict: Verdict, freedoms: Option<usize>) -> Self {
+        Self { verdict, freedoms, kernel: None, numbers: Vec::new(), length: 1.0, joints: Vec::new() }
+    }
+
+    /// The largest displacement (`first` 0) or turn (3) of a frame.
+    fn most(&self, first: usize) -> f64 {
+        let part = |x: &[f64]| x[first..first + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.numbers.chunks(OWN / 2).map(part).fold(0.0, f64::max)
+    }
+
+    /// Take over what was changed of the k-th joint; `drawn` is that of an equal block that may stand elsewhere.
+    fn apply(&self, k: usize, drawn: &Joint, to: &mut Joint) {
+        let Some((before, after)) = self.joints.get(k) else { return };
+        let moved = |at: [f64; 3], from: [f64; 3], now: [f64; 3]| [0, 1, 2].map(|i| at[i] + (now[i] - from[i]));
+        if before.point != after.point || before.child_point != after.child_point {
+            let child = |j: &Joint| j.child_point.unwrap_or(j.point);
+            to.child_point = Some(moved(child(drawn), child(before), child(after)));
+            to.point = moved(drawn.point, before.point, after.point);
+        }
+        if (before.axis, before.axis2, before.frame, before.child_frame)
+            != (after.axis, after.axis2, after.frame, after.child_frame)
+        {
+            (to.axis, to.axis2, to.frame) = (after.axis, after.axis2, after.frame);
+            (to.child_axis, to.child_frame) = (after.child_axis, after.child_frame);
+        }
+    }
+}
+
+/// The shape of a block by its numbers, from where it stands; `None` where more than joints and bodies matter.
+fn shape(spec: &Spec) -> Option<Vec<i64>> {
+    if !spec.couplings.is_empty() {
+        return None;
+    }
+    let first = spec.joints.first()?.point;
+    let far = |x: [f64; 3]| (0..3).fold(0.0f64, |m, i| m.max((x[i] - first[i]).abs()));
+    let size = spec.joints.iter().fold(0.0f64, |m, j| m.max(far(j.point)).max(far(j.child_point.unwrap_or(j.point))));
+    let unit = EQUAL * if size > 0.0 { size } else { return None };
+    let mut key: Vec<i64> = vec![spec.bodies.len() as i64, (size / unit) as i64, size.to_bits() as i64];
+    let names: HashMap<&str, i64> = spec.bodies.iter().zip(1..).map(|(b, i)| (b.name.as_str(), i)).collect();
+    let point = |x: [f64; 3], key: &mut Vec<i64>| key.extend((0..3).map(|i| ((x[i] - first[i]) / unit).round() as i64));
+    let numbers = |x: &[f64], key: &mut Vec<i64>| key.extend(x.iter().map(|x| x.to_bits() as i64));
+    for b in &spec.bodies {
+        let rot = partita_math::spatial::Mat3(b.orientation).apply(partita_math::spatial::Vec3(b.com));
+        point((partita_math::spatial::Vec3(b.position) + rot).0, &mut key);
+    }
+    for j in &spec.joints {
+        key.extend([&j.parent, &j.child].map(|x| names.get(x.as_str()).copied().unwrap_or(0)));
+        key.push(j.kind as i64);
+        point(j.point, &mut key);
+        point(j.child_point.unwrap_or(j.point), &mut key);
+        for x in [j.axis, j.axis2, j.child_axis] {
+            key.push(i64::from(x.is_some()));
+            numbers(&x.unwrap_or_default(), &mut key);
+        }
+        for x in [j.frame, j.child_frame] {
+            key.push(i64::from(x.is_some()));
+            numbers(x.unwrap_or_default().as_flattened(), &mut key);
+        }
+        numbers(&[j.pitch.unwrap_or(0.0)], &mut key);
+        if j.free.is_some() {
+            return None;
+        }
+    }
+    Some(key)
+}
+
+/// One block.
+fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f64) -> Decided {
+    let undecided = || Decided::plain(Verdict::Undecided, None);
+    let Some(drawing) = Drawing::new(spec.clone(), functions.clone(), None) else { return undecided() };
+    let afloat = |d: &Drawing| if !floats { 0 } else if d.model.is_planar() { 3 } else { 6 };
+    if !drawing.is_holonomic() {
+        return undecided();
+    }
+    let level = COARSEST * tolerance.max(FINEST);
+    let settled = |d: &Drawing| {
+        let initial = d.model.initial();
+        match exact(&d.model, 0.0, &initial, level) {
+            Ok(Exact::Regular(k)) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
+            Ok(Exact::Redundant(k)) if !alike::is_unlike(&d.model, tolerance) => {
+                Some(Decided::plain(Verdict::Redundant, Some(k - afloat(d))))
+            }
+            _ => None,
+        }
+    };
+    if let Some(decided) = settled(&drawing) {
+        return decided;
+    }
+    if !is_sought(spec.joints.len()) {
+        return undecided();
+    }
+    // what was meant to be plane is made so first: there three numbers of a body are all there is
+    let flat = drawing.flattened(tolerance);
+    let (drawing, first) = match flat {
+        Some((flat, numbers)) => (flat, Some(numbers)),
+        None => (drawing, None),
+    };
+    let joints = |after: &[Joint]| spec.joints.iter().cloned().zip(after.iter().cloned()).collect::<Vec<_>>();
+    let repaired = |freedoms: usize, kernel: usize, numbers: Vec<f64>, after: &[Joint]| Decided {
+        verdict: Verdict::Repaired,
+        freedoms: Some(freedoms),
+        kernel: Some(kernel),
+        numbers,
+        length: drawing.length,
+        joints: joints(after),
+    };
+    if let (Some(numbers), Some(decided)) = (&first, settled(&drawing)) {
+        let freedoms = decided.freedoms.unwrap_or(0);
+        return repaired(freedoms, freedoms, numbers.clone(), &drawing.model.spec.joints);
+    }
+    let (fit, seen) = match drawing.levels(tolerance) {
+        Ok(Some(found)) => found,
+        Ok(None) | Err(_) => return undecided(),
+    };
+    let own = afloat(&drawing);
+    match fit {
+        Some(fit) if fit.change.is_some() || first.is_some() => {
+            let mut numbers = first.unwrap_or_else(|| vec![0.0; OWN * spec.joints.len()]);
+            numbers.iter_mut().zip(fit.change.iter().flatten()).for_each(|(x, more)| *x += more);
+            let mut decided = repaired(fit.freedoms - own, fit.kernel - own, numbers, &fit.joints);
+            if fit.freedoms < fit.kernel {
+                decided.verdict = Verdict::Shaky;
+            }
+            decided
+        }
+        Some(fit) => {
+            let verdict = match () {
+                () if fit.freedoms < fit.kernel => Verdict::Shaky,
+                () if seen.coarse > fit.kernel && seen.fine <= fit.kernel => Verdict::Conditions,
+                () if seen.fine > fit.kernel => Verdict::SingularHere,
+                () => Verdict::Redundant,
+            };
+            let kernel = Some(fit.kernel.saturating_sub(own));
+            Decided { kernel, ..Decided::plain(verdict, Some(fit.freedoms.saturating_sub(own))) }
+        }
+        None if seen.fine <= own => {
+            let verdict = if seen.coarse > own { Verdict::Conditions } else { Verdict::Locked };
+            Decided::plain(verdict, Some(0))
+        }
+        None => undecided(),
+    }
+}
+
+/// Null directions of a drawing at the finest and the coarsest level.
+struct Seen {
+    fine: usize,
+    coarse: usize,
+}
+
+impl Drawing {
+    /// The drawing with axes that are nearly parallel made so, where it then is plane; and the change.
+    fn flattened(&self, tolerance: f64) -> Option<(Self, Vec<f64>)> {
+        if self.model.is_planar() || !self.model.spec.couplings.is_empty() {
+            return None;
+        }
+        let mut numbers = self.parallel(&self.model.initial(), PLANE * tolerance);
+        let plane = self.changed_to(&numbers)?;
+        if !plane.model.is_planar() {
+            // heights along the normal: each joint where its bodies fit
+            let heights = plane.heights()?;
+            numbers.iter_mut().zip(&heights).for_each(|(x, more)| *x += more);
+            let plane = self.changed_to(&numbers)?;
+            return (plane.model.is_planar() && largest(&numbers) <= CHANGED * tolerance).then_some((plane, numbers));
+        }
+        (largest(&numbers) <= CHANGED * tolerance).then_some((plane, numbers))
+    }
+
+    /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
+    fn levels(&self, tolerance: f64) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+        let coarsest = COARSEST * tolerance.max(FINEST);
+        let mut home = self.model.initial();
+        let mut kernel = Kernel::new(&self.model, 0.0);
+        let Some(closed) = kernel.close(&mut home, Cut::Level(coarsest))? else { return Ok(None) };
+        if closed.open > NEAR {
+            return Ok(None);
+        }
+        let n = self.model.size().nv;
+        let values = kernel.nulls(&home, Cut::Level(FINEST))?.values;
+        let null = |level: f64| n - Cut::Level(level).count(&values);
+        let seen = Seen { fine: null(FINEST), coarse: null(coarsest) };
+        if seen.coarse == 0 || seen.coarse == n.saturating_sub(kernel.rows.len()) {
+            let fit = Fit {
+                freedoms: seen.coarse,
+                kernel: seen.coarse,
+                change: None,
+                most: 0.0,
+                joints: self.model.spec.joints.clone(),
+                folds: false,
+            };
+            return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
+        }
+        let mut levels = vec![coarsest];
+        levels.extend(LEVELS.into_iter().filter(|x| *x < coarsest));
+        if seen.fine == seen.coarse {
+            let finest = levels.pop().unwrap_or(coarsest);
+            let fit = self.at_level(&home, finest, tolerance)?;
+            if let Some(fit) = fit.filter(|x| x.change.is_none() && x.freedoms == seen.coarse) {
+                return Ok(Some((Some(fit), seen)));
+            }
+            levels.push(finest);
+        }
+        let mut fits: Vec<Fit> = Vec::new();
+        let mut may_be_singular = false;
+        for (i, &level) in levels.iter().enumerate() {
+            let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
+            let Some(fit) = self.at_level(&home, level, tolerance)? else { continue };
+            may_be_singular |= fit.kernel < null(level);
+            let ends = fit.freedoms >= next && (fit.change.is_none() || seen.fine < fit.freedoms);
+            fits.push(fit);
+            if ends {
+                break;
+            }
+        }
+        if fits.is_empty() && may_be_singular {
+            for level in HALVES.into_iter().filter(|x| *x < coarsest) {
+                fits.extend(self.at_level(&home, level, tolerance)?);
+            }
+        }
+        Ok(Some((chosen(fits), seen)))
+    }
+
+    /// What this level makes of the drawing: a motion, and the change by which it fits. None where nothing does.
+    fn at_level(&self, home: &[f64], level: f64, tolerance: f64) -> Result<Option<Fit>, SystemError> {
+        let cut = Cut::Level(level);
+        let mut there = home.to_vec();
+        let mut kernel = Kernel::new(&self.model, 0.0);
+        if kernel.close(&mut there, cut)?.is_none() {
+            return Ok(None);
+        }
+        let Some(branch) = kernel.branch(&there, cut)? else { return Ok(None) };
+        let fit = |change: Option<Vec<f64>>, joints: &[Joint]| Fit {
+            freedoms: branch.freedoms,
+            kernel: branch.kernel,
+            most: change.as_deref().map_or(0.0, largest),
+            folds: change.as_deref().is_some_and(|x| self.folds(x)),
+            change,
+            joints: joints.to_vec(),
+        };
+        let open = branch.places.iter().fold(0.0, |m: f64, x| m.max(x.open));
+        let unlike = self.alike_too(&vec![0.0; OWN * self.model.spec.joints.len()], &there, tolerance);
+        if open < FITS && unlike.is_none() {
+            return Ok(Some(fit(None, &self.model.spec.joints)));
+        }
+        if !self.model.spec.couplings.is_empty() || branch.freedoms < branch.kernel {
+            // conditions have no frames that could be moved; what is locked at a higher order is mended by no slope
+            return Ok((open < FITS).then(|| fit(None, &self.model.spec.joints)));
+        }
+        let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
+        let plain = match open < FITS {
+            true => None,
+            false => self.change(&branch.places, branch.kernel, (&nothing, &[]))?,
+        };
+        let begun = plain.as_ref().map_or(nothing.as_slice(), |x| &x.numbers);
+        let alike = self.alike_too(begun, &there, tolerance);
+        let small = |x: &Change| largest(&x.numbers) <= CHANGED * tolerance;
+        let with = match &alike {
+            // what opens had a double root, or none was found
+            Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
+                self.change(&branch.places, branch.kernel, (numbers, kept))?.filter(small)
+            }
+            _ => None,
+        };
+        for change in [with, plain.filter(small)].into_iter().flatten() {
+            let Some(changed) = self.changed(&change.numbers) else { continue };
+            if changed.goes(&there, &branch)? {
+                return Ok(Some(fit(Some(change.numbers), &changed.model.spec.joints)));
+            }
+        }
+        Ok((open < FITS).then(|| fit(None, &self.model.spec.joints)))
+    }
+
+    /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the branch?
+    fn goes(&self, home: &[f64], branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
+        let cut = Cut::Rank(self.model.size().nv - branch.kernel);
+        let mut kernel = Kernel::new(&self.model, 0.0);
+        let mut there = home.to_vec();
+        let Some(place) = branch.places.get(branch.places.len() / 2) else { return Ok(false) };
+        if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > FITS) {
+            there.clone_from(&place.q);
+            if kernel.close(&mut there, cut)?.is_none_or(|x| x.open > FITS) {
+                return Ok(false);
+            }
+        }
+        let (mut open, mut count) = (0.0f64, 0);
+        for motion in kernel.nulls(&there, cut)?.motions {
+            for sign in [1.0, -1.0] {
+                let along: Vec<f64> = motion.iter().map(|x| sign * x).collect();
+                kernel.path(&there, &along, cut, CHECKED, &mut |_, _, off, _| {
+                    open = open.max(off);
+                    count += 1;
+                    open <= FITS
+                })?;
+            }
+        }
+        Ok(count >= CHECKED && open <= FITS)
+    }
+
+    /// Does a change fold a length of a body away?
+    fn folds(&self, numbers: &[f64]) -> bool {
+        let Some(changed) = self.changed(numbers) else { return false };
+        let (before, after) = (self.lengths(), changed.lengths());
+        before.iter().zip(&after).any(|(d, now)| *d > LENGTH * self.length && *now < 0.5 * d)
+    }
+}
+
+/// Steps of the path on which a change is checked: one radian.
+const CHECKED: usize = 10;
+
+/// The fit of the most freedoms; of equal ones that of the least change, unless it folds a length that a finer level keeps.
+fn chosen(fits: Vec<Fit>) -> Option<Fit> {
+    let most = fits.iter().map(|x| x.freedoms).max()?;
+    let better = |a: &Fit, b: &Fit| b.freedoms.cmp(&a.freedoms).then(a.most.total_cmp(&b.most));
+    let (mut first, mut others): (Vec<Fit>, Vec<Fit>) = fits.into_iter().partition(|x| x.freedoms == most);
+    first.sort_by(better);
+    let kept = first.into_iter().next()?;
+    if kept.folds {
+        others.retain(|x| !x.folds && x.most <= FOLDED * kept.most);
+        others.sort_by(better);
+        if let Some(other) = others.into_iter().next() {
+            return Some(other);
+        }
+    }
+    Some(kept)
+}

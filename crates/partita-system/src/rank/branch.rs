@@ -1,0 +1,196 @@
+//! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its freedoms.
+
+use super::kernel::{Cut, Kernel, Nulls};
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense::Matrix;
+use partita_math::factor::svd;
+
+/// Step of a path, in reaches.
+const STEP: f64 = 0.1;
+/// Length of a path: a short one does not tell an order of four from a misfit.
+const FAR: usize = 25;
+/// A predictor thrown back by more than this part of itself ends the path.
+const THROWN_BACK: f64 = 0.5;
+/// Random directions in which paths leave the drawing, for each null direction.
+const MORE: usize = 2;
+/// Paths at the most, for drawings of many freedoms.
+const PATHS: usize = 24;
+/// Where most ends have a larger kernel, a value up to so many levels counts as null too: in the tube of a lock values are as
+/// large as the level.
+const TUBE: f64 = 100.0;
+/// Half differences of probes above this part of the longest are motions; in the tube of a lock they are shorter.
+const MOVES: f64 = 0.25;
+/// Ends at which probes are tried.
+const TRIED: usize = 4;
+/// A path this short (in steps) says nothing.
+const SHORTEST: usize = 3;
+
+/// A position on a path.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// Its path.
+    pub path: usize,
+    /// Steps from the drawing.
+    pub steps: usize,
+    /// Coordinates, closed at the level.
+    pub q: Vec<f64>,
+    /// Null directions there, and those up to the tube of a lock.
+    pub kernel: (usize, usize),
+    /// What stays open there, in parts of sizes.
+    pub open: f64,
+}
+
+/// What a drawing does at a level.
+#[derive(Clone, Debug)]
+pub struct Branch {
+    /// Null directions of C at generic positions of the motion, k_c.
+    pub kernel: usize,
+    /// Rank of the finite motions there, k_f.
+    pub freedoms: usize,
+    /// Positions on the paths.
+    pub places: Vec<Place>,
+}
+
+/// Small numbers without a pattern, always the same.
+fn irregular(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+fn combined(motions: &[Vec<f64>], seed: &mut u64) -> Vec<f64> {
+    let mut y = vec![0.0; motions.first().map_or(0, Vec::len)];
+    for motion in motions {
+        let part = irregular(seed);
+        y.iter_mut().zip(motion).for_each(|(y, x)| *y += part * x);
+    }
+    y
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}
+
+impl<S: ConstrainedSystem> Kernel<'_, S> {
+    /// A direction of travel 1; `None` where there is none.
+    fn unit(&self, y: &[f64]) -> Option<Vec<f64>> {
+        let length = self.travel(y);
+        (length.is_finite() && length > 0.0).then(|| y.iter().map(|y| y / length).collect())
+    }
+
+    /// Follow the own motion from `home` along a null direction; each position is handed to `visit`, which may end it.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated.
+    pub fn path(
+        &mut self,
+        home: &[f64],
+        direction: &[f64],
+        cut: Cut,
+        steps: usize,
+        visit: &mut dyn FnMut(usize, &[f64], f64, &Nulls) -> bool,
+    ) -> Result<(), SystemError> {
+        let mut q = home.to_vec();
+        let Some(mut along) = self.unit(direction) else { return Ok(()) };
+        for step in 1..=steps {
+            let by: Vec<f64> = along.iter().map(|x| STEP * x).collect();
+            let mut there = q.clone();
+            self.step(&mut there, &by);
+            let Some(closed) = self.close(&mut there, cut)? else { return Ok(()) };
+            let total: Vec<f64> = by.iter().zip(&closed.moved).map(|(x, y)| x + y).collect();
+            if dot(&total, &by) < THROWN_BACK * dot(&by, &by) {
+                return Ok(());
+            }
+            q = there;
+            let nulls = self.nulls(&q, cut)?;
+            if !visit(step, &q, closed.open, &nulls) {
+                return Ok(());
+            }
+            let mut ahead = vec![0.0; total.len()];
+            for motion in &nulls.motions {
+                let part = dot(motion, &total);
+                ahead.iter_mut().zip(motion).for_each(|(y, x)| *y += part * x);
+            }
+            if dot(&ahead, &ahead) < (THROWN_BACK * STEP).powi(2) * dot(&along, &along) {
+                return Ok(());
+            }
+            let Some(next) = self.unit(&ahead) else { return Ok(()) };
+            along = next;
+        }
+        Ok(())
+    }
+
+    /// The motion of the drawing closed at `home`, by the singular values that count. `None` where no path leads away.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated.
+    pub fn branch(&mut self, home: &[f64], cut: Cut) -> Result<Option<Branch>, SystemError> {
+        let motions = self.nulls(home, cut)?.motions;
+        let mut seed = 1;
+        let mut directions: Vec<Vec<f64>> = Vec::new();
+        for motion in &motions {
+            directions.push(motion.clone());
+            directions.push(motion.iter().map(|x| -x).collect());
+        }
+        (0..MORE * motions.len()).for_each(|_| directions.push(combined(&motions, &mut seed)));
+        if directions.len() > PATHS {
+            directions = (0..PATHS).map(|_| combined(&motions, &mut seed)).collect();
+        }
+        let tube = match cut {
+            Cut::Level(level) => Cut::Level(TUBE * level),
+            Cut::Rank(_) => cut,
+        };
+        let n = self.velocities();
+        let mut places: Vec<Place> = Vec::new();
+        let mut ends: Vec<usize> = Vec::new();
+        for (path, direction) in directions.iter().enumerate() {
+            let before = places.len();
+            self.path(home, direction, cut, FAR, &mut |steps, q, open, nulls| {
+                let kernel = (n - cut.count(&nulls.values), n - tube.count(&nulls.values));
+                places.push(Place { path, steps, q: q.to_vec(), kernel, open });
+                true
+            })?;
+            if places.len() >= before + SHORTEST {
+                ends.push(places.len() - 1);
+            }
+        }
+        let Some(kernel) = agreed(&ends.iter().map(|&i| places[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
+        let agrees = |place: &Place| place.kernel.0 <= kernel && kernel <= place.kernel.1;
+        let mut freedoms = 0;
+        for &end in ends.iter().filter(|&&i| agrees(&places[i])).take(TRIED) {
+            freedoms = freedoms.max(self.probed(&places[end].q.clone(), cut)?);
+        }
+        places.retain(agrees);
+        Ok((freedoms > 0).then_some(Branch { kernel, freedoms, places }))
+    }
+
+    /// How many of the null directions at q are tangents of motions: half the differences of probes to both sides; what is
+    /// even in them is curvature.
+    fn probed(&mut self, q: &[f64], cut: Cut) -> Result<usize, SystemError> {
+        let motions = self.nulls(q, cut)?.motions;
+        let mut halves = Matrix::new(motions.len(), self.velocities());
+        for (i, motion) in motions.iter().enumerate() {
+            let Some(along) = self.unit(motion) else { continue };
+            for sign in [1.0, -1.0] {
+                let by: Vec<f64> = along.iter().map(|x| sign * STEP * x).collect();
+                let mut there = q.to_vec();
+                self.step(&mut there, &by);
+                let Some(closed) = self.close(&mut there, cut)? else { continue };
+                let half = by.iter().zip(&closed.moved).map(|(x, y)| 0.5 * sign * (x + y) / STEP);
+                halves.row_mut(i).iter_mut().zip(half).for_each(|(h, x)| *h += x);
+            }
+            let scale = dot(motion, motion).sqrt() / dot(&along, &along).sqrt();
+            halves.row_mut(i).iter_mut().for_each(|x| *x *= scale);
+        }
+        let Ok(f) = svd(&halves) else { return Ok(0) };
+        let longest = f.s.first().copied().unwrap_or(0.0);
+        Ok(f.s.iter().filter(|s| **s > MOVES * longest.max(MOVES)).count())
+    }
+}
+
+/// The kernel on which most ends agree; of two the larger.
+fn agreed(ends: &[(usize, usize)]) -> Option<usize> {
+    let of = |k: usize| ends.iter().filter(|x| x.0 <= k && k <= x.1).count();
+    let mut kernels: Vec<usize> = ends.iter().map(|x| x.0).collect();
+    kernels.sort_unstable();
+    kernels.into_iter().max_by_key(|&k| (of(k), k))
+}

@@ -1,0 +1,169 @@
+//! What pivots and a short motion settle: closings that are independent, and closings that are redundant to the last digit.
+//!
+//! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the others
+//! open by nothing but rounding, or something else is the matter, which is not decided here.
+
+use crate::reduction::openness::CLOSED;
+use crate::reduction::{largest, Reduction, FITS};
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::rank::{weighed_rows, RowRank};
+
+/// What adds less than this (squared, in natural sizes) cannot be told from nothing: round-off of sums of squares.
+pub const EXACT: f64 = 1e-14;
+/// Rows kept are clear of those left out when they add so many times as much.
+const CLEAR: f64 = 10.0;
+/// Skip single freedoms above so many: directions that mix all of them still move each.
+const SINGLE: usize = 60;
+/// Length of the motion in reaches: an opening of the order p in it is a power p of this, far above rounding.
+const MOVED: f64 = 0.1;
+/// Its steps, each closed.
+const STEPS: usize = 5;
+/// Mixed directions at the most.
+const DIRECTIONS: usize = 4;
+
+/// What is settled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exact {
+    /// All closings are independent; degrees of freedom.
+    Regular(usize),
+    /// Closings are redundant wherever the mechanism goes; degrees of freedom.
+    Redundant(usize),
+    /// Neither.
+    Open,
+}
+
+/// Look at the closings near q, drives released. Values of C up to `level` (in natural sizes) are not taken as clear.
+///
+/// # Errors
+/// Where nothing can be evaluated at (t, q).
+pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) -> Result<Exact, SystemError> {
+    let size = system.size();
+    let drive = |i: usize| system.row_is_drive(i);
+    let mut r = Reduction::geometric(system, 0);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let found = ranked(&r, EXACT, (level * level, &drive));
+    let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
+    let (closings, smallest) = (of_closings().count(), of_closings().fold(1.0, f64::min));
+    let all = (0..size.rows).filter(|&i| !drive(i)).count();
+    let freedoms = size.nv - closings;
+    if smallest <= level * level {
+        return Ok(Exact::Open);
+    }
+    if closings == all {
+        return Ok(Exact::Regular(freedoms));
+    }
+    let clear = size.rows == size.holonomic && smallest >= CLEAR * CLEAR * found.largest_dropped;
+    Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms) } else { Exact::Open })
+}
+
+/// Rows of the last position by what they add to those before them, in natural sizes.
+pub(crate) fn ranked<S: ConstrainedSystem>(
+    r: &Reduction<S>,
+    least: f64,
+    preference: (f64, &dyn Fn(usize) -> bool),
+) -> RowRank {
+    let system = r.system;
+    let reach: Vec<f64> = (0..system.size().nv).map(|i| system.reach(i)).collect();
+    let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
+    weighed_rows(system.pattern(), &r.c, (&reach, &sizes), least, preference)
+}
+
+/// Moved along each freedom and along mixtures of them, closed with the rows kept: do the others stay closed?
+fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<bool, SystemError> {
+    let mut r = Reduction::geometric(system, closings);
+    match r.first_partition(t, q) {
+        Ok(()) => {}
+        Err(SystemError::Singular { .. }) => return Ok(false),
+        Err(e) => return Err(e),
+    }
+    let mut home = q.to_vec();
+    if !closed(&mut r, t, &mut home)? || opened(&r) > FITS {
+        return Ok(false);
+    }
+    let k = r.k();
+    let mixed = k.min(DIRECTIONS);
+    let single = if k > 1 && k <= SINGLE { k } else { 0 };
+    for direction in 0..mixed + single {
+        for sign in [1.0, -1.0] {
+            if !moved(&mut r, t, &home, (direction, mixed), sign)? {
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// What the closings that were not kept open by, in parts of sizes.
+fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
+    let closings = r.dropped().iter().filter(|&&i| i < r.size().holonomic && !r.system.row_is_drive(i));
+    largest(closings.map(|&i| r.phi[i] / r.row_size(i)))
+}
+
+/// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
+fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
+    let reach = |j: usize| r.system.reach(r.partition.independent[j]);
+    if let Some(one) = direction.checked_sub(mixed) {
+        return (0..r.k()).map(|j| if j == one { reach(j) } else { 0.0 }).collect();
+    }
+    let wave = |j: usize| (1.3 + 1.7 * j as f64 + 2.9 * direction as f64 * (j as f64 + 1.0)).sin();
+    let sign = |j: usize| if direction > 0 && (j + direction) % 2 == 0 { -1.0 } else { 1.0 };
+    (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * reach(j)).collect()
+}
+
+/// Move along a direction from `home`, as far as it goes. False where a row left out opens.
+fn moved<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    home: &[f64],
+    direction: (usize, usize),
+    sign: f64,
+) -> Result<bool, SystemError> {
+    let system = r.system;
+    let mut there = home.to_vec();
+    r.position(t, &there)?;
+    if r.tangent(t).is_err() {
+        return Ok(false);
+    }
+    let rates = rates(r, direction);
+    for _ in 0..STEPS {
+        r.gamma.fill(0.0);
+        r.spread(&rates);
+        let fastest = system.travel(&r.v);
+        if !(fastest.is_finite() && fastest > 0.0) {
+            return Ok(false);
+        }
+        let scale = sign * MOVED / (STEPS as f64 * fastest);
+        let by: Vec<f64> = r.v.iter().map(|v| scale * v).collect();
+        system.step(&mut there, &by);
+        system.normalise(&mut there);
+        if !closed(r, t, &mut there)? {
+            return Ok(false);
+        }
+        if opened(r) > FITS {
+            return Ok(false);
+        }
+        if r.tangent(t).is_err() {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Close the rows kept near q; leaves the levels there. False where they do not close.
+fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
+    for _ in 0..8 {
+        r.position(t, q)?;
+        if r.factor(t).is_err() {
+            return Ok(false);
+        }
+        if r.gap_of_kept() < 0.01 * FITS {
+            return Ok(true);
+        }
+        if !r.correct_dependent(q) {
+            break;
+        }
+    }
+    r.position(t, q)?;
+    Ok(r.factor(t).is_ok() && r.gap_of_kept() < CLOSED)
+}

@@ -1,0 +1,12 @@
+//! One verdict on rank: which closings are independent, redundant everywhere, or dependent in one position alone.     (11.9)
+//!
+//! A gap between singular values at one position decides nothing. What pivots and a short exact motion settle is settled in
+//! `exact`; the rest is asked of finite motions, by levels of singular values, in `branch`.
+
+pub mod branch;
+pub mod exact;
+pub mod kernel;
+
+pub use branch::{Branch, Place};
+pub use exact::{exact, Exact, EXACT};
+pub use kernel::{Closed, Cut, Kernel, Nulls};
