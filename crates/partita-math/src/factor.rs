@@ -128,6 +128,11 @@ fn decompose(a: &Matrix, full: bool) -> Result<Svd, FactorError> {
 ///
 /// The rank is decided at [`QR_RANK_RTOL`] of the largest pivot: scale rows of different units beforehand.
 pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
+    qr_null_space_by(c, |pivots| pivots.iter().take_while(|x| **x > QR_RANK_RTOL * pivots[0] && **x != 0.0).count())
+}
+
+/// The same with the rank that `rank` says of the sizes of the pivots, which descend.
+pub fn qr_null_space_by(c: &Matrix, rank: impl FnOnce(&[f64]) -> usize) -> Result<QrNullSpace, FactorError> {
     finite(c.data())?;
     let (m, n) = (c.rows(), c.cols());
     if c.max_abs() == 0.0 {
@@ -142,8 +147,8 @@ pub fn qr_null_space(c: &Matrix) -> Result<QrNullSpace, FactorError> {
     let _after = Cleared;
     let f = view(c).transpose().col_piv_qr();
     let (q, r) = (f.compute_Q(), f.R());
-    let largest = r[(0, 0)].abs();
-    let rank = (0..m.min(n)).take_while(|&k| r[(k, k)].abs() > QR_RANK_RTOL * largest && r[(k, k)] != 0.0).count();
+    let pivots: Vec<f64> = (0..m.min(n)).map(|k| r[(k, k)].abs()).collect();
+    let rank = rank(&pivots).min(pivots.len());
     let mut upper = Matrix::new(rank, m);
     for i in 0..rank {
         for j in i..m {
@@ -258,6 +263,44 @@ pub fn least_squares_min_norm(a: &Matrix, b: &[f64], rtol: f64) -> Result<(Vec<f
     Ok((x, rank))
 }
 
+/// The shortest x that minimises `|A x − b|` with the rows of R that `keep` counts, by QR with column pivoting on both sides; cheaper
+/// than singular values by far. `keep` is given the sizes of the diagonal of R, which descend.
+///
+/// # Panics
+/// If b does not have one entry per row.
+pub fn pivoted_least_norm(
+    a: &Matrix,
+    b: &[f64],
+    keep: impl FnOnce(&[f64]) -> usize,
+) -> Result<(Vec<f64>, usize), FactorError> {
+    assert_eq!(b.len(), a.rows(), "one right-hand side per row");
+    finite(a.data())?;
+    finite(b)?;
+    let (m, n) = (a.rows(), a.cols());
+    let mut x = vec![0.0; n];
+    let _after = Cleared;
+    let f = view(a).col_piv_qr();
+    let (q, r) = (f.compute_thin_Q(), f.thin_R());
+    let diagonal: Vec<f64> = (0..m.min(n)).map(|k| r[(k, k)].abs()).collect();
+    let kept = keep(&diagonal).min(diagonal.len());
+    if kept == 0 {
+        return Ok((x, 0));
+    }
+    // R₁ᵀ = Q₂ R₂:  the shortest y with R₁ y = c is Q₂ R₂⁻ᵀ c
+    let second = Mat::from_fn(n, kept, |i, j| if i >= j { r[(j, i)] } else { 0.0 }).qr();
+    let (q2, r2) = (second.compute_thin_Q(), second.thin_R());
+    let mut c: Vec<f64> = (0..kept).map(|k| (0..m).map(|i| q[(i, k)] * b[i]).sum()).collect();
+    for k in 0..kept {
+        let sum: f64 = (0..k).map(|j| r2[(j, k)] * c[j]).sum();
+        c[k] = (c[k] - sum) / r2[(k, k)];
+    }
+    for (j, &to) in f.P().arrays().0.iter().enumerate() {
+        x[to] = (0..kept).map(|k| q2[(j, k)] * c[k]).sum();
+    }
+    finite(&x).map_err(|_| FactorError::Singular { index: kept - 1, pivot: 0.0 })?;
+    Ok((x, kept))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -313,6 +356,21 @@ mod tests {
             assert_eq!((full.u.cols(), full.v.cols()), (m, n));
             orthonormal(&full.v);
             assert!(distance(&full.s, &f.s) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn pivoted_least_norm_is_that_of_singular_values() {
+        let mut rng = fastrand::Rng::with_seed(67);
+        for (m, n) in SHAPES {
+            for rank in 0..=m.min(n).min(4) {
+                let a = random(&mut rng, m, rank).matmul(&random(&mut rng, rank, n));
+                let b = random(&mut rng, m, 1).into_vec();
+                let (x, kept) = pivoted_least_norm(&a, &b, |d| d.iter().filter(|x| **x > 1e-9).count()).unwrap();
+                let (y, _) = least_squares_min_norm(&a, &b, 1e-9).unwrap();
+                assert_eq!(kept, rank);
+                assert!(distance(&x, &y) < 1e-10, "{m} {n} {rank}");
+            }
         }
     }
 

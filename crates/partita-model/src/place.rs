@@ -331,8 +331,9 @@ impl Placed {
             // closings must fit out of the plane too; if they do not, the spatial rows say so
             let fits = topology.cuts.iter().all(|&j| {
                 let (p, c) = closing_points(&spec.joints[j], &edges[j], &moved);
-                let turned = spec.joints[j].child_axis.is_some() || spec.joints[j].child_frame.is_some();
-                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && !turned
+                let of_normal = alignment(&spec.joints[j]).map(|x| basis.mul(&x).mul(&basis.transpose()).column(2));
+                let in_plane = of_normal.is_ok_and(|n| n.0[0].abs().max(n.0[1].abs()) < IN_PLANE && n.0[2] > 0.0);
+                (basis.apply(c - p).0[2]).abs() < 1e-9 * size && in_plane
             });
             let flat =
                 (0..count).all(|i| (basis.mul(&moved[i].rot).mul(&basis.transpose()).0[2][2] - 1.0).abs() < 1e-12);

@@ -1,6 +1,6 @@
 //! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its freedoms.
 
-use super::kernel::{Cut, Kernel, Nulls};
+use super::kernel::{Cut, Kernel, Motions};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
@@ -12,7 +12,7 @@ const FAR: usize = 25;
 /// A predictor thrown back by more than this part of itself ends the path.
 const THROWN_BACK: f64 = 0.5;
 /// Random directions in which paths leave the drawing, for each null direction.
-const MORE: usize = 2;
+const MORE: usize = 1;
 /// Paths at the most, for drawings of many freedoms.
 const PATHS: usize = 24;
 /// Where most ends have a larger kernel, a value up to so many levels counts as null too: in the tube of a lock values are as
@@ -87,7 +87,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         direction: &[f64],
         cut: Cut,
         steps: usize,
-        visit: &mut dyn FnMut(usize, &[f64], f64, &Nulls) -> bool,
+        visit: &mut dyn FnMut(usize, &[f64], f64, &Motions) -> bool,
     ) -> Result<(), SystemError> {
         let mut q = home.to_vec();
         let Some(mut along) = self.unit(direction) else { return Ok(()) };
@@ -101,7 +101,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
                 return Ok(());
             }
             q = there;
-            let nulls = self.nulls(&q, cut)?;
+            let nulls = self.motions(&q, cut)?;
             if !visit(step, &q, closed.open, &nulls) {
                 return Ok(());
             }
@@ -124,7 +124,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     /// # Errors
     /// Where nothing can be evaluated.
     pub fn branch(&mut self, home: &[f64], cut: Cut) -> Result<Option<Branch>, SystemError> {
-        let motions = self.nulls(home, cut)?.motions;
+        let motions = self.motions(home, cut)?.motions;
         let mut seed = 1;
         let mut directions: Vec<Vec<f64>> = Vec::new();
         for motion in &motions {
@@ -145,7 +145,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         for (path, direction) in directions.iter().enumerate() {
             let before = places.len();
             self.path(home, direction, cut, FAR, &mut |steps, q, open, nulls| {
-                let kernel = (n - cut.count(&nulls.values), n - tube.count(&nulls.values));
+                let kernel = (n - cut.count(&nulls.pivots), n - tube.count(&nulls.pivots));
                 places.push(Place { path, steps, q: q.to_vec(), kernel, open });
                 true
             })?;
@@ -166,7 +166,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     /// How many of the null directions at q are tangents of motions: half the differences of probes to both sides; what is
     /// even in them is curvature.
     fn probed(&mut self, q: &[f64], cut: Cut) -> Result<usize, SystemError> {
-        let motions = self.nulls(q, cut)?.motions;
+        let motions = self.motions(q, cut)?.motions;
         let mut halves = Matrix::new(motions.len(), self.velocities());
         for (i, motion) in motions.iter().enumerate() {
             let Some(along) = self.unit(motion) else { continue };

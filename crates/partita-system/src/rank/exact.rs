@@ -57,6 +57,20 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
     Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms) } else { Exact::Open })
 }
 
+/// What the last of so many closings adds at (t, q), squared and in natural sizes: as weak as that the conditions are.
+///
+/// # Errors
+/// Where nothing can be evaluated there.
+pub fn weakest<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<f64, SystemError> {
+    let drive = |i: usize| system.row_is_drive(i);
+    let mut r = Reduction::geometric(system, 0);
+    r.position(t, q)?;
+    r.refresh_scales(t, q)?;
+    let found = ranked(&r, EXACT, (0.0, &drive));
+    let of_closings = found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
+    Ok(of_closings.take(closings).fold(1.0, f64::min))
+}
+
 /// Rows of the last position by what they add to those before them, in natural sizes.
 pub(crate) fn ranked<S: ConstrainedSystem>(
     r: &Reduction<S>,

@@ -2,7 +2,7 @@
 
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
-use partita_math::factor::{svd, svd_full, Svd};
+use partita_math::factor::{pivoted_least_norm, qr_null_space_by, svd, svd_full};
 
 /// Iterations of a closing: three or four of Newton's method for each grade of the level.
 const ITERATIONS: usize = 60;
@@ -19,7 +19,7 @@ const SETTLED: f64 = 1e-14;
 /// A closing whose moves no longer shrink has settled, if they are shorter than this.
 const ROUNDING: f64 = 1e-11;
 /// What is open by less (parts of sizes) is rounding.
-const OPEN: f64 = 4.0 * f64::EPSILON;
+const OPEN: f64 = 2e-15;
 
 /// Which singular values of C count.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +46,14 @@ pub struct Closed {
     pub open: f64,
     /// The move, in reaches, summed over the iterations.
     pub moved: Vec<f64>,
+}
+
+/// Null space of C at one position.
+pub struct Motions {
+    /// Pivots, descending.
+    pub pivots: Vec<f64>,
+    /// Motions that no row opposes, in reaches.
+    pub motions: Vec<Vec<f64>>,
 }
 
 /// Null spaces of C at one position.
@@ -129,6 +137,26 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         })
     }
 
+    /// Singular values at q, descending.
+    pub fn values(&mut self, q: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let (_, c) = self.look(q)?;
+        Ok(svd(&c).map_or_else(|_| vec![0.0], |f| f.s))
+    }
+
+    /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the other.
+    pub fn motions(&mut self, q: &[f64], cut: Cut) -> Result<Motions, SystemError> {
+        let (_, c) = self.look(q)?;
+        let n = c.cols();
+        let mut pivots = Vec::new();
+        let found = qr_null_space_by(&c, |all| {
+            pivots = all.to_vec();
+            cut.count(all)
+        });
+        let Ok(f) = found else { return Ok(Motions { pivots: vec![0.0], motions: vec![] }) };
+        let column = |j: usize| (0..n).map(|i| f.null[(i, j)]).collect::<Vec<f64>>();
+        Ok(Motions { motions: (0..f.null.cols()).map(column).collect(), pivots })
+    }
+
     /// How far a move (in reaches) goes: the fastest coordinate, or what stands for it whatever the axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
         self.system.travel(&self.in_velocities(y))
@@ -144,8 +172,8 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         self.system.normalise(q);
     }
 
-    /// Gauss-Newton with all rows, dq = -C⁺ Phi by the singular values that count. What then stays open no motion of the
-    /// level closes. `None` where the moves do not settle.                                                (11.9, 1)
+    /// Gauss-Newton with all rows, dq = -C⁺ Phi by the pivots that count. What then stays open no motion of the level
+    /// closes. `None` where the moves do not settle.                                                (11.9, 1)
     pub fn close(&mut self, q: &mut [f64], cut: Cut) -> Result<Option<Closed>, SystemError> {
         let last = match cut {
             Cut::Level(level) => level,
@@ -162,12 +190,12 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
             if open <= OPEN {
                 return Ok(Some(Closed { open, moved }));
             }
-            let Ok(f) = svd(&c) else { return Ok(None) };
-            let kept = match cut {
-                Cut::Level(_) => Cut::Level(grade).count(&f.s),
-                Cut::Rank(rank) => rank.min(f.s.len()),
+            let against: Vec<f64> = phi.iter().map(|x| -x).collect();
+            let keep = |diagonal: &[f64]| match cut {
+                Cut::Level(_) => Cut::Level(grade).count(diagonal),
+                Cut::Rank(_) => cut.count(diagonal),
             };
-            let mut y = against(&f, kept, &phi);
+            let Ok((mut y, _)) = pivoted_least_norm(&c, &against, keep) else { return Ok(None) };
             let mut length = self.travel(&y);
             if !length.is_finite() {
                 return Ok(None);
@@ -189,14 +217,4 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         }
         Ok(None)
     }
-}
-
-/// -C⁺ Phi by the first `kept` singular values.
-fn against(f: &Svd, kept: usize, phi: &[f64]) -> Vec<f64> {
-    let mut y = vec![0.0; f.v.rows()];
-    for k in (0..kept).filter(|&k| f.s[k] > 0.0) {
-        let part = -(0..phi.len()).map(|i| f.u[(i, k)] * phi[i]).sum::<f64>() / f.s[k];
-        y.iter_mut().enumerate().for_each(|(j, y)| *y += part * f.v[(j, k)]);
-    }
-    y
 }

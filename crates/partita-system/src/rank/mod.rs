@@ -8,5 +8,5 @@ pub mod exact;
 pub mod kernel;
 
 pub use branch::{Branch, Place};
-pub use exact::{exact, Exact, EXACT};
-pub use kernel::{Closed, Cut, Kernel, Nulls};
+pub use exact::{exact, weakest, Exact, EXACT};
+pub use kernel::{Closed, Cut, Kernel, Motions, Nulls};

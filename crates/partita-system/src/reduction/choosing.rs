@@ -6,8 +6,8 @@ use crate::clusters::Clusters;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
 
-/// Rows of C weaker than this (squared, against their reach) hold round-off only.
-const EMPTY_ROW: f64 = 1e-26;
+/// Rows of C weaker than this (squared, against their reach) hold round-off only, that of a repaired drawing included.
+const EMPTY_ROW: f64 = 1e-18;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.

@@ -29,7 +29,7 @@ const PLACES: usize = 14;
 /// Fewer say nothing.
 const FEWEST: usize = 3;
 /// What opens by less (parts of sizes) is rounding.
-const ROUNDING: f64 = 1e-14;
+const ROUNDING: f64 = 1e-15;
 /// The drawing fits when nothing opens by more.
 const FITS: f64 = 1e-12;
 /// Singular values of the conditions on p below so many openings say nothing...
@@ -338,10 +338,14 @@ fn set(joint: &mut Joint, by: &[f64], size: f64, normal: Option<Vec3<f64>>) {
     }
     let [on_parent, on_child] = turns.map(|w| Quaternion::exp(w).matrix());
     let Ok(drawn) = alignment(joint) else { return };
+    let one_frame = joint.child_axis.is_none() && joint.child_frame.is_none() && turns[0].0 == turns[1].0;
     for axis in [&mut joint.axis, &mut joint.axis2].into_iter().flatten() {
         *axis = on_parent.apply(Vec3(*axis)).0;
     }
     joint.frame = joint.frame.map(|frame| on_parent.mul(&Mat3(frame)).0);
+    if one_frame {
+        return;
+    }
     let fits = on_parent.mul(&drawn).mul(&on_child.transpose());
     let frame = joint.frame.map_or_else(Mat3::identity, Mat3);
     joint.child_axis = None;

@@ -13,17 +13,21 @@ use crate::place::Coordinates;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use change::{is_sought, largest, Change, OWN};
-use partita_system::rank::{exact, Cut, Exact, Kernel};
+use partita_system::rank::{exact, weakest, Cut, Exact, Kernel, EXACT};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// The coarsest level, in tolerances: singular values of random misfits are up to 0.9 of them, of longer loops more.
 const COARSEST: f64 = 10.0;
+/// No level is coarser, whatever the tolerance.
+const WIDEST: f64 = 3e-2;
 /// Levels below it.
 const LEVELS: [f64; 2] = [1e-5, 1e-7];
 /// Tried besides where the drawing may stand in a singular position.
 const HALVES: [f64; 3] = [3e-4, 1e-4, 3e-5];
+/// Conditions below this are told from none by the verdict alone, not by pivots at a position.
+const WEAK: f64 = 1e-3;
 /// Below this values are rounding.
 const FINEST: f64 = 1e-9;
 /// What opens by less along a path fits.
@@ -34,6 +38,8 @@ const CHANGED: f64 = 2.0;
 const PLANE: f64 = 4.0;
 /// The part of the bodies' lengths by which the drawing of a block may be open for its decision to mean anything.
 const NEAR: f64 = 0.5;
+/// A block that closes where it is so many times as long is measured there.
+const LONGER: f64 = 3.0;
 /// Finer levels with a change this much smaller are taken where a coarse one folds a length away.
 const FOLDED: f64 = 0.1;
 /// Lengths above this (in parts of the block's) are lengths.
@@ -155,13 +161,14 @@ impl Drawing {
 /// move. The joints of a repaired mechanism stand in the second.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
-    if let Ok(Exact::Regular(freedoms)) = exact(model, 0.0, &model.initial(), COARSEST * tolerance.max(FINEST)) {
-        return (Geometry { freedoms: Some(freedoms), ..Geometry::default() }, None);
-    }
-    if let Ok(Exact::Redundant(freedoms)) = exact(model, 0.0, &model.initial(), COARSEST * tolerance.max(FINEST)) {
-        if !alike::is_unlike(model, tolerance) {
-            return (Geometry { freedoms: Some(freedoms), ..Geometry::default() }, None);
-        }
+    let settled = match exact(model, 0.0, &model.initial(), coarsest(tolerance)) {
+        Ok(Exact::Regular(freedoms)) => Some(freedoms),
+        Ok(Exact::Redundant(freedoms)) if !alike::is_unlike(model, tolerance) => Some(freedoms),
+        _ => None,
+    };
+    if settled.is_some() {
+        let weak = is_weak(model, settled);
+        return (Geometry { freedoms: settled, weak, ..Geometry::default() }, None);
     }
     let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
@@ -181,7 +188,6 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         };
         let verdict = &decided.verdict;
         found.freedoms = found.freedoms.zip(decided.freedoms).map(|(a, b)| a + b);
-        found.weak |= *verdict == Verdict::Conditions;
         if *verdict == Verdict::Shaky {
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.freedoms.unwrap_or(0));
         }
@@ -198,7 +204,20 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
             found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved });
         }
     }
+    found.weak = joints.is_none() && is_weak(model, found.freedoms);
     (found, joints)
+}
+
+/// The coarsest level for a drawing tolerance.
+fn coarsest(tolerance: f64) -> f64 {
+    (COARSEST * tolerance).clamp(COARSEST * FINEST, WIDEST)
+}
+
+/// Does a condition hold, in a mechanism of so many freedoms, that is too weak for pivots at one position to be taken for one?
+fn is_weak(model: &Model, freedoms: Option<usize>) -> bool {
+    let closings = freedoms.map(|k| model.size().nv.saturating_sub(k));
+    let weakest = closings.and_then(|m| weakest(model, 0.0, &model.initial(), m).ok());
+    weakest.is_some_and(|x| x < WEAK * WEAK && x > EXACT)
 }
 
 /// What was decided about a block, as parts that serve an equal one.
@@ -288,7 +307,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f
     if !drawing.is_holonomic() {
         return undecided();
     }
-    let level = COARSEST * tolerance.max(FINEST);
+    let level = coarsest(tolerance);
     let settled = |d: &Drawing| {
         let initial = d.model.initial();
         match exact(&d.model, 0.0, &initial, level) {
@@ -383,15 +402,35 @@ impl Drawing {
 
     /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
     fn levels(&self, tolerance: f64) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
-        let coarsest = COARSEST * tolerance.max(FINEST);
+        let coarsest = coarsest(tolerance);
         let mut home = self.model.initial();
         let mut kernel = Kernel::new(&self.model, 0.0);
-        let Some(closed) = kernel.close(&mut home, Cut::Level(coarsest))? else { return Ok(None) };
-        if closed.open > NEAR {
-            return Ok(None);
+        let near = kernel.close(&mut home, Cut::Level(coarsest))?.map(|x| x.open);
+        if near.is_none_or(|open| open > CHANGED * tolerance) {
+            // what no change within the tolerance closes here may close elsewhere: then lengths are those there
+            let mut far = self.model.initial();
+            match kernel.close(&mut far, Cut::Level(FINEST))? {
+                Some(closed) if closed.open < FITS => {
+                    let length = self.model.length_at(&far).unwrap_or(self.length);
+                    if length > LONGER * self.length {
+                        let spec = (*self.model.spec).clone();
+                        let Some(there) = Self::new(spec, self.model.functions(), Some(length)) else { return Ok(None) };
+                        return there.levels_at(far, tolerance);
+                    }
+                }
+                _ if near.is_none_or(|open| open > NEAR) => return Ok(None),
+                _ => {}
+            }
         }
+        self.levels_at(home, tolerance)
+    }
+
+    /// The same at a position that is closed as far as it will.
+    fn levels_at(&self, home: Vec<f64>, tolerance: f64) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+        let coarsest = coarsest(tolerance);
+        let mut kernel = Kernel::new(&self.model, 0.0);
         let n = self.model.size().nv;
-        let values = kernel.nulls(&home, Cut::Level(FINEST))?.values;
+        let values = kernel.values(&home)?;
         let null = |level: f64| n - Cut::Level(level).count(&values);
         let seen = Seen { fine: null(FINEST), coarse: null(coarsest) };
         if seen.coarse == 0 || seen.coarse == n.saturating_sub(kernel.rows.len()) {
@@ -498,7 +537,7 @@ impl Drawing {
             }
         }
         let (mut open, mut count) = (0.0f64, 0);
-        for motion in kernel.nulls(&there, cut)?.motions {
+        for motion in kernel.motions(&there, cut)?.motions {
             for sign in [1.0, -1.0] {
                 let along: Vec<f64> = motion.iter().map(|x| sign * x).collect();
                 kernel.path(&there, &along, cut, CHECKED, &mut |_, _, off, _| {
