@@ -34,4 +34,5 @@ def case(seed: int) -> Case:
         rates=TURNING.get(name, {}),
         span=0.15 if name in ("delta", "three_rrr") else 0.4,
         error=error,
+        clear=True,
     )

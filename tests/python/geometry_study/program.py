@@ -266,7 +266,7 @@ class Program:
 
     def clear(self, span: float, k: int, wanted: dict[str, float]) -> float:
         """How long a motion keeps clear of singular positions: until the least singular value that is a condition comes
-        to half of what it was at the start, or the span."""
+        to 0.3 of what it was at the start, or the span."""
         x, r = self.closed(self.x0, self.r0, k)
         y = np.concatenate([x.ravel(), Rotation.from_matrix(r).as_quat().ravel(), self.rates(x, r, wanted)])
         rank = 6 * self.n - k
@@ -275,10 +275,10 @@ class Program:
             x, r, _ = self._unpacked(y[None])
             return float(np.linalg.svd(self.closing(x[0], r[0])[1], compute_uv=False)[rank - 1])
 
-        solver, half = DOP853(self._slope(k), 0.0, y, span, rtol=1e-6, atol=1e-8), 0.5 * least(y)
+        solver, lowest = DOP853(self._slope(k), 0.0, y, span, rtol=1e-6, atol=1e-8), 0.3 * least(y)
         while solver.status == "running" and solver.nfev < 2000:
             solver.step()
-            if least(solver.y) < half:
+            if least(solver.y) < lowest:
                 return float(solver.t_old)
         return float(solver.t) if solver.status == "finished" else 0.5 * float(solver.t)
 

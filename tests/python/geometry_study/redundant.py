@@ -26,4 +26,4 @@ def case(seed: int) -> Case:
     make, mobility = MAKERS[name]
     true = make(rng)
     span = 0.15 if mobility == 3 else 0.4
-    return Case(name, true, true, mobility, span=span)
+    return Case(name, true, true, mobility, span=span, clear=True)
