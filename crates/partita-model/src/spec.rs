@@ -29,7 +29,7 @@ pub struct Spec {
     pub name: String,
     /// Gravity [m/s²].
     pub gravity: [f64; 3],
-    /// How far the drawing may be off (radians, parts of lengths): what is redundant but for so much counts as redundant.
+    /// How far the drawing may be off (radians, parts of lengths): joints that over-constrain by no more than that are repaired.
     #[serde(default = "drawing_tolerance")]
     pub drawing_tolerance: f64,
     /// Rigid bodies.

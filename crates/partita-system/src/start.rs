@@ -74,6 +74,9 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     let is_drive = |i: &usize| system.row_is_drive(*i);
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
     let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
+    if kept < wanted && finite.hidden {
+        return Err(SystemError::argument("drawing_tolerance", HIDDEN.into()));
+    }
     if kept < wanted {
         return Err(singular(system, (t, q), &start, start.rank + wanted - kept)?);
     }
@@ -82,6 +85,11 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     }
     Ok(start)
 }
+
+/// What is told of conditions that rounding hides.
+const HIDDEN: &str = "conditions hold the mechanism that are so weak that what they carry is lost in rounding: its drawing is off by \
+                      more than its drawing_tolerance, but by little; draw its joints exactly as they are meant, or give a larger \
+                      drawing_tolerance for the play they have";
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
 fn shaky(t: f64, finite: Finite) -> SystemError {

@@ -16,6 +16,8 @@ pub struct Finite {
     pub instantaneous: usize,
     /// May a condition be as weak as a drawing tolerance and hold all the same?
     pub weak: bool,
+    /// Is one so weak that rounding hides it?
+    pub hidden: bool,
 }
 
 /// Sizes of a system.

@@ -32,9 +32,9 @@ class Mechanism(Modelled):
             one table (times (n,), values (n, 3)), or one function that returns three numbers. Gravity that changes has
             no potential: what it does counts as work.
         drawing_tolerance: how far the drawing may be off, in radians and in parts of the characteristic lengths (0 to
-            0.01). Joints that would over-constrain a mechanism by no more than that, and misfit by no more than a few
-            times that when it moves, are bridged: it moves as the one that was meant; what does not fit is named in
-            `report` and in the notes of a result, watched, and told in its certificate. 0 means every digit.
+            0.01). Where joint frames moved by no more than twice that let an over-constrained mechanism move, it is
+            repaired so when it is compiled; what does not fit is named in `report`, in the notes of a result and in
+            its certificate. 0 means every digit.
 
     Raises:
         DescriptionError: the name is not text, gravity is not three finite numbers, or drawing_tolerance is no number

@@ -93,8 +93,8 @@ impl ConstrainedSystem for Model {
         self.curves().read(&self.own, t, (q, v), s, out);
     }
     fn finite(&self) -> Option<Finite> {
-        let Geometry { freedoms, instantaneous, weak, .. } = *self.geometry;
-        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak })
+        let Geometry { freedoms, instantaneous, weak, hidden, .. } = *self.geometry;
+        freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak, hidden })
     }
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);

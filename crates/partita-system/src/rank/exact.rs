@@ -22,12 +22,12 @@ const STEPS: usize = 5;
 const DIRECTIONS: usize = 4;
 
 /// What is settled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exact {
-    /// All closings are independent; degrees of freedom.
-    Regular(usize),
-    /// Closings are redundant wherever the mechanism goes; degrees of freedom.
-    Redundant(usize),
+    /// All closings are independent; degrees of freedom, and what the weakest closing adds, squared.
+    Regular(usize, f64),
+    /// Closings are redundant wherever the mechanism goes; likewise, of those that are kept.
+    Redundant(usize, f64),
     /// Neither.
     Open,
 }
@@ -51,10 +51,10 @@ pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) ->
         return Ok(Exact::Open);
     }
     if closings == all {
-        return Ok(Exact::Regular(freedoms));
+        return Ok(Exact::Regular(freedoms, smallest));
     }
     let clear = size.rows == size.holonomic && smallest >= CLEAR * CLEAR * found.largest_dropped;
-    Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms) } else { Exact::Open })
+    Ok(if clear && fits(system, t, q, closings)? { Exact::Redundant(freedoms, smallest) } else { Exact::Open })
 }
 
 /// What the last of so many closings adds at (t, q), squared and in natural sizes: as weak as that the conditions are.
@@ -67,8 +67,8 @@ pub fn weakest<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: us
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let found = ranked(&r, EXACT, (0.0, &drive));
-    let of_closings = found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
-    Ok(of_closings.take(closings).fold(1.0, f64::min))
+    let of_closings = || found.kept.iter().zip(&found.pivots).filter(|x| !drive(*x.0)).map(|x| *x.1);
+    Ok(if of_closings().count() < closings { 0.0 } else { of_closings().take(closings).fold(1.0, f64::min) })
 }
 
 /// Rows of the last position by what they add to those before them, in natural sizes.

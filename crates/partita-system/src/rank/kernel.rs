@@ -12,6 +12,8 @@ const COARSE: f64 = 0.03;
 const GRADE: f64 = 0.1;
 /// Longest move of one iteration, in reaches.
 const LONGEST: f64 = 0.3;
+/// Longest moves at the most: guides that are out of parallel meet far away.
+const FARTHEST: usize = 400;
 /// Moves below this (in reaches) are the end of a grade...
 const STILL: f64 = 1e-9;
 /// ... and of the closing.
@@ -184,7 +186,8 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
             Cut::Rank(_) => 0.0,
         };
         let (mut moved, mut before) = (vec![0.0; self.reach.len()], f64::INFINITY);
-        for _ in 0..ITERATIONS {
+        let (mut far, mut near) = (0, 0);
+        while far < FARTHEST && near < ITERATIONS {
             let (phi, c) = self.look(q)?;
             let open = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             if open <= OPEN {
@@ -201,8 +204,11 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
                 return Ok(None);
             }
             if length > LONGEST {
+                far += 1;
                 y.iter_mut().for_each(|y| *y *= LONGEST / length);
                 length = LONGEST;
+            } else {
+                near += 1;
             }
             let finest = grade <= last;
             if finest && (length <= SETTLED || length < ROUNDING && length >= 0.5 * before) {

@@ -10,6 +10,9 @@ use partita_math::rank::{independent_rows, preferred_rows};
 /// Rounding in the assembled position leaves about 1e-16 times the condition; true redundancy is seen at 1e-20..1e-25.
 pub const REDUNDANT: f64 = 1e-9;
 
+/// Squared part of its reach below which a row is faint: what it closes others leave open by a thousand times as much.
+const FAINT: f64 = 1e-6;
+
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Rows a plan may keep: all, or of redundant ones those that are most independent of each other here; drives come
     /// last.
@@ -28,6 +31,17 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             clear(&mut c, i); // round-off alone, in whatever direction
         }
         let mut eligible = vec![false; rows];
+        // rows that are faint as a whole serve only where no others do: closed by them, others open by as much more
+        let faint: Vec<usize> = (0..rows).filter(|&i| self.strength(i).is_some_and(|s| s < FAINT)).collect();
+        if self.size.holonomic == rows && !faint.is_empty() {
+            let mut strong = c.clone();
+            faint.iter().for_each(|&i| clear(&mut strong, i));
+            let found = preferred_rows(pattern, &strong, &self.s, REDUNDANT, (REDUNDANT, &|i| self.system.row_is_drive(i)));
+            if found.rank >= rank {
+                found.kept.iter().take(rank).for_each(|&i| eligible[i] = true);
+                return eligible;
+            }
+        }
         if self.size.holonomic == rows {
             let found = preferred_rows(pattern, &c, &self.s, 0.0, (REDUNDANT, &|i| self.system.row_is_drive(i)));
             if found.rank < rank {

@@ -96,6 +96,8 @@ pub struct Geometry {
     pub instantaneous: usize,
     /// May conditions be as weak as the drawing tolerance?
     pub weak: bool,
+    /// Are some so weak that rounding hides them?
+    pub hidden: bool,
     /// The description as it was drawn, where it was repaired.
     pub drawn: Option<Arc<Spec>>,
 }
@@ -162,13 +164,13 @@ impl Drawing {
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
     let settled = match exact(model, 0.0, &model.initial(), coarsest(tolerance)) {
-        Ok(Exact::Regular(freedoms)) => Some(freedoms),
-        Ok(Exact::Redundant(freedoms)) if !alike::is_unlike(model, tolerance) => Some(freedoms),
+        Ok(Exact::Regular(freedoms, least)) => Some((freedoms, least)),
+        Ok(Exact::Redundant(freedoms, least)) if !alike::is_unlike(model, tolerance) => Some((freedoms, least)),
         _ => None,
     };
-    if settled.is_some() {
-        let weak = is_weak(model, settled);
-        return (Geometry { freedoms: settled, weak, ..Geometry::default() }, None);
+    if let Some((freedoms, least)) = settled {
+        let weak = least < WEAK * WEAK;
+        return (Geometry { freedoms: Some(freedoms), weak, ..Geometry::default() }, None);
     }
     let parts = blocks::blocks(spec);
     let floating = if model.is_planar() { 3 } else { 6 };
@@ -204,7 +206,11 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
             found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved });
         }
     }
-    found.weak = joints.is_none() && is_weak(model, found.freedoms);
+    let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
+    if joints.is_none() && !singular {
+        let weakest = weakest_of(model, found.freedoms);
+        (found.weak, found.hidden) = (weakest < WEAK * WEAK, weakest <= EXACT);
+    }
     (found, joints)
 }
 
@@ -213,11 +219,10 @@ fn coarsest(tolerance: f64) -> f64 {
     (COARSEST * tolerance).clamp(COARSEST * FINEST, WIDEST)
 }
 
-/// Does a condition hold, in a mechanism of so many freedoms, that is too weak for pivots at one position to be taken for one?
-fn is_weak(model: &Model, freedoms: Option<usize>) -> bool {
+/// What the weakest condition of a mechanism of so many freedoms adds where it is drawn, squared; 1 where nobody knows.
+fn weakest_of(model: &Model, freedoms: Option<usize>) -> f64 {
     let closings = freedoms.map(|k| model.size().nv.saturating_sub(k));
-    let weakest = closings.and_then(|m| weakest(model, 0.0, &model.initial(), m).ok());
-    weakest.is_some_and(|x| x < WEAK * WEAK && x > EXACT)
+    closings.and_then(|m| weakest(model, 0.0, &model.initial(), m).ok()).unwrap_or(1.0)
 }
 
 /// What was decided about a block, as parts that serve an equal one.
@@ -311,8 +316,8 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f
     let settled = |d: &Drawing| {
         let initial = d.model.initial();
         match exact(&d.model, 0.0, &initial, level) {
-            Ok(Exact::Regular(k)) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
-            Ok(Exact::Redundant(k)) if !alike::is_unlike(&d.model, tolerance) => {
+            Ok(Exact::Regular(k, _)) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
+            Ok(Exact::Redundant(k, _)) if !alike::is_unlike(&d.model, tolerance) => {
                 Some(Decided::plain(Verdict::Redundant, Some(k - afloat(d))))
             }
             _ => None,
