@@ -227,7 +227,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
     }
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
         self.next = None;
-        self.base.fading = self.base.r.k() > 0 && self.base.r.rows_fade();
+        self.base.fading = self.base.r.rows_fade();
         if self.base.is_rigid_or_free() || self.fixed.is_some() {
             return Verdict::Keep;
         }
@@ -258,8 +258,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         Ok(true)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
-        // with the same inputs distances compare, whatever the order of elimination
-        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.events.len() as u64))
+        // with the same inputs and rows distances compare, whatever the order of elimination
+        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.r.choices()))
     }
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or_else(|| self.inputs(), |event| &event.independent))
