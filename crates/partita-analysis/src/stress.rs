@@ -298,7 +298,17 @@ impl<'g, 'm> Balance<'g, 'm> {
             }
         }
         Ok((
-            Self { system, dropped: start.dropped.clone(), least: ZERO, plan, step_of, closing_of, drive_of, unit, reach },
+            Self {
+                system,
+                dropped: start.dropped.clone(),
+                least: ZERO,
+                plan,
+                step_of,
+                closing_of,
+                drive_of,
+                unit,
+                reach,
+            },
             c,
         ))
     }

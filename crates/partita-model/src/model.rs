@@ -195,11 +195,7 @@ impl Model {
     }
 
     /// The mechanism that a description means: exact, repaired or as drawn.                          (11.9)
-    fn build(
-        spec: Spec,
-        functions: Arc<dyn Functions>,
-        coordinates: Coordinates,
-    ) -> Result<Self, DescriptionError> {
+    fn build(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         let form = (coordinates, true);
         let mut model = Self::compiled(spec, functions.clone(), form, false)?;
         let (mut geometry, joints) = geometry::decide(&model, model.spec.drawing_tolerance);

@@ -1,11 +1,11 @@
 //! What a description must satisfy before it is compiled, whoever wrote it.
 
 use crate::error::DescriptionError;
+use crate::spec::LARGEST_TOLERANCE;
 use crate::spec::{Body, Coupling, Force, Load, Measure, Spec, Value, VectorValue, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
-use crate::spec::LARGEST_TOLERANCE;
 use std::collections::HashMap;
 
 /// Name of the ground.

@@ -227,8 +227,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             if self.way.lost {
                 return self.cross_again(step);
             }
+            let serving = self.way.serving.take();
             if self.way.spoilt {
                 self.way.spoilt_in_a_row += 1;
+            }
+            if self.way.spoilt && serving.is_none() {
                 let (half_t, half) = self.half_way();
                 let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
                 // one that stays has no other to go on with
@@ -240,7 +243,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             if let Some(e) = self.positions.broken(&mut self.tangent, t) {
                 return Err(e);
             }
-            self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?;
+            match serving {
+                // where they do not serve at the start of the step it is repeated with a shorter one
+                Some(rows) => drop(self.tangent.reduction().keep_rows(t, &rows)),
+                None => drop(self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?),
+            }
             self.derivative(t, step.y, step.dy)?;
             self.tangent.seen().sides(&mut self.way.sides);
             if let (Some(zero), Some(pace)) = (self.way.passage.crossing(), step.pace.as_deref_mut()) {

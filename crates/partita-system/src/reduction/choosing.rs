@@ -31,7 +31,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         &self.row_scale
     }
 
-    fn refresh_row_scales(&mut self) {
+    pub(super) fn refresh_row_scales(&mut self) {
         let pattern = self.system.pattern();
         for i in 0..self.size.rows {
             let norm = pattern.row(i).map(|e| (self.c[e] * self.s[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
@@ -50,11 +50,20 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
     }
 
-    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
+    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position. The rows in
+    /// use stay in use where they serve: they span all others, whatever the coordinates.
     pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
         self.refresh_row_scales();
+        if self.has_rows() && (self.plan_with(t, independent, &self.rows_in_use()).is_ok()) {
+            return Ok(());
+        }
         let rows = self.eligible_rows();
         self.plan_with(t, independent, &rows)
+    }
+
+    /// Are redundant rows chosen already?
+    fn has_rows(&self) -> bool {
+        self.rank > 0 && self.rank < self.size.rows && self.partition.rows.len() == self.rank
     }
 
     /// The same with rows out of these, with the row scales at hand.
@@ -74,22 +83,29 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.position(t, q)?;
         self.refresh_scales(t, q)?;
-        let pattern = self.system.pattern();
-        let (rows, any) = (self.eligible_rows(), vec![true; self.size.nv]);
-        let plan =
-            Plan::new(pattern, &self.c, &rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
-                .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
+        if self.has_rows() && self.plan_freely(t, &self.rows_in_use()).is_ok() {
+            self.factor(t)?;
+            self.exchange_rows(t)?;
+        } else {
+            self.plan_freely(t, &self.eligible_rows())?;
+        }
+        self.tangent(t)
+    }
+
+    /// Any admissible partition with rows out of these.
+    fn plan_freely(&mut self, t: f64, rows: &[bool]) -> Result<(), SystemError> {
+        let (pattern, any) = (self.system.pattern(), vec![true; self.size.nv]);
+        let plan = Plan::new(pattern, &self.c, rows, &any, &self.row_scale, &self.s, self.rank, PlanOptions::default())
+            .map_err(|_| SystemError::Singular { t, pivot: 0.0, limit: SINGULAR_PIVOT })?;
         let mut dependent = vec![false; self.size.nv];
         plan.pivot_cols().iter().for_each(|&c| dependent[c] = true);
         let independent: Vec<usize> = (0..self.size.nv).filter(|&i| !dependent[i]).collect();
-        self.take(t, plan, &independent)?;
-        self.tangent(t)
+        self.take(t, plan, &independent)
     }
 
     /// Take `independent` as the independent velocities and `plan`, made at the last position, for the others.
     pub(crate) fn take(&mut self, t: f64, plan: Plan, independent: &[usize]) -> Result<(), SystemError> {
         self.plans += 1;
-        self.fresh_distance = None;
         if self.rank > 0 && plan.smallest_pivot() < SINGULAR_PIVOT {
             return Err(SystemError::Singular { t, pivot: plan.smallest_pivot(), limit: SINGULAR_PIVOT });
         }
@@ -115,6 +131,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.partition.rows.iter().for_each(|&i| dropped[i] = false);
         self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
         self.left_out = dropped;
+        self.lay_out_rows();
         self.plan_recursion();
         self.place_columns(independent);
         let mut place = vec![NONE; self.size.nv];

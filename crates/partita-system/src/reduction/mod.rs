@@ -4,6 +4,7 @@
 mod arithmetic;
 mod choosing;
 pub mod openness;
+mod row_exchange;
 mod rows;
 mod watch;
 
@@ -90,6 +91,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     column_reach: Vec<f64>,
     margins: Vec<watch::Margin>,
     room: watch::Room,
+    row_room: row_exchange::RowRoom,
     /// Room for a left singular vector of C_D.
     left: Vec<f64>,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
@@ -141,8 +143,6 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub vdot_independent: Vec<f64>,
     residual: Vec<f64>,
     work: Vec<f64>,
-    /// Distance when the rows in use were chosen.
-    fresh_distance: Option<f64>,
     /// Factorisations and plans made.
     pub factorisations: u64,
     /// Plans made.
@@ -152,6 +152,13 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
+    /// The same system, with rows to begin with: of redundant ones these are kept where they serve.
+    pub fn keeping(mut self, rows: &[usize]) -> Self {
+        self.partition.rows = rows.to_vec();
+        self.dropped = (0..self.size.rows).filter(|i| !rows.contains(i)).collect();
+        self
+    }
+
     /// Room for a system whose constraints have rank `rank`; no partition yet. With many freedoms the accelerations come
     /// from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are packed by cluster.
     pub fn new(system: &'s S, rank: usize) -> Self {
@@ -195,6 +202,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             column_reach: Vec::new(),
             margins: Vec::new(),
             room: watch::Room::default(),
+            row_room: row_exchange::RowRoom::default(),
             left: vec![0.0; rank],
             system,
             scratch: system.scratch(),
@@ -233,7 +241,6 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             vdot_independent: vec![0.0; k],
             residual: vec![0.0; n],
             work: vec![0.0; n.max(k).max(rank)],
-            fresh_distance: None,
             factorisations: 0,
             plans: 0,
             choices: 0,

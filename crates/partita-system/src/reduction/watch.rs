@@ -8,10 +8,6 @@ use partita_math::dense::{self, Matrix};
 use partita_math::elimination::{Pattern, Plan};
 use partita_math::factor;
 
-/// Redundant rows are chosen anew when what they keep of rank falls below this part of what it was: seldom, and long
-/// before rounding suffers.
-const FADING: f64 = 0.3;
-
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Smallest scaled pivot of the current plan: how far C_D was from losing rank when it was made.
     pub fn smallest(&self) -> f64 {
@@ -106,45 +102,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for (m, sum) in self.margins.iter_mut().zip(&room.sums) {
             m.complete = sum.map(|sum| (m.before + sum) / m.given);
         }
-    }
-
-    fn smallest_pivot(&self) -> (f64, u64) {
-        let Some(plan) = &self.plan else { return (1.0, self.plans) };
-        let smallest = (0..self.rank).fold(f64::INFINITY, |m: f64, k| {
-            let (row, column) = (self.partition.rows[k], self.partition.dependent[k]);
-            let open = self.row_reach[row].unwrap_or(1.0);
-            m.min(plan.pivot(&self.factors, k) * self.reach[column] / open)
-        });
-        (smallest, self.plans)
-    }
-
-    /// Of redundant rows, have those kept come nearer to dependence since they were chosen? Ask after `factor`.
-    ///
-    /// Such rows lose rank in positions where nothing is wrong with the mechanism; others take their place.
-    pub fn rows_fade(&mut self) -> bool {
-        if self.rank == self.size.rows || self.rank == 0 {
-            return false;
-        }
-        let (now, _) = self.smallest_pivot();
-        let fresh = *self.fresh_distance.get_or_insert(now);
-        now < FADING * fresh
-    }
-
-    /// Keep other rows for the same partition, at the last position; leaves the tangent there.
-    pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
-        let independent = self.partition.independent.clone();
-        self.set_partition(t, &independent)?;
-        self.tangent(t)
-    }
-
-    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not determine the
-    /// dependent velocities the rows in use stay.
-    pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
-        let mut eligible = vec![false; self.size.rows];
-        rows.iter().for_each(|&i| eligible[i] = true);
-        let independent = self.partition.independent.clone();
-        self.plan_with(t, &independent, &eligible)?;
-        self.tangent(t)
     }
 
     /// Largest |Φ|; NaN counts as infinite.

@@ -125,6 +125,11 @@ impl Passage {
         (pace.floor, pace.limit) = (Self::ROUND_OFF, Self::CROSSING);
     }
 
+    /// There is nothing to cross at the time foreseen.
+    pub fn forget(&mut self) {
+        (self.crossing, self.unsigned, self.expected) = (None, None, None);
+    }
+
     /// Is a step of length h next to nothing? One that crosses a position has its stages too close to it.
     pub fn creeps(&self, h: f64) -> bool {
         self.crossing.is_none() && h < Self::CREEPING * self.usual

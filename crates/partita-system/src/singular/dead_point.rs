@@ -32,22 +32,44 @@ fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64])
     }
 }
 
-/// Were those in use at a dead point of theirs, and the mechanism in no singular position, between two positions on whose way
-/// their C_D changed sides? Then other coordinates, best half-way, have C_D on one side at both ends: where C itself loses
-/// rank the determinants of all choices change their signs.
+/// What lost rank where C_D changed sides.
+pub(crate) enum Loss {
+    /// The mechanism stands in a singular position.
+    Mechanism,
+    /// The independent coordinates are at a dead point of theirs.
+    Coordinates,
+    /// The redundant rows kept depend on each other; these do not.
+    Rows(Vec<usize>),
+}
+
+/// What lost rank between two positions on whose way the C_D of a choice changed sides? Where C itself does, all rows taken
+/// together, the determinants of all choices change their signs; other coordinates or rows, best half-way, have C_D on one
+/// side at both ends.
 ///
 /// Chooses a partition there: for steps alone in which C_D changed sides.
-pub(crate) fn of_the_choice<S: ConstrainedSystem>(
-    system: &S,
-    rank: usize,
+pub(crate) fn loss<S: ConstrainedSystem>(
+    choice: &Reduction<S>,
     ends: [(f64, &[f64]); 2],
     (t, q): (f64, &[f64]),
-) -> bool {
-    let mut r = Reduction::new(system, rank);
-    if start::choose_partition(&mut r, t, q, None, None).is_err() || r.smallest() < SOUND {
-        return false;
+) -> Loss {
+    let in_use = &choice.partition;
+    let mut r = Reduction::new(choice.system, choice.rank()).keeping(&in_use.rows);
+    if start::choose_partition(&mut r, t, q, None, None).is_err() || r.smallest() < SOUND || !one_side(&mut r, ends) {
+        return Loss::Mechanism;
     }
-    let rows = system.size().rows;
+    let rows = r.partition.rows.clone();
+    if rows.iter().all(|row| in_use.rows.contains(row)) {
+        return Loss::Coordinates;
+    }
+    match r.position(t, q).and_then(|()| r.set_partition(t, &in_use.independent)) {
+        Ok(()) if one_side(&mut r, ends) => Loss::Rows(rows),
+        _ => Loss::Coordinates,
+    }
+}
+
+/// Does the C_D of the choice of r stand on one side at both ends?
+fn one_side<S: ConstrainedSystem>(r: &mut Reduction<S>, ends: [(f64, &[f64]); 2]) -> bool {
+    let rows = r.size().rows;
     let [mut one, mut two] = [Sides::new(rows), Sides::new(rows)];
     let choice = r.choices();
     for (sides, (t, q)) in [&mut one, &mut two].into_iter().zip(ends) {

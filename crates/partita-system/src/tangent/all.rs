@@ -10,7 +10,7 @@ use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
 use crate::options::FormulationOptions;
-use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, Journal, PartitionEvent, Sample};
 use crate::reduction::{velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -51,6 +51,8 @@ pub struct Everything<'s, S: ConstrainedSystem, R> {
     exchange: f64,
     /// The rows the rule is given.
     rows: Vec<usize>,
+    /// The choice they were taken from.
+    taken: u64,
     mass: Vec<f64>,
     h: Vec<f64>,
     vdot: Vec<f64>,
@@ -73,6 +75,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
             rule,
             exchange: options.exchange,
             rows: Vec::with_capacity(size.rows),
+            taken: 0,
             h: vec![0.0; size.nv],
             vdot: vec![0.0; size.nv],
             lambda: vec![0.0; size.rows],
@@ -90,7 +93,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Everything<'s, S, R> {
         Ok(())
     }
 
+    /// The rows of the choice in use.
     fn take_rows(&mut self) {
+        self.taken = self.base.r.choices();
         if self.base.r.system.lacks_mass() {
             self.scales.clear();
             self.scales.extend_from_slice(self.base.r.row_scales());
@@ -193,6 +198,9 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         u.copy_from_slice(v);
     }
     fn tangent(&mut self, _t: f64, _q: &[f64], _factored: bool) -> Result<()> {
+        if self.taken != self.base.r.choices() {
+            self.take_rows();
+        }
         Ok(())
     }
     fn spread(&mut self, u: &[f64]) {
@@ -254,18 +262,6 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
             dense::axpy(1.0, &p.correction(&x), v);
         }
         Ok(true)
-    }
-    fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
-        let r = &mut self.base.r;
-        self.base.fading = r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade());
-        Verdict::Keep
-    }
-    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
-        if self.base.fading {
-            self.base.accept(t, q, false);
-            self.take_rows();
-        }
-        Ok(())
     }
     /// v' and λ are the rule's own; nothing is chosen, so named is the best choice of coordinates of the moment.
     fn describe(

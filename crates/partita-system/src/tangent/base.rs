@@ -56,6 +56,12 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         Ok(())
     }
 
+    /// Of redundant rows, do others serve better than those kept? For tangents that do not factor C_D themselves.
+    pub(super) fn look_at_factors(&mut self, t: f64) {
+        let r = &mut self.r;
+        self.fading = r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade());
+    }
+
     /// At the end of a step that is taken: other rows where those kept fade, and, if `scaled`, fresh scales now and
     /// then; true if they are.
     pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {

@@ -59,16 +59,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
             }
         }
         let (base, exchange) = (Base::new(Reduction::dense(system, rank)), options.exchange);
-        Ok(Self {
-            base,
-            fixed,
-            exchange,
-            closing: None,
-            patience: 0,
-            waited: 0,
-            asked_at: 0.0,
-            next: None,
-        })
+        Ok(Self { base, fixed, exchange, closing: None, patience: 0, waited: 0, asked_at: 0.0, next: None })
     }
 
     /// The closing in use.
@@ -86,8 +77,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
-        let wide =
-            |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
+        let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument("closing", format!(
@@ -221,7 +211,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
     }
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
         self.next = None;
-        self.base.fading = self.base.r.k() > 0 && self.base.r.rows_fade();
+        self.base.fading = self.base.r.rows_fade();
         if self.base.is_rigid_or_free() || self.fixed.is_some() {
             return Verdict::Keep;
         }
@@ -252,8 +242,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         Ok(true)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {
-        // with the same inputs distances compare, whatever the order of elimination
-        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.events.len() as u64))
+        // with the same inputs and rows distances compare, whatever the order of elimination
+        (self.base.r.rank() > 0).then(|| (self.base.r.distance().0, self.base.r.choices()))
     }
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or_else(|| self.inputs(), |event| &event.independent))

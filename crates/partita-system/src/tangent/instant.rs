@@ -74,17 +74,23 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
         }
         Some(now) if r.plans > 0 && r.partition.independent == now => {
             r.position(t, q)?;
-            if r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade()) {
-                r.renew_rows(t)?;
-            }
-            Ok(())
+            serving_rows(r, t)
         }
         Some(new) => {
             r.position(t, q)?;
             r.refresh_scales(t, q)?;
-            r.set_partition(t, new)
+            r.set_partition(t, new)?;
+            serving_rows(r, t)
         }
     }
+}
+
+/// Of redundant rows others, where they have become better.
+fn serving_rows<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64) -> Result<()> {
+    if r.rank() < r.size().rows && (r.factor(t).is_err() || r.rows_fade()) {
+        r.renew_rows(t)?;
+    }
+    Ok(())
 }
 
 fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
@@ -95,13 +101,7 @@ fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sam
     out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
 }
 
-fn levels<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &[f64],
-    v: &[f64],
-    out: &mut Sample,
-) -> Result<()> {
+fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64], out: &mut Sample) -> Result<()> {
     let size = r.size();
     closures(r, v, out);
     r.tangent(t)?;

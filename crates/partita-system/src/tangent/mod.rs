@@ -98,7 +98,8 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     }
     /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation
     /// depends on.
-    fn judge(&mut self, _t: f64, _q: &[f64]) -> Verdict {
+    fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
+        self.base_mut().look_at_factors(t);
         Verdict::Keep
     }
     /// Does [`accept`](Self::accept) want to see the end of the step that was judged?
@@ -106,7 +107,8 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         self.base().fading
     }
     /// The step that was judged is taken; (t, q) is the point last evaluated if this tangent attends.
-    fn accept(&mut self, _t: f64, _q: &[f64]) -> Result<()> {
+    fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
+        self.base_mut().accept(t, q, false);
         Ok(())
     }
     /// A new choice at (t, q), the point last evaluated with velocities v; true if there is one.

@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
     }
     fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
         let r = &mut self.base.r;
-        self.base.fading = r.k() > 0 && r.rows_fade();
+        self.base.fading = r.rows_fade();
         if self.stays() {
             return Verdict::Keep;
         }

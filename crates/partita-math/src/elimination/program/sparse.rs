@@ -22,7 +22,13 @@ pub struct SparseRoom {
 impl SparseRoom {
     /// Room for a plan of this rank.
     pub fn new(rank: usize) -> Self {
-        Self { value: vec![0.0; rank], magnitude: vec![0.0; rank], waits: vec![false; rank], ..Self::default() }
+        Self {
+            value: vec![0.0; rank],
+            magnitude: vec![0.0; rank],
+            waits: vec![false; rank],
+            open: BinaryHeap::with_capacity(rank),
+            met: Vec::with_capacity(rank),
+        }
     }
 
     /// Add to unknown `k`, which is settled when `turn` is the largest that waits.

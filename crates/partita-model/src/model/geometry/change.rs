@@ -287,10 +287,10 @@ impl Drawing {
                 // a frame on the ground moves by as much as the other body would move against it
                 let (body, sign) = if node == 0 { (other, -weight) } else { (node, weight) };
                 let (own, link) = (placed.link_of(node), placed.link_of(body));
-                let effort = self.effort(link, |v| {
-                    pattern.row(row).find(|&e| pattern.col_idx[e] == v).map_or(0.0, |e| sign * c[e])
-                });
-                let (force, moment) = (effort.0, if self.model.is_planar() { effort.1 } else { s.links[link].rot.apply(effort.1) });
+                let effort = self
+                    .effort(link, |v| pattern.row(row).find(|&e| pattern.col_idx[e] == v).map_or(0.0, |e| sign * c[e]));
+                let (force, moment) =
+                    (effort.0, if self.model.is_planar() { effort.1 } else { s.links[link].rot.apply(effort.1) });
                 let turn = &s.links[own].rot;
                 let here = model.full.place(own, s) + turn.apply(point - model.reference()[own]);
                 let about = moment + (model.full.place(link, s) - here).cross(force);

@@ -308,7 +308,15 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
 fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f64) -> Decided {
     let undecided = || Decided::plain(Verdict::Undecided, None);
     let Some(drawing) = Drawing::new(spec.clone(), functions.clone(), None) else { return undecided() };
-    let afloat = |d: &Drawing| if !floats { 0 } else if d.model.is_planar() { 3 } else { 6 };
+    let afloat = |d: &Drawing| {
+        if !floats {
+            0
+        } else if d.model.is_planar() {
+            3
+        } else {
+            6
+        }
+    };
     if !drawing.is_holonomic() {
         return undecided();
     }
@@ -419,7 +427,9 @@ impl Drawing {
                     let length = self.model.length_at(&far).unwrap_or(self.length);
                     if length > LONGER * self.length {
                         let spec = (*self.model.spec).clone();
-                        let Some(there) = Self::new(spec, self.model.functions(), Some(length)) else { return Ok(None) };
+                        let Some(there) = Self::new(spec, self.model.functions(), Some(length)) else {
+                            return Ok(None);
+                        };
                         return there.levels_at(far, tolerance);
                     }
                 }

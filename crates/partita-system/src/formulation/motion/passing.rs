@@ -7,7 +7,7 @@ use crate::positions::Positions;
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Passage, Probe};
 use crate::singular::crossing::{Seam, Trail};
-use crate::singular::dead_point;
+use crate::singular::dead_point::{self, Loss};
 use crate::start::choose_partition;
 use crate::system::{ConstrainedSystem, Size, SystemError};
 use crate::tangent::Tangent;
@@ -54,8 +54,9 @@ pub(super) struct Way {
     /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
     flipped: bool,
     pub(super) lost: bool,
-    /// Or was it a dead point of the choice alone; how often in a row?
+    /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
+    pub(super) serving: Option<Vec<usize>>,
     pub(super) spoilt_in_a_row: u32,
     /// Largest rate at the end of the step that was judged, in reaches.
     fastest: f64,
@@ -77,6 +78,7 @@ impl Way {
             flipped: false,
             lost: false,
             spoilt: false,
+            serving: None,
             spoilt_in_a_row: 0,
             fastest: 0.0,
         }
@@ -122,7 +124,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if rank == self.system.size().rows {
             return None;
         }
-        let mut best = Reduction::new(self.system, rank);
+        let mut best = Reduction::new(self.system, rank).keeping(&self.tangent.seen().partition.rows);
         choose_partition(&mut best, t, q, None, None).ok()?;
         Some(Others { distance: best.distance().0, rows: best.partition.rows })
     }
@@ -135,7 +137,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.reduction();
         let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > POOR_BESIDE * others.distance;
         if !serves {
-            r.renew_rows(t)?; // those that are best here
+            r.factor(t)?;
+            r.exchange_rows(t)?; // those that are best here
         }
         r.sides(&mut self.way.sides);
         self.way.margin_before = None;
@@ -158,10 +161,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         r.sides(&mut self.way.sides_ahead);
         self.way.flipped = self.way.sides.differ(&self.way.sides_ahead);
-        if self.way.flipped && self.of_the_choice() {
-            self.way.flipped = false;
-            self.way.spoilt = self.way.spoilt_in_a_row < MOST_SPOILT;
-            return;
+        if self.way.flipped {
+            let loss = self.loss();
+            if !matches!(loss, Loss::Mechanism) {
+                self.way.flipped = false;
+                self.way.spoilt = self.way.spoilt_in_a_row < MOST_SPOILT;
+                self.way.serving = if let Loss::Rows(rows) = loss { Some(rows) } else { None };
+                return;
+            }
+        }
+        if !self.way.flipped && self.way.passage.crossing().is_some_and(|zero| zero < t) && self.stays_clear() {
+            self.way.passage.forget();
         }
         if P::CLOSED {
             return; // positions on another branch are told apart where they are solved for
@@ -171,12 +181,21 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.way.lost = crosses && self.way.paced && (creeps || !self.way.seam.holds(&self.way.seam_ahead, r.scales()));
     }
 
-    /// Did C_D change sides in the step that was judged at a dead point of the choice, the mechanism being sound?
-    pub(super) fn of_the_choice(&self) -> bool {
+    /// What lost rank in the step that was judged, in which C_D changed sides?
+    fn loss(&self) -> Loss {
         let (one, two) = (&self.way.seam, &self.way.seam_ahead);
         let (half_t, half) = self.half_way();
         let ends = [(one.t(), one.q()), (two.t(), two.q())];
-        dead_point::of_the_choice(self.system, self.tangent.seen().rank(), ends, (half_t, &half))
+        dead_point::loss(self.tangent.seen(), ends, (half_t, &half))
+    }
+
+    /// Redundant rows: is the mechanism as far from singular half-way through the step that was judged as at its ends? Rows
+    /// kept come near to dependence elsewhere, and what their distance foretells need not be there.
+    fn stays_clear(&self) -> bool {
+        let at_ends =
+            [self.way.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));
+        let (t, q) = self.half_way();
+        self.others(t, &q).is_some_and(|half| half.distance > POOR_BESIDE * at_ends)
     }
 
     /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to

@@ -1,0 +1,166 @@
+//! Which of redundant rows are kept, again: exchanges by the volume of the rows, as P6 exchanges coordinates.
+//!
+//! ```text
+//! c_j = sum_k w_jk c_k,   C_D^T w_j = (c_j)_D,   vol(rows with j in the place of k) = |w_jk| vol(rows kept)
+//! ```
+//!
+//! Rows are measured by what a large move opens them by: a row that says little is not brought to length 1.
+
+use super::{Reduction, NONE};
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::elimination::SparseRoom;
+
+/// Rows are exchanged where the volume of those kept grows by more than this: long before rounding suffers, and seldom, as
+/// distances from a singular position by other rows do not compare and foretell nothing together.
+const GAIN: f64 = 3.3;
+/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone: closings
+/// kept close the positions, and what drives prescribe is told apart from what the mechanism can do. A drive takes the place
+/// of a closing only where closings lose rank that the drive holds.
+const PRECEDENCE: f64 = 8.0;
+
+/// A row left out that takes the place of one kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowExchange {
+    /// The row that enters.
+    pub enters: usize,
+    /// The row that leaves.
+    pub leaves: usize,
+    /// By how much the volume of the rows kept grows.
+    pub gain: f64,
+}
+
+/// Memory for a look at the rows left out.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RowRoom {
+    /// Step of the elimination of each dependent velocity; `NONE` for the others.
+    step_of: Vec<u32>,
+    /// Dependent entries of a row, by steps.
+    entries: Vec<(usize, f64)>,
+    sparse: SparseRoom,
+    weights: Vec<(usize, f64)>,
+    /// Kept rows, by steps, that take part in an exchange found.
+    taken: Vec<bool>,
+    found: Vec<RowExchange>,
+}
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// Lay out the room for the choice just adopted.
+    pub(super) fn lay_out_rows(&mut self) {
+        if self.dropped.is_empty() {
+            return;
+        }
+        let room = &mut self.row_room;
+        room.step_of.clear();
+        room.step_of.resize(self.size.nv, NONE);
+        self.partition.dependent.iter().enumerate().for_each(|(step, &i)| room.step_of[i] = step as u32);
+        room.taken.clear();
+        room.taken.resize(self.rank, false);
+        room.sparse = SparseRoom::new(self.rank);
+        room.entries.reserve(self.rank);
+        room.weights.reserve(self.rank);
+        room.found.reserve(self.dropped.len());
+    }
+
+    /// What a row weighs in the choice: its precedence over its size.
+    fn row_weight(&self, i: usize) -> f64 {
+        let precedence = if i >= self.size.holonomic {
+            1.0
+        } else if self.system.row_is_drive(i) {
+            PRECEDENCE
+        } else {
+            PRECEDENCE * PRECEDENCE
+        };
+        precedence / self.row_size[i]
+    }
+
+    /// Exchanges of rows that gain, with the factors at hand: at most one of each row left out, such that none changes the
+    /// gain of another. Cost: the rows of the factors that rows left out touch.
+    fn row_exchanges(&mut self) -> &[RowExchange] {
+        let mut room = std::mem::take(&mut self.row_room);
+        room.found.clear();
+        room.taken.fill(false);
+        let pattern = self.system.pattern();
+        if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
+            for &enters in self.dropped.iter().filter(|&&i| self.row_scale[i] > 0.0) {
+                room.entries.clear();
+                let steps = pattern.row(enters).map(|e| (room.step_of[pattern.col_idx[e]], self.c[e]));
+                room.entries.extend(steps.filter(|x| x.0 != NONE).map(|(step, c)| (step as usize, c)));
+                plan.solve_transposed_sparse(&self.factors, &room.entries, &mut room.sparse, &mut room.weights);
+                let weight = self.row_weight(enters);
+                let gain = |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.partition.rows[step]);
+                let best = room.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
+                let Some((step, gain)) = best.filter(|x| x.1 > GAIN) else { continue };
+                if room.weights.iter().any(|x| room.taken[x.0]) {
+                    continue; // the next look sees what is left of its gain
+                }
+                room.weights.iter().for_each(|x| room.taken[x.0] = true);
+                room.found.push(RowExchange { enters, leaves: self.partition.rows[step], gain });
+            }
+        }
+        self.row_room = room;
+        &self.row_room.found
+    }
+
+    /// Of redundant rows, have others become better than those kept? Ask after `factor`.
+    ///
+    /// Rows kept lose rank in positions where nothing is wrong with the mechanism; others take their place before.
+    pub fn rows_fade(&mut self) -> bool {
+        !self.dropped.is_empty() && !self.row_exchanges().is_empty()
+    }
+
+    /// Exchange redundant rows at the last position until nothing gains any more; the partition stays. True if rows were
+    /// exchanged; needs the factors, and leaves those of the new rows.
+    pub fn exchange_rows(&mut self, t: f64) -> Result<bool, SystemError> {
+        let before = self.choices;
+        // each exchange multiplies the volume, so the loop ends; the bound is for round-off
+        for _ in 0..4 * self.dropped.len() {
+            let pairs = self.row_exchanges().to_vec();
+            if pairs.is_empty() {
+                break;
+            }
+            let kept = self.rows_in_use();
+            let mut next = kept.clone();
+            pairs.iter().for_each(|x| (next[x.enters], next[x.leaves]) = (true, false));
+            let independent = self.partition.independent.clone();
+            self.refresh_row_scales();
+            if self.plan_with(t, &independent, &next).is_err() {
+                // the rule and the elimination disagree by round-off: stay as we were
+                self.plan_with(t, &independent, &kept)?;
+                self.factor(t)?;
+                break;
+            }
+            self.factor(t)?;
+        }
+        Ok(self.choices > before)
+    }
+
+    /// The rows in use, marked among all.
+    pub(super) fn rows_in_use(&self) -> Vec<bool> {
+        let mut rows = vec![false; self.size.rows];
+        self.partition.rows.iter().for_each(|&i| rows[i] = true);
+        rows
+    }
+
+    /// Keep other rows for the same partition, at the last position; leaves the tangent there.
+    pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
+        if self.factor(t).is_err() || !self.exchange_rows(t)? {
+            // no exchange leads to what is asked for
+            let independent = self.partition.independent.clone();
+            self.refresh_row_scales();
+            let rows = self.eligible_rows();
+            self.plan_with(t, &independent, &rows)?;
+        }
+        self.tangent(t)
+    }
+
+    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not determine the
+    /// dependent velocities the rows in use stay.
+    pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
+        let mut eligible = vec![false; self.size.rows];
+        rows.iter().for_each(|&i| eligible[i] = true);
+        let independent = self.partition.independent.clone();
+        self.refresh_row_scales();
+        self.plan_with(t, &independent, &eligible)?;
+        self.tangent(t)
+    }
+}
