@@ -104,6 +104,13 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         }
     }
 
+    /// Largest part of its size by which a row is open at q.
+    pub fn open(&mut self, q: &[f64]) -> Result<f64, SystemError> {
+        self.system.position(self.t, q, &mut self.scratch, &mut self.phi, &mut self.c, &mut self.a)?;
+        let parts = self.rows.iter().zip(&self.sizes).map(|(&i, size)| (self.phi[i] / size).abs());
+        Ok(parts.fold(0.0, |m: f64, x| if x.is_nan() { f64::INFINITY } else { m.max(x) }))
+    }
+
     /// Velocities.
     pub fn velocities(&self) -> usize {
         self.reach.len()

@@ -156,6 +156,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn keeping(mut self, rows: &[usize]) -> Self {
         self.partition.rows = rows.to_vec();
         self.dropped = (0..self.size.rows).filter(|i| !rows.contains(i)).collect();
+        self.left_out = (0..self.size.rows).map(|i| !rows.contains(&i)).collect();
         self
     }
 

@@ -13,6 +13,7 @@ use crate::place::Coordinates;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
 use change::{is_sought, largest, Change, OWN};
+use partita_system::kinematics::assembly;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel, EXACT};
 use partita_system::{ConstrainedSystem, SystemError};
 use std::collections::HashMap;
@@ -30,6 +31,8 @@ const HALVES: [f64; 3] = [3e-4, 1e-4, 3e-5];
 const WEAK: f64 = 1e-3;
 /// Below this values are rounding.
 const FINEST: f64 = 1e-9;
+/// A drawing open by less stands where it is drawn.
+const DRAWN: f64 = 1e-9;
 /// What opens by less along a path fits.
 const FITS: f64 = 1e-11;
 /// The largest change of a joint frame, in tolerances.
@@ -163,9 +166,10 @@ impl Drawing {
 /// move. The joints of a repaired mechanism stand in the second.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
-    let settled = match exact(model, 0.0, &model.initial(), coarsest(tolerance)) {
-        Ok(Exact::Regular(freedoms, least)) => Some((freedoms, least)),
-        Ok(Exact::Redundant(freedoms, least)) if !alike::is_unlike(model, tolerance) => Some((freedoms, least)),
+    let drawn = closed(model);
+    let settled = match at(model, drawn.as_deref(), coarsest(tolerance)) {
+        Exact::Regular(freedoms, least) => Some((freedoms, least)),
+        Exact::Redundant(freedoms, least) if !alike::is_unlike(model, tolerance) => Some((freedoms, least)),
         _ => None,
     };
     if let Some((freedoms, least)) = settled {
@@ -208,10 +212,25 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     }
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
     if joints.is_none() && !singular {
-        let weakest = weakest_of(model, found.freedoms);
+        let weakest = weakest_of(model, drawn.as_deref(), found.freedoms);
         (found.weak, found.hidden) = (weakest < WEAK * WEAK, weakest <= EXACT);
     }
     (found, joints)
+}
+
+/// The drawing closed, if it is or nearly so; what moves by its dimensions moves where it is closed alone.
+fn closed(model: &Model) -> Option<Vec<f64>> {
+    let mut q = model.initial();
+    let mut kernel = Kernel::new(model, 0.0);
+    if kernel.open(&q).is_ok_and(|open| open < DRAWN) {
+        return Some(q);
+    }
+    assembly::close(model, 0.0, &mut q, assembly::CLOSED, &[]).ok().map(|_| q)
+}
+
+/// What pivots and a short motion settle at a closed position.
+fn at(model: &Model, q: Option<&[f64]>, level: f64) -> Exact {
+    q.and_then(|q| exact(model, 0.0, q, level).ok()).unwrap_or(Exact::Open)
 }
 
 /// The coarsest level for a drawing tolerance.
@@ -220,9 +239,9 @@ fn coarsest(tolerance: f64) -> f64 {
 }
 
 /// What the weakest condition of a mechanism of so many freedoms adds where it is drawn, squared; 1 where nobody knows.
-fn weakest_of(model: &Model, freedoms: Option<usize>) -> f64 {
+fn weakest_of(model: &Model, q: Option<&[f64]>, freedoms: Option<usize>) -> f64 {
     let closings = freedoms.map(|k| model.size().nv.saturating_sub(k));
-    closings.and_then(|m| weakest(model, 0.0, &model.initial(), m).ok()).unwrap_or(1.0)
+    q.zip(closings).and_then(|(q, m)| weakest(model, 0.0, q, m).ok()).unwrap_or(1.0)
 }
 
 /// What was decided about a block, as parts that serve an equal one.
@@ -322,10 +341,9 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f
     }
     let level = coarsest(tolerance);
     let settled = |d: &Drawing| {
-        let initial = d.model.initial();
-        match exact(&d.model, 0.0, &initial, level) {
-            Ok(Exact::Regular(k, _)) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
-            Ok(Exact::Redundant(k, _)) if !alike::is_unlike(&d.model, tolerance) => {
+        match at(&d.model, closed(&d.model).as_deref(), level) {
+            Exact::Regular(k, _) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
+            Exact::Redundant(k, _) if !alike::is_unlike(&d.model, tolerance) => {
                 Some(Decided::plain(Verdict::Redundant, Some(k - afloat(d))))
             }
             _ => None,
