@@ -15,7 +15,7 @@
 
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
-use partita_system::kinematics::projection::correct_orthogonally;
+use partita_system::manifold::orthogonal::correct_orthogonally;
 use partita_system::record::Output;
 use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;

@@ -2,7 +2,7 @@
 
 use crate::branching;
 use crate::drawing;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::correct_orthogonally;
 use crate::partition::criterion;
 use crate::reduction::openness::OPEN;
 use crate::reduction::Reduction;

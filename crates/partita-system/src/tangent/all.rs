@@ -8,7 +8,7 @@
 use super::{Base, Tangent};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
+use crate::manifold::orthogonal::{correct_orthogonally, dense_rows, MassProjection};
 use crate::options::FormulationOptions;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
 use crate::reduction::{velocity_residuals, Reduction};

@@ -18,7 +18,7 @@ use super::basis::Basis;
 use super::instant::quality_of_selector;
 use super::{Base, Occasion, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows};
+use crate::manifold::orthogonal::{correct_orthogonally, dense_rows};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};

@@ -7,7 +7,7 @@ use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
 use super::{Base, Occasion, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::correct_orthogonally;
 use crate::options::FormulationOptions;
 use crate::partition::exchange::Exchange;
 use crate::partition::Selection;

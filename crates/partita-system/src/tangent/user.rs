@@ -11,7 +11,7 @@
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{Base, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::correct_orthogonally;
 use crate::options::TangentMap;
 use crate::record::{Correction, Journal, PartitionEvent, Sample};
 use crate::reduction::Reduction;
