@@ -2,7 +2,7 @@
 
 use crate::branching;
 use crate::drawing;
-use crate::manifold::orthogonal::correct_orthogonally;
+use crate::manifold::kept_rows;
 use crate::partition::criterion;
 use crate::reduction::openness::OPEN;
 use crate::reduction::Reduction;
@@ -215,20 +215,11 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
 
 /// Close the rows kept, near q. False where the probe itself runs into a singular position: no verdict from it.
 fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
-    for _ in 0..6 {
-        r.position(t, q)?;
-        if r.factor(t).is_err() {
-            return Ok(false);
-        }
-        match r.size().holonomic == r.size().rows {
-            true => {
-                r.correct_dependent(q);
-            }
-            false => correct_orthogonally(r, t, q)?, // rows without a position have nothing to be solved for
-        }
+    match kept_rows::close_kept(r, t, q) {
+        Ok(done) => Ok(done.is_closed() && r.factor(t).is_ok()),
+        Err(SystemError::Singular { .. }) => Ok(false),
+        Err(e) => Err(e),
     }
-    r.position(t, q)?;
-    Ok(r.factor(t).is_ok())
 }
 
 /// Any admissible partition: the one a sparse elimination with pivoting arrives at.
