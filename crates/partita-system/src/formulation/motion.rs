@@ -14,7 +14,8 @@ use crate::equations::full::AccelerationRule;
 use crate::error::Result;
 use crate::kinematics::velocity::near_with_rates;
 use crate::knots::Watched;
-use crate::manifold::orthogonal::correct_orthogonally;
+use crate::manifold::kept_rows::{KeptRows, TO_ROUND_OFF};
+use crate::manifold::{self, Room};
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -22,7 +23,7 @@ use crate::positions::independent::Independent;
 use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
-use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample};
+use crate::record::{Correction, Gaps, Journal, Output, PartitionEvent, Sample};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -63,9 +64,6 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     taken: Output,
 }
 
-/// Newton's method from a misfit of a hundredth reaches round-off in three steps; one more sees it.
-const CLOSE_OTHERS: usize = 4;
-
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
 pub type Projective<'s, S> = Motion<'s, S, Chosen<'s, S>, All>;
 /// A partition and its coordinates, the others by Newton's method (2k states).
@@ -85,7 +83,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
-        let positions = All::new(system.size().nq, options.correction);
+        let positions = All::new(system.size(), options.correction);
         Self::with(name, system, Chosen::new(system, rank, options), positions, options.misfit)
     }
 }
@@ -111,7 +109,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
-        let (name, positions) = (basis.name(), All::new(system.size().nq, options.correction));
+        let (name, positions) = (basis.name(), All::new(system.size(), options.correction));
         Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions, options.misfit)
     }
 }
@@ -133,7 +131,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
             return Err(SystemError::argument("tangent", message.into()));
         };
-        let positions = All::new(system.size().nq, options.correction).whole_turns();
+        let positions = All::new(system.size(), options.correction).whole_turns();
         Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions, options.misfit))
     }
 }
@@ -143,7 +141,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
     pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
-        let positions = All::new(system.size().nq, tangent.correction);
+        let positions = All::new(system.size(), tangent.correction);
         Self::with(name, system, tangent, positions, options.misfit)
     }
 }
@@ -289,14 +287,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         let mut q = self.taken.q.clone();
         let r = self.tangent.reduction();
-        for _ in 0..CLOSE_OTHERS {
-            r.position(t, &q)?;
-            if r.is_closed() {
-                break;
-            }
-            correct_orthogonally(r, t, &mut q)?;
-            r.system.normalise(&mut q);
-        }
+        let mut rows = KeptRows::new(r, t, Correction::MassOrthogonal);
+        manifold::close(&mut rows, &mut q, &TO_ROUND_OFF, &mut Room::default())?;
+        r.system.normalise(&mut q);
         let v = near_with_rates(r, t, &q, &self.taken.v, &[])?;
         self.positions.rewrite(&mut self.tangent, &q, step.y);
         if self.positions.holds_all() {

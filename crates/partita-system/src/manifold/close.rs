@@ -240,6 +240,11 @@ impl Closed {
 }
 
 impl Room {
+    /// With room for q of this length already.
+    pub fn for_coordinates(nq: usize) -> Self {
+        Self { trial: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
+    }
+
     fn begin<L: Linearization + ?Sized>(&mut self, l: &L, q: &[f64], rule: &Rule) {
         self.trial.clear();
         self.trial.extend_from_slice(q);
@@ -267,6 +272,10 @@ impl Room {
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             if p.open.worst <= rule.closed {
                 p.ending = Some(Ending::Closed);
+                continue;
+            }
+            if !p.open.square.is_finite() {
+                p.ending = Some(Ending::Unfinished);
                 continue;
             }
             let idle = p.idle >= PATIENCE;
@@ -302,7 +311,7 @@ impl Room {
         let mut refused = false;
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
-            let gain = if finite { p.open.square - now.square } else { f64::NEG_INFINITY };
+            let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
             let flat = rule.rest > 0.0 && gain.abs() <= FLAT * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
             if gain > GAINS * p.promised && gain > 0.0 || flat && shorter {

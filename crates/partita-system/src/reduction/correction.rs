@@ -46,6 +46,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
     }
 
+    /// The same into `dv` (nv); false where it would move nothing but round-off.
+    pub fn dependent_correction(&mut self, dv: &mut [f64]) -> bool {
+        let closes = !self.dependent_step().is_round_off();
+        dv.fill(0.0);
+        self.work.iter().zip(&self.partition.dependent).for_each(|(x, &i)| dv[i] = *x);
+        closes
+    }
+
     /// Shorten the step last found.
     pub fn scale_dependent_step(&mut self, by: f64) {
         self.work[..self.rank].iter_mut().for_each(|x| *x *= by);
