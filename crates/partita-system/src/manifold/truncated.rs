@@ -143,13 +143,15 @@ pub struct Along<'s, S: ConstrainedSystem> {
     pub rows: Truncated<'s, S>,
     /// C at the position last closed.
     pub spectrum: Option<Svd>,
+    /// Rows may stay open by this.
+    open: f64,
     room: Room,
 }
 
 impl<'s, S: ConstrainedSystem> Along<'s, S> {
-    /// Along what these rows leave free.
-    pub fn new(rows: Truncated<'s, S>) -> Self {
-        Self { rows, spectrum: None, room: Room::default() }
+    /// Along what these rows leave free; they may stay open by `open`, where they rest.
+    pub fn new(rows: Truncated<'s, S>, open: f64) -> Self {
+        Self { rows, spectrum: None, open, room: Room::default() }
     }
 }
 
@@ -175,7 +177,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, S> {
         self.rows.close(q, &TO_REST, &mut self.room)
     }
     fn accepts(&self, closed: &Closed) -> bool {
-        matches!(closed.ending, Ending::Closed | Ending::AtRest)
+        closed.ending <= Ending::AtRest && closed.open.worst <= self.open
     }
 }
 
