@@ -321,7 +321,8 @@ impl Room {
                     x if x < POOR.0 => POOR.1,
                     _ => 1.0,
                 };
-                p.idle = if flat || gain > GAIN * p.open.square { 0 } else { p.idle + 1 };
+                // where rows stay open their least is told by the length of steps
+                p.idle = if rule.rest > 0.0 || gain > GAIN * p.open.square { 0 } else { p.idle + 1 };
                 let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
                 let last = p.length <= rule.rest && p.fraction == 1.0;
                 // while the rule is graded lengths do not compare
