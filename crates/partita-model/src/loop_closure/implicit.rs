@@ -16,8 +16,11 @@ use partita_system::{ConstrainedSystem, SystemError};
 /// A move this small (in reaches) is the last: Newton's next one would be its square, below round-off.
 const LAST_MOVE: f64 = 1e-9;
 /// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 reaches (radians for turns); more iterations
-/// than any start within a turn needs.
-const RULE: Rule = Rule::new(60, 4.0 * f64::EPSILON, 1e-11).cut(0.3).to_rest(LAST_MOVE);
+/// than any start within a turn needs. Rows that follow from others close slowly next to a singular position: that they
+/// hardly fall is no sign that they are closed.
+const RULE: Rule = Rule::new(60, ROUND_OFF, ROUND_OFF).cut(0.3).to_rest(LAST_MOVE);
+/// Round-off of a closing, in parts of what a large move opens it by.
+const ROUND_OFF: f64 = 4.0 * f64::EPSILON;
 
 /// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
 /// follows
@@ -168,6 +171,7 @@ impl Implicit {
     /// Closes the rows by moving the unknowns of q; returns the ratio of the pivots.
     pub fn solve(&self, f: &mut Field, t: f64, q: &mut [f64], words: &str) -> Result<f64, SystemError> {
         let n = self.rows.len();
+        f.model.normalise(q);
         let mut room = std::mem::take(&mut f.room.closing);
         let done =
             close(&mut Rows { block: self, f, t, words, open: Open::default(), length: 0.0 }, q, &RULE, &mut room);

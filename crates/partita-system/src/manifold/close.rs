@@ -55,11 +55,17 @@ pub struct Open {
 
 impl Open {
     /// Of these residuals; NaN counts as infinite.
+    #[inline]
     pub fn of(phi: impl Iterator<Item = f64>) -> Self {
-        phi.fold(Self::default(), |open, x| {
-            let x = if x.is_nan() { f64::INFINITY } else { x.abs() };
-            Self { square: open.square + x * x, worst: open.worst.max(x) }
-        })
+        let mut open = Self::default();
+        for x in phi {
+            open.square += x * x;
+            open.worst = open.worst.max(x.abs());
+        }
+        match open.square.is_nan() {
+            true => Self { square: f64::INFINITY, worst: f64::INFINITY },
+            false => open,
+        }
     }
 }
 
@@ -98,7 +104,7 @@ pub trait Linearization {
     }
     /// What the linear rows leave of Σ Φ² after the step of a part, shortened to `fraction`.
     fn left(&self, part: usize, fraction: f64) -> f64 {
-        (1.0 - fraction).powi(2) * self.open(part).square
+        (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
     }
     /// The damping of this part that is the first to matter, where `solve` damps its steps.
     fn least_damping(&self, _part: usize) -> Option<f64> {
@@ -297,7 +303,10 @@ impl Room {
                 l.scale(i, 0.0);
                 continue;
             }
-            let fraction = p.fraction.min(rule.longest / p.length.max(f64::MIN_POSITIVE));
+            let mut fraction = p.fraction;
+            if fraction * p.length > rule.longest {
+                fraction = rule.longest / p.length;
+            }
             if fraction < 1.0 {
                 l.scale(i, fraction);
             }
@@ -315,10 +324,10 @@ impl Room {
             let flat = rule.rest > 0.0 && gain.abs() <= FLAT * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
             if gain > GAINS * p.promised && gain > 0.0 || flat && shorter {
-                p.damping *= match gain / p.promised {
+                p.damping *= match gain {
                     _ if flat => 1.0,
-                    x if x > GOOD.0 => GOOD.1,
-                    x if x < POOR.0 => POOR.1,
+                    x if x > GOOD.0 * p.promised => GOOD.1,
+                    x if x < POOR.0 * p.promised => POOR.1,
                     _ => 1.0,
                 };
                 // where rows stay open their least is told by the length of steps
