@@ -220,7 +220,8 @@ impl Part {
 /// Memory of the loop, to be used again and again: after the first time nothing is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
-    trial: Vec<f64>,
+    /// The position before the step under way.
+    best: Vec<f64>,
     /// The parts as the last loop left them.
     pub parts: Vec<Part>,
 }
@@ -248,12 +249,11 @@ impl Closed {
 impl Room {
     /// With room for q of this length already.
     pub fn for_coordinates(nq: usize) -> Self {
-        Self { trial: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
+        Self { best: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
     }
 
     fn begin<L: Linearization + ?Sized>(&mut self, l: &L, q: &[f64], rule: &Rule) {
-        self.trial.clear();
-        self.trial.extend_from_slice(q);
+        self.best.resize(q.len(), 0.0);
         self.parts.clear();
         self.parts.extend((0..l.parts()).map(|i| Part {
             open: l.open(i),
@@ -316,7 +316,7 @@ impl Room {
     }
 
     /// Take the steps to where last evaluated, or refuse them; true if one was refused.
-    fn judge<L: Linearization + ?Sized>(&mut self, l: &L, q: &[f64], rule: &Rule, finite: bool) -> bool {
+    fn judge<L: Linearization + ?Sized>(&mut self, l: &L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
         let mut refused = false;
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
@@ -344,7 +344,7 @@ impl Room {
                 continue;
             }
             refused = true;
-            l.keep(i, q, &mut self.trial);
+            l.keep(i, &self.best, q);
             p.idle += 1;
             let least = l.least_damping(i);
             if l.is_settled() && (p.open.worst <= rule.accepted || p.length <= rule.rest || flat && least.is_none()) {
@@ -398,16 +398,17 @@ pub fn close<L: Linearization + ?Sized>(l: &mut L, q: &mut [f64], rule: &Rule, r
         if !room.is_active() {
             break;
         }
-        room.trial.copy_from_slice(q);
-        l.advance(&mut room.trial);
-        let finite = match l.evaluate(&room.trial) {
+        room.best.copy_from_slice(q);
+        l.advance(q);
+        let finite = match l.evaluate(q) {
             Ok(()) => true,
             Err(SystemError::NotFinite { .. }) => false,
-            Err(e) => return Err(e),
+            Err(e) => {
+                q.copy_from_slice(&room.best);
+                return Err(e);
+            }
         };
-        let refused = room.judge(l, q, rule, finite);
-        q.copy_from_slice(&room.trial);
-        if refused {
+        if room.judge(l, q, rule, finite) {
             l.evaluate(q)?;
         }
     }
