@@ -1,7 +1,7 @@
 //! What any system answers at one state.
 
 use partita_math::dense::{self, Matrix};
-use partita_system::kinematics::projection::dense_rows;
+use partita_system::manifold::orthogonal::dense_rows;
 use partita_system::partition::split::Split;
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};

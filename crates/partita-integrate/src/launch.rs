@@ -15,7 +15,7 @@
 
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
-use partita_system::kinematics::projection::correct_orthogonally;
+use partita_system::manifold::kept_rows::close_kept;
 use partita_system::record::Output;
 use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
@@ -56,8 +56,6 @@ const UNMOVED: f64 = 1e-12;
 const SHIFTS: usize = 4;
 /// Moves of the start that are more than the round-off of positions which are known to the root of it.
 const MOVED: f64 = 1e-10;
-/// Corrections that close the loops at a node.
-const CLOSE: usize = 12;
 
 /// The step that was taken.
 pub struct Launch<'s, S: ConstrainedSystem> {
@@ -168,25 +166,8 @@ fn fastest<S: ConstrainedSystem>(system: &S, v: &[f64]) -> f64 {
 
 /// The loops closed next to q, the coordinates of independent velocities kept. False where they do not close.
 fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
-    let size = r.size();
-    for i in 0..CLOSE {
-        r.system.normalise(q);
-        r.position(t, q)?;
-        r.factor(t)?;
-        if r.is_closed() && i > 0 {
-            return Ok(true);
-        }
-        match size.rows == size.holonomic {
-            true => {
-                // what is open is no round-off here: it is what the prediction is off by
-                if !r.correct_dependent(q) {
-                    r.move_dependent(q);
-                }
-            }
-            false => correct_orthogonally(r, t, q)?,
-        }
-    }
-    Ok(r.gap_of_kept() <= 1e-12)
+    r.system.normalise(q);
+    Ok(close_kept(r, t, q)?.is_closed())
 }
 
 /// Last differences of an iteration, to extrapolate from.

@@ -7,6 +7,8 @@
 
 pub mod ways;
 
+use crate::manifold::truncated::{Along, Truncated};
+use crate::manifold::{leap, End, Visit};
 use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -28,8 +30,6 @@ const FLAT: f64 = 1e-6;
 const MOVE: f64 = 0.05;
 /// Closed there to this part of sizes; round-off over the move.
 const CLOSED: f64 = 1e-12;
-/// A branch leaves its tangent by the square of the move; what is farther off than this part of it went elsewhere.
-const AWAY: f64 = 0.3;
 /// Starts of the search for directions, and the most lines they may find: more are taken for a continuum.
 const STARTS: usize = 48;
 const LINES: usize = 8;
@@ -150,31 +150,15 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         }
         Ok(self.rows.iter().map(|&i| sum[i] / self.sizes[i]).collect())
     }
+}
 
-    /// The position so far along `w`, closed by all rows; none where it does not close next to there.
-    fn moved(&mut self, t: f64, q: &[f64], w: &[f64], far: f64) -> Result<Option<Vec<f64>>, SystemError> {
-        let mut there = q.to_vec();
-        let step = |w: &[f64], reach: &[f64], far: f64| -> Vec<f64> {
-            w.iter().zip(reach).map(|(w, r)| far * w * r).collect()
-        };
-        self.system.step(&mut there, &step(w, &self.reach, far));
-        let mut off = vec![0.0; w.len()];
-        for _ in 0..30 {
-            self.system.normalise(&mut there);
-            self.position(t, &there)?;
-            let open = self.open();
-            if open.iter().all(|x| x.abs() < CLOSED) {
-                return Ok(Some(there));
-            }
-            let Ok((back, _)) = least_squares_min_norm(&self.jacobian(), &open, NONE) else { return Ok(None) };
-            off.iter_mut().zip(&back).for_each(|(x, y)| *x += y);
-            if off.iter().any(|x| x.abs() > AWAY * far.abs()) {
-                return Ok(None);
-            }
-            self.system.step(&mut there, &step(&back, &self.reach, -1.0));
-        }
-        Ok(None)
-    }
+/// The position [`MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
+fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
+    let mut rows = Truncated::new(x.system, t, q, NONE)?;
+    rows.scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = !x.rows.contains(&i));
+    let mut there = q.to_vec();
+    let end = leap(&mut Along::new(rows, CLOSED), &mut there, w, (0.0, MOVE), MOVE, &mut |_, _| Ok(Visit::On))?;
+    Ok((end == End::There).then_some(there))
 }
 
 /// Quadratic forms on k rates, each k x k and symmetric.
@@ -338,14 +322,15 @@ pub fn look<S: ConstrainedSystem>(
             }
         });
         w.iter_mut().for_each(|x| *x *= ahead / fastest);
-        let there = match x.moved(t, q, &w, MOVE) {
+        let there = match moved(&x, t, q, &w) {
             Ok(Some(there)) => Some(there),
             _ => {
                 w.iter_mut().for_each(|x| *x = -*x);
-                x.moved(t, q, &w, MOVE).unwrap_or(None)
+                moved(&x, t, q, &w).unwrap_or(None)
             }
         };
         let Some(beside) = there else { continue };
+        x.position(t, &beside)?;
         let Ok(f) = svd(&x.jacobian()) else { continue };
         let Some(rank) = rank_of(&f.s) else { continue };
         let rates = w.iter().zip(&x.reach).map(|(w, r)| if w.abs() < 1e-9 { 0.0 } else { w * r }).collect();

@@ -9,6 +9,7 @@ pub mod error;
 pub mod formulation;
 pub mod kinematics;
 pub mod knots;
+pub mod manifold;
 pub mod options;
 pub mod partition;
 pub mod positions;

@@ -1,7 +1,7 @@
 //! Before the first step: rank of the constraints, redundant rows, the first choice of coordinates.
 
 use crate::branching;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::kept_rows;
 use crate::partition::criterion;
 use crate::rank::exact::{ranked as by_sizes, EXACT};
 use crate::reduction::openness::OPEN;
@@ -238,20 +238,12 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
 
 /// Close the rows kept, near q. False where the probe itself runs into a singular position: no verdict from it.
 fn all_closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
-    for _ in 0..6 {
-        r.position(t, q)?;
-        if r.factor(t).is_err() {
-            return Ok(false);
-        }
-        match r.size().holonomic == r.size().rows {
-            true => {
-                r.correct_dependent(q);
-            }
-            false => correct_orthogonally(r, t, q)?, // rows without a position have nothing to be solved for
-        }
+    match kept_rows::close_kept(r, t, q) {
+        // next to a singular position little may be left open: dropped rows are told by far more
+        Ok(_) => Ok(r.factor(t).is_ok()),
+        Err(SystemError::Singular { .. }) => Ok(false),
+        Err(e) => Err(e),
     }
-    r.position(t, q)?;
-    Ok(r.factor(t).is_ok())
 }
 
 /// Any admissible partition: the one a sparse elimination with pivoting arrives at.

@@ -5,6 +5,7 @@ use crate::instant::Levels;
 use partita_math::elimination::Pattern;
 use partita_math::least_norm::LeastNorm;
 use partita_model::Model;
+use partita_system::manifold::{close, Closed, Linearization, Open, Part, Room, Rule};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Damping of rows that hold, in squares of singular values: rows weaker than its root, 1e-5, count as repeated.
@@ -38,8 +39,13 @@ pub(super) struct Field<'m> {
     pub c: Vec<f64>,
     /// Values of the goals where last evaluated: angles are counted on from there.
     pub y: Vec<f64>,
+    next: Vec<f64>,
+    /// What the goals are to be.
+    pub aims: Vec<f64>,
     pub duty: Vec<Duty>,
     mu: Vec<f64>,
+    r: Vec<f64>,
+    room: Room,
     /// Move in reaches.
     pub dv: Vec<f64>,
     rest: Vec<f64>,
@@ -68,8 +74,12 @@ impl<'m> Field<'m> {
             phi: vec![0.0; rows],
             c: vec![0.0; pattern.nnz()],
             y: vec![0.0; targets.len()],
+            next: vec![0.0; targets.len()],
+            aims: vec![0.0; targets.len()],
             duty: vec![Duty::Hard; rows],
             mu: vec![HOLDS; rows],
+            r: vec![0.0; rows],
+            room: Room::default(),
             dv: vec![0.0; size.nv],
             rest: vec![0.0; size.nv],
             scaled: vec![0.0; size.nv],
@@ -89,11 +99,11 @@ impl<'m> Field<'m> {
         }
     }
 
-    /// Residuals and their derivatives at q for these aims.
+    /// Residuals and their derivatives at q for the aims.
     ///
     /// # Errors
-    /// `NotFinite` where one of them is.
-    pub fn evaluate(&mut self, q: &[f64], aims: &[f64]) -> Result<(), SystemError> {
+    /// `NotFinite` where one of them is; `y` stays as it was.
+    pub fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         self.levels.position(self.t, q)?;
         let m = self.closings();
         for i in 0..m {
@@ -104,8 +114,8 @@ impl<'m> Field<'m> {
         }
         for (k, x) in self.targets.iter().enumerate() {
             let s = &mut self.levels.scratch;
-            self.y[k] = x.value(self.model, q, &self.rest, s, self.y[k]);
-            self.phi[m + k] = (self.y[k] - aims[k]) / x.reach;
+            self.next[k] = x.value(self.model, q, &self.rest, s, self.y[k]);
+            self.phi[m + k] = (self.next[k] - self.aims[k]) / x.reach;
             let mut e = self.pattern.row_ptr[m + k];
             x.gradient(self.model, q, &mut self.rest, s, |g| {
                 self.c[e] = g * self.reach[self.pattern.col_idx[e]] / x.reach;
@@ -115,16 +125,17 @@ impl<'m> Field<'m> {
         if !self.phi.iter().chain(&self.c).all(|x| x.is_finite()) {
             return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
         }
+        self.y.copy_from_slice(&self.next);
         Ok(())
     }
 
-    /// Factor for the duties; soft rows are damped by `damping`.
-    pub fn factor(&mut self, damping: f64) {
+    /// Factor for the duties; soft rows are damped, or do not count.
+    fn factor(&mut self, damping: Option<f64>) {
         for (mu, duty) in self.mu.iter_mut().zip(&self.duty) {
-            *mu = match duty {
-                Duty::Hard => HOLDS,
-                Duty::Soft => damping.max(HOLDS),
-                Duty::Idle => IGNORED,
+            *mu = match (duty, damping) {
+                (Duty::Hard, _) => HOLDS,
+                (Duty::Soft, Some(damping)) => damping.max(HOLDS),
+                _ => IGNORED,
             };
         }
         self.solver.factor(&self.c, &self.mu);
@@ -135,18 +146,45 @@ impl<'m> Field<'m> {
         self.solver.solve(r, &mut self.dv);
     }
 
-    /// Take back what the rows are open by, to first order; the largest move, in reaches.
-    pub fn newton(&mut self, r: &mut [f64]) -> f64 {
-        for (i, r) in r.iter_mut().enumerate() {
-            *r = if self.duty[i] == Duty::Idle { 0.0 } else { -self.phi[i] };
+    /// Factor for the hard rows alone, for [`solve`](Self::solve).
+    pub fn factor_hard(&mut self) {
+        self.factor(None);
+    }
+
+    /// Take back what the hard rows are open by, to first order, and with a damping the soft ones, left in `dv`.
+    fn newton(&mut self, damping: Option<f64>) {
+        self.factor(damping);
+        for (i, r) in self.r.iter_mut().enumerate() {
+            let counts = self.duty[i] == Duty::Hard || self.duty[i] == Duty::Soft && damping.is_some();
+            *r = if counts { -self.phi[i] } else { 0.0 };
         }
-        self.solver.solve(r, &mut self.dv);
-        self.largest()
+        self.solver.solve(&self.r, &mut self.dv);
     }
 
     /// Largest entry of `dv`.
-    pub fn largest(&self) -> f64 {
+    fn largest(&self) -> f64 {
         self.dv.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+    }
+
+    /// Goals that are to be met and are coordinates stand where they are to be.
+    pub fn set_own(&self, q: &mut [f64]) {
+        let m = self.closings();
+        for (k, x) in self.targets.iter().enumerate().filter(|(k, _)| self.duty[m + k] == Duty::Hard) {
+            if let Some((at, _)) = x.own() {
+                q[at] = self.aims[k];
+            }
+        }
+    }
+
+    /// Close the hard rows from q on, the soft ones left alone.
+    ///
+    /// # Errors
+    /// Those of functions that the conditions call; `NotFinite` where nothing can be evaluated at q.
+    pub fn close_hard(&mut self, q: &mut [f64], rule: &Rule) -> Result<Closed, SystemError> {
+        let mut room = std::mem::take(&mut self.room);
+        let closed = close(&mut Hard(self), q, rule, &mut room);
+        self.room = room;
+        closed
     }
 
     /// q moved by `part` of `dv`.
@@ -163,16 +201,15 @@ impl<'m> Field<'m> {
         self.pattern.row(i).map(|e| self.c[e] * y[self.pattern.col_idx[e]]).sum()
     }
 
-    /// Largest residual among the rows of this duty.
-    pub fn worst(&self, duty: Duty) -> f64 {
+    /// How far the rows of this duty are open, in reaches.
+    fn open_of(&self, duty: Duty) -> Open {
         let of = self.phi.iter().zip(&self.duty).filter(|(_, d)| **d == duty);
-        of.fold(0.0, |m: f64, (x, _)| m.max(x.abs()))
+        Open::of(of.map(|(x, _)| *x))
     }
 
-    /// Sum of squares of the soft rows.
-    pub fn square(&self) -> f64 {
-        let soft = self.phi.iter().zip(&self.duty).filter(|(_, d)| **d == Duty::Soft);
-        soft.map(|(x, _)| x * x).sum()
+    /// Largest residual among the rows of this duty.
+    pub fn worst(&self, duty: Duty) -> f64 {
+        self.open_of(duty).worst
     }
 
     /// The closing row that is open most, and by how much its joint's points and directions miss each other [m, rad].
@@ -187,5 +224,92 @@ impl<'m> Field<'m> {
             rows.map(|i| (self.phi[i] * self.length[i]).powi(2)).sum::<f64>().sqrt()
         };
         (worst, size(false), size(true))
+    }
+}
+
+/// The hard rows alone.
+struct Hard<'f, 'm>(&'f mut Field<'m>);
+
+impl Linearization for Hard<'_, '_> {
+    fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
+        self.0.evaluate(q)
+    }
+    fn open(&self, _part: usize) -> Open {
+        self.0.open_of(Duty::Hard)
+    }
+    fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool, SystemError> {
+        self.0.newton(None);
+        Ok(true)
+    }
+    fn length(&self, _part: usize) -> f64 {
+        self.0.largest()
+    }
+    fn scale(&mut self, _part: usize, by: f64) {
+        self.0.dv.iter_mut().for_each(|x| *x *= by);
+    }
+    fn advance(&mut self, q: &mut [f64]) {
+        self.0.step(q, 1.0);
+    }
+}
+
+/// The soft rows, on positions on which the hard ones are closed.
+pub(super) struct Soft<'f, 'm> {
+    field: &'f mut Field<'m>,
+    keeping: Rule,
+    /// Did the hard rows let themselves be closed after the last step?
+    kept: Result<bool, SystemError>,
+    /// Values of the goals where the last step was found.
+    home: Vec<f64>,
+    open: Open,
+}
+
+impl<'f, 'm> Soft<'f, 'm> {
+    /// The hard rows closed by the rule `keeping` after each step.
+    pub fn new(field: &'f mut Field<'m>, keeping: Rule) -> Self {
+        let home = field.y.clone();
+        Self { field, keeping, kept: Ok(true), home, open: Open::default() }
+    }
+}
+
+impl Linearization for Soft<'_, '_> {
+    fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
+        // what fails for good on the way back to the hard rows ends the loop; a step not kept is refused
+        let kept = std::mem::replace(&mut self.kept, Ok(true))?;
+        self.field.y.copy_from_slice(&self.home);
+        self.field.evaluate(q)?;
+        self.open = self.field.open_of(Duty::Soft);
+        if !kept {
+            self.open = Open { square: f64::INFINITY, worst: f64::INFINITY };
+        }
+        Ok(())
+    }
+    fn open(&self, _part: usize) -> Open {
+        self.open
+    }
+    fn solve(&mut self, _q: &[f64], parts: &[Part]) -> Result<bool, SystemError> {
+        self.home.copy_from_slice(&self.field.y);
+        self.field.newton(Some(parts[0].damping * parts[0].open.square.min(1.0)));
+        Ok(true)
+    }
+    fn length(&self, _part: usize) -> f64 {
+        self.field.largest()
+    }
+    fn scale(&mut self, _part: usize, by: f64) {
+        self.field.dv.iter_mut().for_each(|x| *x *= by);
+    }
+    fn advance(&mut self, q: &mut [f64]) {
+        self.field.step(q, 1.0);
+        self.kept = match self.field.close_hard(q, &self.keeping) {
+            Err(SystemError::NotFinite { .. }) => Ok(false),
+            closed => closed.map(|closed| closed.is_closed()),
+        };
+    }
+    fn left(&self, _part: usize, _fraction: f64) -> f64 {
+        let f = &self.field;
+        let soft = (0..f.phi.len()).filter(|&i| f.duty[i] == Duty::Soft);
+        soft.map(|i| (f.phi[i] + f.along(i, &f.dv)).powi(2)).sum()
+    }
+    fn least_damping(&self, _part: usize) -> Option<f64> {
+        Some(HOLDS / self.open.square.clamp(f64::MIN_POSITIVE, 1.0))
     }
 }

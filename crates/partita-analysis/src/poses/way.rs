@@ -1,10 +1,10 @@
 //! The way of a mechanism from one position to another along its own motion, the goals going straight.
 //!
-//! Each step goes ahead along the tangent and is closed again by Newton's method. It counts only if Newton's corrections
-//! are small against the step and shrink as they do near the solution that the tangent leads to, if the tangent has turned
-//! little, and if the determinant of the conditions has kept its sign. So a step never lands on another branch: where the
-//! way meets a limit the tangent grows without bound, where it crosses a singular position the determinant changes its
-//! sign, and both end the way there.
+//! Each step goes ahead along the tangent and is closed again by Newton's method. It counts only if Newton's
+//! corrections are small against the step and shrink as they do near the solution that the tangent leads to, if the
+//! tangent has turned little, and if the determinant of the conditions has kept its sign. So a step never lands on
+//! another branch: where the way meets a limit the tangent grows without bound, where it crosses a singular position
+//! the determinant changes its sign, and both end the way there.
 
 use super::field::{Duty, Field};
 use super::goal::Target;
@@ -12,26 +12,19 @@ use partita_math::dense::{self, lu, lu_determinant, Matrix};
 use partita_math::factor::qr_null_space;
 use partita_math::rank::independent_rows;
 use partita_model::Model;
+use partita_system::manifold::least_change::near_by;
+use partita_system::manifold::{follow, leap, Closed, Curve, End, Pace, Rule, Visit};
 use partita_system::start::REDUNDANT;
 use partita_system::SystemError;
 
-/// Largest step, in reaches: a third of a radian is straight but for a twentieth.
-const LONGEST: f64 = 0.3;
-/// The first correction of a step may be this large, in reaches...
-const BENT: f64 = 0.05;
-/// ... and each next one this part of the one before: Newton's method in its own neighbourhood has less than a half.
-const SHRINKS: f64 = 0.25;
-/// A tangent may change by this part of itself in one step; one that doubles is that of a limit near by.
-const TURNS: f64 = 0.5;
-/// Changes below this part let the next step be longer.
-const EASY: f64 = 0.15;
-/// The last correction, in reaches: the next one would be its square.
-const LAST: f64 = 1e-9;
-/// Corrections of one step; a step that needs more is too long.
-const CORRECTIONS: usize = 6;
+/// Corrections of one position: to residuals of 1e-12, and only to the solution next to it.
+const NEAR: Rule = near_by(CLOSED);
+/// To round-off.
+const LAST: Rule = Rule::new(6, f64::EPSILON, CLOSED);
 /// Where steps that move the goals by this (in reaches) do not lead on, the way ends: six digits of where.
 const SHORTEST: f64 = 1e-6;
-/// Steps, in reaches, that are tried across a singular position: Newton's method needs some distance to it on both sides.
+/// Steps, in reaches, that are tried across a singular position: Newton's method needs some distance to it on both
+/// sides.
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
 /// Largest residual that counts as closed, in reaches.
 pub(super) const CLOSED: f64 = 1e-12;
@@ -49,16 +42,6 @@ pub(super) enum Ending {
     Limit(f64),
     /// Where branches meet, likewise.
     Crossing(f64),
-}
-
-/// What became of one step.
-enum Attempt {
-    /// On the branch; by what part the tangent has turned, and the bases there.
-    Good { turned: f64, carried: Option<Signed> },
-    /// Smoothly on, but across a position in which branches meet.
-    Crossed,
-    /// Too long, or beyond a limit.
-    Bad,
 }
 
 /// Which of the conditions are independent, and how the others lie: what the sign of the determinant refers to.
@@ -88,10 +71,6 @@ pub(super) struct Start {
 pub(super) struct Way<'m> {
     pub field: Field<'m>,
     r: Vec<f64>,
-    tangent: Vec<f64>,
-    trial: Vec<f64>,
-    kept: Vec<f64>,
-    aims: Vec<f64>,
     matrix: Vec<f64>,
     pivots: Vec<usize>,
 }
@@ -99,17 +78,7 @@ pub(super) struct Way<'m> {
 impl<'m> Way<'m> {
     pub fn new(model: &'m Model, targets: &'m [Target], t: f64) -> Self {
         let field = Field::new(model, targets, t);
-        let (rows, n) = (field.pattern.rows, field.pattern.cols);
-        Self {
-            r: vec![0.0; rows],
-            tangent: vec![0.0; n],
-            trial: Vec::new(),
-            kept: vec![0.0; targets.len()],
-            aims: vec![0.0; targets.len()],
-            matrix: Vec::new(),
-            pivots: Vec::new(),
-            field,
-        }
+        Self { r: vec![0.0; field.pattern.rows], matrix: Vec::new(), pivots: Vec::new(), field }
     }
 
     /// What ways from the closed position q start with.
@@ -121,7 +90,8 @@ impl<'m> Way<'m> {
         f.y.fill(0.0);
         f.look(q);
         let y = f.y.clone();
-        f.evaluate(q, &y)?;
+        f.aims.copy_from_slice(&y);
+        f.evaluate(q)?;
         let (m, ones) = (f.closings(), vec![1.0; f.pattern.cols]);
         // goals one after the other, so that of two that depend on each other the first counts
         let mut c = f.c.clone();
@@ -251,43 +221,6 @@ impl<'m> Way<'m> {
         }
     }
 
-    /// The move that takes the goals by `to - from` with the loops closed to first order, into `tangent`.
-    fn ahead(&mut self, from: &[f64], to: &[f64]) {
-        let f = &mut self.field;
-        let m = f.closings();
-        self.r.fill(0.0);
-        for (k, x) in f.targets.iter().enumerate() {
-            if f.duty[m + k] == Duty::Hard {
-                self.r[m + k] = (to[k] - from[k]) / x.reach;
-            }
-        }
-        f.solve(&self.r);
-        self.tangent.copy_from_slice(&f.dv);
-    }
-
-    /// Close `trial` for `aims` by Newton's method, as long as it converges as it should from near by.
-    fn correct(&mut self) -> Result<bool, SystemError> {
-        let mut before = BENT / SHRINKS;
-        for _ in 0..CORRECTIONS {
-            match self.field.evaluate(&self.trial, &self.aims) {
-                Ok(()) => {}
-                Err(SystemError::NotFinite { .. }) => return Ok(false),
-                Err(e) => return Err(e),
-            }
-            self.field.factor(0.0);
-            let largest = self.field.newton(&mut self.r);
-            if largest > SHRINKS * before && largest > LAST {
-                return Ok(false);
-            }
-            self.field.step(&mut self.trial, 1.0);
-            if largest <= LAST {
-                return Ok(true);
-            }
-            before = largest;
-        }
-        Ok(false)
-    }
-
     /// From the start to where the goals have the values `to`; q and `self.field.y` are left where the way ended.
     ///
     /// # Errors
@@ -334,8 +267,8 @@ impl<'m> Way<'m> {
         &mut self,
         from: &[f64],
         to: &[f64],
-        q: &mut Vec<f64>,
-        s: &mut Option<Signed>,
+        q: &mut [f64],
+        signed: &mut Option<Signed>,
     ) -> Result<Ending, SystemError> {
         let m = self.field.closings();
         let far = (0..from.len()).filter(|&k| self.field.duty[m + k] == Duty::Hard);
@@ -343,127 +276,114 @@ impl<'m> Way<'m> {
         if far == 0.0 {
             return Ok(Ending::There);
         }
-        let shortest = (SHORTEST / far).min(0.1);
-        self.field.evaluate(q, from)?;
-        self.field.factor(0.0);
-        self.ahead(from, to);
-        let mut tangent = self.tangent.clone();
-        let (mut done, mut part) = (0.0f64, 1.0f64);
-        for _ in 0..STEPS {
-            let fastest = tangent.iter().fold(0.0, |m: f64, x| m.max(x.abs())).max(far);
-            part = part.min(LONGEST / fastest);
-            let last = done + part >= 1.0 - 0.01 * part;
-            let next = if last { 1.0 } else { done + part };
-            match self.attempt((from, to), (done, next), &tangent, q, s)? {
-                Attempt::Good { turned, carried } => {
-                    done = next;
-                    std::mem::swap(q, &mut self.trial);
-                    tangent.copy_from_slice(&self.tangent);
-                    if carried.is_some() {
-                        *s = carried;
-                    }
-                    if last {
-                        return Ok(Ending::There);
-                    }
-                    if turned < EASY {
-                        part *= 2.0;
-                    }
-                }
-                Attempt::Crossed | Attempt::Bad => {
-                    part *= 0.5;
-                    if part >= shortest {
-                        continue;
-                    }
-                    // next to a singular position no step is good; does a longer one lead across?
-                    for leap in LEAPS {
-                        let next = (done + leap / fastest).min(1.0);
-                        if let Attempt::Crossed = self.attempt((from, to), (done, next), &tangent, q, s)? {
-                            return Ok(Ending::Crossing(done));
-                        }
-                    }
-                    return Ok(Ending::Limit(done));
-                }
+        let pace = Pace { longest: follow::LONGEST, shortest: (SHORTEST / far).min(0.1), steps: STEPS };
+        let (kept, none) = (self.field.y.clone(), vec![0.0; self.field.pattern.cols]);
+        let mut curve = Straight { way: self, from, to, kept, is_fresh: false };
+        let done = follow(&mut curve, q, &none, 1.0, &pace, &mut |curve, _| {
+            // across a singular position the determinant changes its sign
+            let Some(before) = &*signed else { return Ok(Visit::On) };
+            let now = curve.way.carried(before);
+            let keeps = curve.way.sign(&now) == Some(now.sign);
+            if keeps {
+                *signed = Some(now);
+            }
+            Ok(if keeps { Visit::On } else { Visit::Back })
+        })?;
+        if done.end == End::There {
+            return Ok(Ending::There);
+        }
+        // next to a singular position no step is good; does a longer one lead across?
+        let Some(before) = signed else { return Ok(Ending::Limit(done.s)) };
+        for part in LEAPS {
+            let (mut there, mut crossed) = (q.to_vec(), false);
+            leap(&mut curve, &mut there, &none, (done.s, 1.0), part, &mut |curve, _| {
+                let now = curve.way.carried(before);
+                crossed = curve.way.sign(&now) != Some(now.sign);
+                Ok(Visit::Back)
+            })?;
+            if crossed {
+                return Ok(Ending::Crossing(done.s));
             }
         }
-        Ok(Ending::Limit(done))
+        Ok(Ending::Limit(done.s))
     }
 
-    /// One step from q along the tangent, left in `trial` with its own tangent; the goals' values are kept where it is not
-    /// good.
-    fn attempt(
-        &mut self,
-        (from, to): (&[f64], &[f64]),
-        (done, next): (f64, f64),
-        tangent: &[f64],
-        q: &[f64],
-        s: &Option<Signed>,
-    ) -> Result<Attempt, SystemError> {
-        self.kept.copy_from_slice(&self.field.y);
-        let mut trial = std::mem::take(&mut self.trial);
-        trial.clear();
-        trial.extend_from_slice(q);
-        self.field.dv.copy_from_slice(tangent);
-        self.field.step(&mut trial, next - done);
-        self.trial = trial;
-        for (k, aim) in self.aims.iter_mut().enumerate() {
-            *aim = from[k] + (to[k] - from[k]) * next;
+    /// The bases of `s` where last evaluated and factored.
+    fn carried(&mut self, s: &Signed) -> Signed {
+        let mut now = s.clone();
+        if !now.null.is_empty() || now.range.is_some() {
+            self.carry(&mut now);
         }
-        let mut found = Attempt::Bad;
-        if self.correct()? {
-            self.ahead(from, to);
-            let size = |x: &[f64]| dense::dot(x, x).sqrt();
-            let change: f64 = tangent.iter().zip(&self.tangent).map(|(a, b)| (a - b).powi(2)).sum();
-            let turned = change.sqrt() / size(tangent).min(size(&self.tangent));
-            if turned <= TURNS {
-                found = self.judged(turned, s.as_ref());
-            }
-        }
-        if !matches!(found, Attempt::Good { .. }) {
-            self.field.y.copy_from_slice(&self.kept);
-        }
-        Ok(found)
-    }
-
-    /// Has the determinant kept its sign?
-    fn judged(&mut self, turned: f64, s: Option<&Signed>) -> Attempt {
-        let Some(before) = s else { return Attempt::Good { turned, carried: None } };
-        let carried = (!before.null.is_empty() || before.range.is_some()).then(|| {
-            let mut s = before.clone();
-            self.carry(&mut s);
-            s
-        });
-        let now = carried.as_ref().unwrap_or(before);
-        if self.sign(now) == Some(now.sign) {
-            Attempt::Good { turned, carried }
-        } else {
-            Attempt::Crossed
-        }
+        now
     }
 
     /// Close q to round-off at the goals, those that are coordinates exact; false where it stays open.
     fn settle(&mut self, q: &mut [f64], to: &[f64]) -> Result<bool, SystemError> {
-        let m = self.field.closings();
-        let mut least = f64::INFINITY;
-        for _ in 0..CORRECTIONS {
-            for (k, x) in self.field.targets.iter().enumerate() {
-                if let (Some((at, _)), Duty::Hard) = (x.own(), self.field.duty[m + k]) {
-                    q[at] = to[k];
-                }
-            }
-            self.field.evaluate(q, to)?;
-            let worst = self.field.worst(Duty::Hard);
-            if worst <= f64::EPSILON || worst > 0.5 * least && worst <= CLOSED {
-                return Ok(true);
-            }
-            if worst > 0.5 * least {
-                return Ok(false);
-            }
-            least = worst;
-            self.field.factor(0.0);
-            self.field.newton(&mut self.r);
-            self.field.step(q, 1.0);
+        let f = &mut self.field;
+        f.aims.copy_from_slice(to);
+        f.set_own(q);
+        let closed = f.close_hard(q, &LAST)?;
+        f.set_own(q);
+        Ok(closed.is_closed())
+    }
+}
+
+/// The curve on which the goals go straight, from 0 to 1.
+struct Straight<'a, 'm> {
+    way: &'a mut Way<'m>,
+    from: &'a [f64],
+    to: &'a [f64],
+    /// Values of the goals at the position last taken.
+    kept: Vec<f64>,
+    /// Are the conditions evaluated at the position that was closed last?
+    is_fresh: bool,
+}
+
+impl Curve for Straight<'_, '_> {
+    /// The move that takes the goals straight on with the loops closed to first order.
+    fn direct(&mut self, q: &[f64], s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
+        if !self.is_fresh {
+            self.aim(s);
+            self.way.field.evaluate(q)?;
         }
-        Ok(least <= CLOSED)
+        let f = &mut self.way.field;
+        f.factor_hard();
+        let m = f.closings();
+        self.way.r.fill(0.0);
+        for (k, x) in f.targets.iter().enumerate().filter(|(k, _)| f.duty[m + k] == Duty::Hard) {
+            self.way.r[m + k] = (self.to[k] - self.from[k]) / x.reach;
+        }
+        f.solve(&self.way.r);
+        tangent.copy_from_slice(&f.dv);
+        Ok(true)
+    }
+    fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
+        self.way.field.dv.copy_from_slice(tangent);
+        self.way.field.step(q, ds);
+    }
+    fn close(&mut self, q: &mut [f64], s: f64) -> Result<Closed, SystemError> {
+        self.aim(s);
+        self.is_fresh = false;
+        self.way.field.set_own(q);
+        let closed = self.way.field.close_hard(q, &NEAR)?;
+        self.is_fresh = true;
+        Ok(closed)
+    }
+    fn conclude(&mut self, taken: bool) {
+        match taken {
+            true => self.kept.copy_from_slice(&self.way.field.y),
+            false => self.way.field.y.copy_from_slice(&self.kept),
+        }
+        self.is_fresh &= taken;
+    }
+}
+
+impl Straight<'_, '_> {
+    fn aim(&mut self, s: f64) {
+        let ends = self.from.iter().zip(self.to);
+        for (aim, (from, to)) in self.way.field.aims.iter_mut().zip(ends) {
+            *aim = if s == 1.0 { *to } else { from + (to - from) * s };
+        }
     }
 }
 

@@ -10,14 +10,17 @@ use crate::evaluator::{Evaluator, Scratch};
 use crate::model::{Model, ModelScratch};
 use partita_math::dense::{lu, lu_in_order, lu_pivot_ratio, lu_solve};
 use partita_math::scalar::Scalar;
+use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Rule};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Largest move in one iteration, in reaches (radians for turns).
-const LARGEST_MOVE: f64 = 0.3;
 /// A move this small (in reaches) is the last: Newton's next one would be its square, below round-off.
 const LAST_MOVE: f64 = 1e-9;
-/// More iterations than any start within a turn needs with moves of [`LARGEST_MOVE`].
-const ITERATIONS: usize = 60;
+/// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 reaches (radians for turns); more iterations
+/// than any start within a turn needs. Rows that follow from others close slowly next to a singular position: that they
+/// hardly fall is no sign that they are closed.
+const RULE: Rule = Rule::new(60, ROUND_OFF, ROUND_OFF).cut(0.3).to_rest(LAST_MOVE);
+/// Round-off of a closing, in parts of what a large move opens it by.
+const ROUND_OFF: f64 = 4.0 * f64::EPSILON;
 
 /// Iterations without a look at the moves: from a tenth of a reach each squares what is left, and the derivative
 /// follows
@@ -43,11 +46,13 @@ pub(super) struct Room {
     jacobian: Vec<f64>,
     x: Vec<f64>,
     pivots: Vec<usize>,
+    closing: manifold::Room,
 }
 
 impl Room {
-    pub fn new(n: usize) -> Self {
-        Self { jacobian: vec![0.0; n * n], x: vec![0.0; n], pivots: vec![0; n] }
+    pub fn new(n: usize, nq: usize) -> Self {
+        let closing = manifold::Room::for_coordinates(nq);
+        Self { jacobian: vec![0.0; n * n], x: vec![0.0; n], pivots: vec![0; n], closing }
     }
 }
 
@@ -166,42 +171,73 @@ impl Implicit {
     /// Closes the rows by moving the unknowns of q; returns the ratio of the pivots.
     pub fn solve(&self, f: &mut Field, t: f64, q: &mut [f64], words: &str) -> Result<f64, SystemError> {
         let n = self.rows.len();
-        let model = f.model;
-        let mut least = f64::INFINITY;
-        for _ in 0..ITERATIONS {
-            model.position(t, q, f.scratch, f.phi, f.c, f.a)?;
-            let jacobian = &mut f.room.jacobian[..n * n];
-            let (x, pivots) = (&mut f.room.x[..n], &mut f.room.pivots[..n]);
-            self.equations(model, f.c, f.phi, jacobian, x);
-            let open =
-                self.closed
-                    .iter()
-                    .fold(0.0f64, |m, &r| if f.phi[r].is_nan() { f64::NAN } else { m.max(f.phi[r].abs()) });
-            if !open.is_finite() {
-                return Err(SystemError::NotFinite { what: words.into(), t });
-            }
-            least = least.min(open);
-            if lu(jacobian, n, pivots).is_err() {
-                break;
-            }
-            lu_solve(jacobian, n, pivots, x);
-            *f.iterations += 1;
-            let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            if !largest.is_finite() {
-                break;
-            }
-            let part = (LARGEST_MOVE / largest.max(f64::MIN_POSITIVE)).min(1.0);
-            f.dv.fill(0.0);
-            for (x, &u) in x.iter().zip(&self.unknown) {
-                f.dv[u] = x * part * model.reach(u);
-            }
-            model.step(q, f.dv);
-            model.normalise(q);
-            if largest <= LAST_MOVE {
-                let ratio = lu_pivot_ratio(jacobian, n);
-                return Ok(if self.closed.len() == n { ratio } else { ratio.sqrt() });
-            }
+        f.model.normalise(q);
+        let mut room = std::mem::take(&mut f.room.closing);
+        let done =
+            close(&mut Rows { block: self, f, t, words, open: Open::default(), length: 0.0 }, q, &RULE, &mut room);
+        f.room.closing = room;
+        let done = done?;
+        *f.iterations += done.iterations as u64;
+        let (jacobian, x) = (&mut f.room.jacobian[..n * n], &mut f.room.x[..n]);
+        self.equations(f.model, f.c, f.phi, jacobian, x);
+        if done.ending > Ending::AtRest || lu(jacobian, n, &mut f.room.pivots[..n]).is_err() {
+            let shortfall = self.closed.iter().fold(0.0, |m: f64, &r| m.max(f.phi[r].abs()));
+            return Err(SystemError::Limit { block: words.into(), t, shortfall });
         }
-        Err(SystemError::Limit { block: words.into(), t, shortfall: least })
+        let ratio = lu_pivot_ratio(jacobian, n);
+        Ok(if self.closed.len() == n { ratio } else { ratio.sqrt() })
+    }
+}
+
+/// The rows of a block, closed by its unknowns.
+struct Rows<'x, 'f> {
+    block: &'x Implicit,
+    f: &'x mut Field<'f>,
+    t: f64,
+    words: &'x str,
+    open: Open,
+    length: f64,
+}
+
+impl Linearization for Rows<'_, '_> {
+    fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
+        let f = &mut *self.f;
+        f.model.position(self.t, q, f.scratch, f.phi, f.c, f.a)?;
+        let size = |row: usize| f.model.row_reach(row).unwrap_or(1.0);
+        self.open = Open::of(self.block.closed.iter().map(|&r| f.phi[r] / size(r)));
+        match self.open.worst.is_finite() {
+            true => Ok(()),
+            false => Err(SystemError::NotFinite { what: self.words.into(), t: self.t }),
+        }
+    }
+    fn open(&self, _part: usize) -> Open {
+        self.open
+    }
+    fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool, SystemError> {
+        let (f, n) = (&mut *self.f, self.block.rows.len());
+        let (jacobian, x) = (&mut f.room.jacobian[..n * n], &mut f.room.x[..n]);
+        let pivots = &mut f.room.pivots[..n];
+        self.block.equations(f.model, f.c, f.phi, jacobian, x);
+        if lu(jacobian, n, pivots).is_err() {
+            return Ok(false);
+        }
+        lu_solve(jacobian, n, pivots, x);
+        self.length = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        Ok(true)
+    }
+    fn length(&self, _part: usize) -> f64 {
+        self.length
+    }
+    fn scale(&mut self, _part: usize, by: f64) {
+        self.f.room.x[..self.block.rows.len()].iter_mut().for_each(|x| *x *= by);
+    }
+    fn advance(&mut self, q: &mut [f64]) {
+        let f = &mut *self.f;
+        f.dv.fill(0.0);
+        for (x, &u) in f.room.x.iter().zip(&self.block.unknown) {
+            f.dv[u] = x * f.model.reach(u);
+        }
+        f.model.step(q, f.dv);
+        f.model.normalise(q);
     }
 }

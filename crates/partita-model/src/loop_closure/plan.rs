@@ -211,7 +211,7 @@ impl<'m> LoopClosing<'m> {
             self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
-        self.newton = Room::new(largest.max().unwrap_or(0));
+        self.newton = Room::new(largest.max().unwrap_or(0), self.model.size().nq);
         Ok(true)
     }
 

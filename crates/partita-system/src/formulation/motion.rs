@@ -76,7 +76,7 @@ impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         let name = if options.exchange.is_finite() { "projective" } else { "fixed" };
-        let positions = All::new(system.size().nq, options.correction);
+        let positions = All::new(system.size(), options.correction);
         Self::with(name, system, Chosen::new(system, rank, options), positions)
     }
 }
@@ -102,7 +102,7 @@ impl<'s, S: ConstrainedSystem> ExplicitClosing<'s, S> {
 impl<'s, S: ConstrainedSystem> TangentVelocities<'s, S> {
     /// For a system of the given rank, with S from a rule.
     pub fn new(system: &'s S, rank: usize, basis: Box<dyn Basis>, options: &FormulationOptions) -> Self {
-        let (name, positions) = (basis.name(), All::new(system.size().nq, options.correction));
+        let (name, positions) = (basis.name(), All::new(system.size(), options.correction));
         Self::with(name, system, Frozen::new(system, rank, basis, options.renew), positions)
     }
 }
@@ -124,7 +124,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
                 "user-tangent needs tangent velocities: hand over tangent=, the matrix D^T as a function of (t, q)";
             return Err(SystemError::argument("tangent", message.into()));
         };
-        let positions = All::new(system.size().nq, options.correction).whole_turns();
+        let positions = All::new(system.size(), options.correction).whole_turns();
         Ok(Self::with("user-tangent", system, Given::new(system, rank, map.clone()), positions))
     }
 }
@@ -134,7 +134,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> FullState<'s, S, R> {
     pub fn new(system: &'s S, rank: usize, rule: R, options: &FormulationOptions) -> Self {
         let name = rule.name();
         let tangent = Everything::new(system, rank, rule, options);
-        let positions = All::new(system.size().nq, tangent.correction);
+        let positions = All::new(system.size(), tangent.correction);
         Self::with(name, system, tangent, positions)
     }
 }

@@ -7,14 +7,16 @@
 //! a thousand kilometres take the same steps.
 
 mod descent;
-mod scaled;
+#[cfg(test)]
+mod tests;
 mod walk;
 mod words;
 
 pub use walk::move_to;
 
+use crate::manifold::Linearization;
 use crate::system::{ConstrainedSystem, SystemError};
-use descent::{Descent, Ending};
+use descent::{to_round_off, Descent, Ending};
 
 /// Largest residual that counts as closed, in radians and parts of the characteristic length of each loop: ten thousand
 /// times the round-off of one number, which sums along loops of a thousand links stay below.
@@ -62,46 +64,42 @@ pub fn close<S: ConstrainedSystem>(
     tolerance: f64,
     locked: &[usize],
 ) -> Result<Assembly, SystemError> {
-    let mut d = Descent::new(system, t, q, &[])?;
-    d.lock(locked);
+    let mut d = Descent::new(system, t, q)?;
+    d.rows.lock(locked);
     let mut report = Assembly::default();
     let drawn = q.to_vec();
-    d.evaluate(t, q)?;
-    d.judge(tolerance * AS_DRAWN);
+    d.rows.evaluate(q)?;
+    d.leave(tolerance * AS_DRAWN);
     d.turn_over(q);
-    if d.open().next().is_none() {
-        report.residual = d.scaled.residual();
+    if d.is_closed() {
+        report.residual = d.rows.scaled.residual();
         return Ok(report);
     }
-    let opened: Vec<bool> = d.parts.iter().map(|p| p.ending != Ending::Closed).collect();
-    report.iterations += d.descend(t, q, tolerance)?;
+    report.iterations += d.descend(q, &to_round_off(tolerance))?;
     d.accept_last_digits(LAST_DIGITS);
     let mut turned = d.turn_over(q);
     // the best of each part of the mechanism over the starts
     let mut best = q.to_vec();
-    let mut least: Vec<(f64, Ending)> = d.parts.iter().map(|p| (p.square, p.ending)).collect();
-    let open = |d: &Descent<S>| d.parts.iter().any(|p| p.ending != Ending::Closed);
-    while open(&d) && report.restarts < STARTS && report.iterations < PATIENCE {
+    let mut least = d.parts.clone();
+    while !d.is_closed() && report.restarts < STARTS && report.iterations < PATIENCE {
         report.restarts += 1;
-        d.start_again(t, q, &drawn, report.restarts)?;
-        report.iterations += d.descend(t, q, tolerance)?;
+        d.start_again(q, &drawn, report.restarts)?;
+        report.iterations += d.descend(q, &to_round_off(tolerance))?;
         let over = d.turn_over(q);
         turned = if over.is_empty() { turned } else { over };
-        for (i, (square, ending)) in least.iter_mut().enumerate() {
-            let now = &d.parts[i];
-            if *ending != Ending::Closed && (now.ending == Ending::Closed || now.square < *square) {
-                (*square, *ending) = (now.square, now.ending);
-                d.copy_part(i, q, &mut best);
+        for (i, (least, now)) in least.iter_mut().zip(&d.parts).enumerate() {
+            if least.0 != Ending::Closed && (now.0 == Ending::Closed || now.1 < least.1) {
+                *least = *now;
+                d.rows.keep(i, q, &mut best);
             }
         }
     }
     q.copy_from_slice(&best);
-    d.evaluate(t, q)?;
-    if least.iter().any(|(_, ending)| *ending != Ending::Closed) {
-        let endings: Vec<Ending> = least.iter().map(|l| l.1).collect();
-        return Err(words::refused(&d, &endings, &turned, &report, tolerance));
+    d.rows.evaluate(q)?;
+    if least.iter().any(|(ending, _)| *ending != Ending::Closed) {
+        let endings: Vec<Ending> = least.iter().map(|l| l.0).collect();
+        return Err(words::refused(&d.rows, &endings, &turned, &report, tolerance));
     }
-    report.iterations += d.polish(t, q, |i| opened[i])?;
-    report.residual = d.scaled.residual();
+    report.residual = d.rows.scaled.residual();
     Ok(report)
 }

@@ -1,5 +1,4 @@
 //! Positions and velocities that satisfy the constraints.
 
 pub mod assembly;
-pub mod projection;
 pub mod velocity;

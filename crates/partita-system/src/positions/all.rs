@@ -5,9 +5,11 @@
 
 use super::{turns, Positions};
 use crate::error::Result;
+use crate::manifold::kept_rows::TO_ROUND_OFF;
+use crate::manifold::{close, Linearization, Open, Part, Room};
 use crate::record::{Correction, Journal};
 use crate::reduction::Reduction;
-use crate::system::ConstrainedSystem;
+use crate::system::{ConstrainedSystem, Size};
 use crate::tangent::Tangent;
 
 /// q itself (nq states).
@@ -16,14 +18,49 @@ pub struct All {
     /// May angles lose whole turns?
     wraps: bool,
     q: Vec<f64>,
-    last: Vec<f64>,
+    dv: Vec<f64>,
+    room: Room,
     corrections: u64,
 }
 
+/// All of q moved by the corrections of a tangent.
+struct Corrected<'a, 's, S, T> {
+    system: &'s S,
+    tangent: &'a mut T,
+    t: f64,
+    rule: Correction,
+    dv: &'a mut [f64],
+    open: Open,
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, 's, S, T> {
+    fn evaluate(&mut self, q: &[f64]) -> Result<()> {
+        self.tangent.reduction().position(self.t, q)?;
+        self.open = Open::of(self.tangent.seen().openness_of_rows());
+        Ok(())
+    }
+    fn open(&self, _part: usize) -> Open {
+        self.open
+    }
+    fn solve(&mut self, q: &[f64], _parts: &[Part]) -> Result<bool> {
+        self.tangent.correction(self.t, q, self.rule, self.dv)
+    }
+    fn length(&self, _part: usize) -> f64 {
+        self.system.travel(self.dv)
+    }
+    fn scale(&mut self, _part: usize, by: f64) {
+        self.dv.iter_mut().for_each(|x| *x *= by);
+    }
+    fn advance(&mut self, q: &mut [f64]) {
+        self.system.step(q, self.dv);
+    }
+}
+
 impl All {
-    /// For nq coordinates.
-    pub fn new(nq: usize, correction: Correction) -> Self {
-        Self { correction, wraps: true, q: vec![0.0; nq], last: vec![0.0; nq], corrections: 0 }
+    /// For a system of this size.
+    pub fn new(size: Size, correction: Correction) -> Self {
+        let (q, dv) = (vec![0.0; size.nq], vec![0.0; size.nv]);
+        Self { correction, wraps: true, room: Room::for_coordinates(size.nq), q, dv, corrections: 0 }
     }
 
     /// Angles keep their whole turns: somebody counts on them.
@@ -38,34 +75,19 @@ impl All {
 
     /// Correct q until the loops are closed to round-off or nothing is gained any more; leaves the position level
     /// there.
-    ///
-    /// Two iterations of Newton's method reach round-off from an interpolation error, one more sees that nothing is
-    /// gained.
     fn close<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>>(
         &mut self,
         tangent: &mut T,
         t: f64,
         rule: Correction,
     ) -> Result<()> {
-        let mut left = f64::INFINITY;
-        for _ in 0..8 {
-            tangent.reduction().position(t, &self.q)?;
-            let now = tangent.seen().closure_of_kept();
-            if now >= left {
-                self.q.copy_from_slice(&self.last);
-                return tangent.reduction().position(t, &self.q);
-            }
-            if tangent.seen().is_closed() || (left.is_finite() && now > 0.25 * left) {
-                return Ok(());
-            }
-            self.last.copy_from_slice(&self.q);
-            left = now;
+        let (system, dv) = (tangent.seen().system, &mut self.dv[..]);
+        let mut rows = Corrected { system, tangent, t, rule, dv, open: Open::default() };
+        match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room) {
+            Ok(_) => Ok(()),
             // what cannot be removed here, next to a singular position, stays
-            if !matches!(tangent.correct(t, &mut self.q, rule), Ok(true)) {
-                break;
-            }
+            Err(_) => tangent.reduction().position(t, &self.q),
         }
-        tangent.reduction().position(t, &self.q)
     }
 }
 
@@ -111,9 +133,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
         }
         r.position(t, q)?;
         r.jumped(t)?;
-        if r.is_closed() || !tangent.correct(t, q, self.correction)? {
+        if r.is_closed() || !tangent.correction(t, q, self.correction, &mut self.dv)? {
             return Ok(moved);
         }
+        tangent.seen().system.step(q, &self.dv);
         self.corrections += 1;
         Ok(true)
     }

@@ -20,6 +20,8 @@
 
 use super::{turns, Positions};
 use crate::error::Result;
+use crate::manifold::kept_rows::TO_ROUND_OFF;
+use crate::manifold::{close, Linearization, Open, Part, Room, Rule};
 use crate::options::Renew;
 use crate::record::Journal;
 use crate::record::Verdict;
@@ -28,12 +30,11 @@ use crate::tangent::frozen::Frozen;
 use crate::tangent::Tangent;
 use partita_math::dense;
 
-/// Newton's method squares the error: from a stage away (1e-2 of a large move) it is at round-off after five.
-const ITERATIONS: u32 = 12;
+/// To round-off. Newton's method squares the error: from a stage away (1e-2 of a large move) it is there after five.
+/// The first move is along the tangent; moves that do not halve from there lead to another solution, or none.
+const RULE: Rule = Rule { iterations: 12, ..TO_ROUND_OFF }.contracting(f64::INFINITY, 0.5);
 /// So many iterations are a sign that the chart is bent too much here.
 const MANY: u32 = 7;
-/// Moves below this part of a large one that no longer shrink are round-off.
-const STALLED: f64 = 1e-9;
 /// A ball that has turned this far from the base asks for a new chart: the rate of the rotation vector grows without
 /// bounds towards 2π, and a quarter of the way there it is still as good as straight ...
 const FAR_TURN: f64 = std::f64::consts::FRAC_PI_2;
@@ -57,6 +58,7 @@ pub struct Chart {
     miss: Vec<f64>,
     rhs: Vec<f64>,
     covectors: Vec<f64>,
+    room: Room,
     iterations: u32,
     /// All of them, those for outputs left out.
     sum: u64,
@@ -82,6 +84,7 @@ impl Chart {
             miss: vec![0.0; k],
             rhs: vec![0.0; n],
             covectors: vec![0.0; k * n],
+            room: Room::for_coordinates(n),
             iterations: 0,
             sum: 0,
             wants: None,
@@ -94,72 +97,106 @@ impl Chart {
 
     /// Find q for p, starting from the end of the last step; leaves the levels and the factors of [S; C] there.
     fn find<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64, p: &[f64]) -> Result<()> {
-        let n = self.delta.len();
         self.w.copy_from_slice(p);
         x.in_orthonormal(&mut self.w);
-        self.delta.copy_from_slice(&self.accepted);
-        let mut before = f64::INFINITY;
-        for iteration in 0..=ITERATIONS {
-            self.iterations = iteration;
-            let turned = self.largest_turn();
-            if turned > TOO_FAR_TURN {
-                return Err(self.bent(t, format!(
-                    "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
-                     shorter steps"
-                )));
-            }
-            self.q.copy_from_slice(&self.base);
-            let r = x.reduction();
-            r.system.step(&mut self.q, &self.delta);
-            r.position(t, &self.q)?;
-            self.turn_covectors(x);
-            let covectors = (!self.balls.is_empty()).then_some(&self.covectors[..]);
-            x.solve_levels(t, &self.q, covectors)?;
-            for (j, miss) in self.miss.iter_mut().enumerate() {
-                *miss = self.w[j] - dense::dot(&x.orthonormal()[j * n..(j + 1) * n], &self.delta);
-            }
-            x.solve(covectors, &mut self.miss, &mut self.rhs);
-            let large = |x: &[f64]| x.iter().zip(&self.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r));
-            let (moved, far) = (large(&self.rhs), 1.0 + large(&self.delta));
-            let settled = moved <= 4.0 * f64::EPSILON * far && x.seen().is_closed();
-            if settled || (moved < STALLED * far && moved > 0.25 * before) {
-                if !self.balls.is_empty() {
-                    x.factor(t, None)?;
-                }
-                return Ok(());
-            }
-            // the first move is along the tangent; moves that do not halve from there lead to another solution, or none
-            if !moved.is_finite() || (iteration > 0 && moved > 0.5 * before) {
-                break;
-            }
-            before = moved;
-            // Δ' = T⁻¹ v
-            turned_back(&self.balls, &self.delta, &mut self.rhs);
-            dense::axpy(1.0, &self.rhs, &mut self.delta);
+        let (mut delta, mut room) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.room));
+        delta.copy_from_slice(&self.accepted);
+        let found =
+            close(&mut InChart { chart: self, x, t, length: 0.0, open: Open::default() }, &mut delta, &RULE, &mut room);
+        (self.delta, self.room) = (delta, room);
+        let found = found?;
+        self.iterations = found.iterations as u32;
+        if found.is_closed() {
+            return x.solve_levels(t, &self.q, None);
         }
         let reason = format!(
-            "no closed position was found for its coordinates in {} iterations of Newton's method (last move {before:.1e}); let it \
-             be renewed earlier (a larger renew, at most 1), or take shorter steps",
-            self.iterations
+            "no closed position was found for its coordinates in {} iterations of Newton's method (open by {:.1e} of its \
+             round-off); let it be renewed earlier (a larger renew, at most 1), or take shorter steps",
+            self.iterations, found.open.worst
         );
         Err(self.bent(t, reason))
     }
 
     /// Rows of S T⁻¹, which tell p' from v; none where they are those of S.
-    fn turn_covectors<S: ConstrainedSystem>(&mut self, x: &Frozen<S>) {
+    fn turn_covectors<S: ConstrainedSystem>(&mut self, x: &Frozen<S>, delta: &[f64]) {
         self.covectors.copy_from_slice(x.orthonormal());
-        for row in self.covectors.chunks_exact_mut(self.delta.len()) {
+        for row in self.covectors.chunks_exact_mut(delta.len()) {
             for b in &self.balls {
                 // (T⁻¹)ᵀ turns the other way
-                let s = turn_rate(b.map(|i| -self.delta[i]), b.map(|i| row[i]));
+                let s = turn_rate(b.map(|i| -delta[i]), b.map(|i| row[i]));
                 (0..3).for_each(|i| row[b[i]] = s[i]);
             }
         }
     }
 
-    fn largest_turn(&self) -> f64 {
-        let square = |b: &[usize; 3]| b.iter().map(|&i| self.delta[i] * self.delta[i]).sum::<f64>();
+    fn largest_turn(&self, delta: &[f64]) -> f64 {
+        let square = |b: &[usize; 3]| b.iter().map(|&i| delta[i] * delta[i]).sum::<f64>();
         self.balls.iter().fold(0.0, |m: f64, b| larger(m, square(b))).sqrt()
+    }
+}
+
+/// The equations of a chart, `S Δ = p` and `Φ = 0`, for Δ.
+struct InChart<'a, 'f, 's, S: ConstrainedSystem> {
+    chart: &'a mut Chart,
+    x: &'f mut Frozen<'s, S>,
+    t: f64,
+    length: f64,
+    open: Open,
+}
+
+impl<S: ConstrainedSystem> InChart<'_, '_, '_, S> {
+    fn large(&self, x: &[f64]) -> f64 {
+        x.iter().zip(&self.chart.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r))
+    }
+}
+
+impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
+    fn evaluate(&mut self, delta: &[f64]) -> Result<()> {
+        let far = 1.0 + self.large(delta);
+        let (c, n) = (&mut *self.chart, delta.len());
+        let turned = c.largest_turn(delta);
+        if turned > TOO_FAR_TURN {
+            return Err(c.bent(self.t, format!(
+                "a ball has turned by {turned:.2} rad from where its chart was made; let it be renewed (renew > 0), or take \
+                 shorter steps"
+            )));
+        }
+        c.q.copy_from_slice(&c.base);
+        let r = self.x.reduction();
+        r.system.step(&mut c.q, delta);
+        r.position(self.t, &c.q)?;
+        for (j, (miss, w)) in c.miss.iter_mut().zip(&c.w).enumerate() {
+            *miss = w - dense::dot(&self.x.orthonormal()[j * n..(j + 1) * n], delta);
+        }
+        // what rounding leaves of S Δ, as of the rows
+        let size = |row: &[f64]| row.iter().zip(&c.reach).map(|(s, r)| (s * r).abs()).sum::<f64>();
+        let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
+        let missed = missed.map(|(miss, row)| miss / (4.0 * f64::EPSILON * far * size(row)));
+        self.open = Open::of(self.x.seen().openness_of_rows().chain(missed));
+        Ok(())
+    }
+    fn open(&self, _part: usize) -> Open {
+        self.open
+    }
+    fn solve(&mut self, delta: &[f64], _parts: &[Part]) -> Result<bool> {
+        let c = &mut *self.chart;
+        c.turn_covectors(self.x, delta);
+        let covectors = (!c.balls.is_empty()).then_some(&c.covectors[..]);
+        self.x.solve_levels(self.t, &c.q, covectors)?;
+        self.x.solve(covectors, &mut c.miss, &mut c.rhs);
+        self.length = self.large(&self.chart.rhs);
+        // Δ' = T⁻¹ v
+        turned_back(&self.chart.balls, delta, &mut self.chart.rhs);
+        Ok(true)
+    }
+    fn length(&self, _part: usize) -> f64 {
+        self.length
+    }
+    fn scale(&mut self, _part: usize, by: f64) {
+        self.chart.rhs.iter_mut().for_each(|x| *x *= by);
+    }
+    fn advance(&mut self, delta: &mut [f64]) {
+        dense::axpy(1.0, &self.chart.rhs, delta);
     }
 }
 
@@ -202,7 +239,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.trial.copy_from_slice(&self.delta);
         self.wants = if self.renew.never() {
             None
-        } else if self.largest_turn() > FAR_TURN {
+        } else if self.largest_turn(&self.delta) > FAR_TURN {
             Some("a ball had turned far from the base of the chart")
         } else if self.iterations >= MANY {
             Some("Newton's method needed many iterations")

@@ -7,30 +7,24 @@
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
-use crate::record::Journal;
+use crate::manifold::kept_rows::{KeptRows, TO_ROUND_OFF};
+use crate::manifold::{close, Room};
+use crate::record::{Correction, Journal};
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::partition::Chosen;
 use crate::tangent::Tangent;
 
-/// Newton's method from a neighbouring solution needs two or three iterations. Far off it doubles its digits late,
-/// and next to a singular position, where two solutions meet, each iteration only halves the distance: 26 for eight
-/// digits.
-const MOST_ITERATIONS: u64 = 30;
-/// A residual of so many round-offs that does not fall any further counts as closed: angles of many turns carry that.
-const ROUND_OFF: f64 = 1e4;
 /// Where two solutions meet, Newton's method that multiplies or divides the distance from there by more than this
 /// started nearly half-way between them: which one it found is chance.
 const MOST_CHANGE: f64 = 3.0;
-/// A residual of more round-offs than this is no round-off even next to a singular position: an open loop.
-const UNDECIDED: f64 = 1e2;
-
 /// Newton's method for q_D.
 #[derive(Default)]
 pub struct Newton {
     /// Iterations so far, those for outputs left out.
     iterations: u64,
+    room: Room,
 }
 
 impl Newton {
@@ -39,43 +33,19 @@ impl Newton {
     /// Returns, near a singular position, by which factor its distance changed on the way, one way or the other; else
     /// 1.
     fn close<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, q: &mut [f64], near: bool) -> Result<f64> {
-        r.position(t, q)?;
-        let mut last = f64::INFINITY;
-        let mut first = None;
-        let change = |r: &mut Reduction<S>, first: Option<f64>| {
-            first.map_or(1.0, |first| {
+        let mut rows = KeptRows::new(r, t, Correction::Partition).measuring(near);
+        let done = close(&mut rows, q, &TO_ROUND_OFF, &mut self.room)?;
+        let first = rows.first_distance;
+        self.iterations += done.iterations as u64;
+        if done.is_closed() {
+            return Ok(first.map_or(1.0, |first| {
                 let ratio = r.distance().0 / first;
                 ratio.max(1.0 / ratio)
-            })
-        };
-        for _ in 0..MOST_ITERATIONS {
-            let (open, _) = r.openness();
-            if r.is_closed() || (open <= ROUND_OFF && open > 0.5 * last) {
-                return Ok(change(r, first));
-            }
-            if !open.is_finite() {
-                return Err(SystemError::NotFinite { what: "a closing condition".into(), t });
-            }
-            last = open;
-            r.factor(t)?;
-            if near && first.is_none() {
-                first = Some(r.distance().0);
-            }
-            if !r.correct_dependent(q) {
-                if open <= UNDECIDED {
-                    return Ok(change(r, first)); // what is left would be amplified, not removed
-                }
-                r.move_dependent(q);
-            }
-            self.iterations += 1;
-            r.position(t, q)?;
+            }));
         }
-        let (open, row) = r.openness();
-        if open <= ROUND_OFF {
-            return Ok(change(r, first));
-        }
+        let row = r.openness().1;
         let name = r.system.row_words(row);
-        let block = format!("{name} (Newton's method for the dependent coordinates, {MOST_ITERATIONS} iterations)");
+        let block = format!("{name} (Newton's method for the dependent coordinates, {} iterations)", done.iterations);
         Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
     }
 

@@ -3,12 +3,14 @@
 
 mod arithmetic;
 mod choosing;
+mod correction;
 pub mod openness;
 mod row_exchange;
 mod rows;
 mod watch;
 
 pub use arithmetic::Choice;
+pub use correction::DependentStep;
 pub use rows::REDUNDANT;
 pub use watch::{largest, quality_of, velocity_residuals, Sides};
 
@@ -445,25 +447,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// round-off of Φ without bounds; one that does so more than [`LARGEST_AMPLIFICATION`] times is left for a later
     /// step, when the mechanism has passed. True if q moved.
     pub fn correct_dependent(&mut self, q: &mut [f64]) -> bool {
-        let x = &mut self.work[..self.rank];
-        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
-            *x = -self.phi[row];
-        }
-        if let Some(plan) = &self.plan {
-            plan.solve(&self.factors, x, 1);
-        }
-        // both in reaches where the system knows them; elsewhere both in natural scales, so that units cancel
-        let known = self.row_reach.iter().all(Option::is_some);
-        let part = |i: usize| match known {
-            true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
-            true => 0.0,
-            false => self.row_scale[i],
-        };
-        let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.left_out[*i]);
-        let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
-        let scale = if known { &self.reach } else { &self.s };
-        let moved = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
-        if moved > LARGEST_AMPLIFICATION * residual && moved < POSTPONED {
+        if self.dependent_step().is_round_off() {
             return false;
         }
         self.move_dependent(q);

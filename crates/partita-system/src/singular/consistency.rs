@@ -4,7 +4,7 @@
 //! in its value, its rates and over a short motion, and after every step. Where it does not, the conditions contradict each
 //! other: no motion keeps them all.
 
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::correct_orthogonally;
 use crate::record::{Gap, Gaps};
 use crate::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
 use crate::reduction::Reduction;

@@ -8,7 +8,7 @@
 use super::{Base, Tangent};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows, MassProjection};
+use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
 use crate::options::FormulationOptions;
 use crate::record::{Correction, Journal, PartitionEvent, Sample};
 use crate::reduction::{velocity_residuals, Reduction};
@@ -224,10 +224,10 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();
         (!free).then(|| r.distance())
     }
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
-            correct_orthogonally(r, t, q)?;
+            dv.copy_from_slice(&orthogonal_step(r, t, q)?);
             return Ok(true);
         }
         if r.tangent(t).is_err() || r.best_exchange().is_some_and(|x| x.gain > self.exchange) {
@@ -238,7 +238,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
             let reason = "corrections move other coordinates, those in use have become poor";
             self.base.log(t, q, &before, reason.into())?;
         }
-        Ok(self.base.r.correct_dependent(q))
+        Ok(self.base.r.dependent_correction(dv))
     }
     /// `v ← v − M⁻¹ Cᵀ M_c⁻¹ (C v + a)`, twice: from an interpolation error to round-off.                     (35)
     fn settle(&mut self, t: f64, q: &[f64], v: &mut [f64]) -> Result<bool> {

@@ -206,7 +206,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         evaluated.map_err(|e| self.pivotless(t, q, e))
     }
     /// Closed by inverse kinematics: there is nothing to correct.
-    fn correct(&mut self, _t: f64, _q: &mut [f64], _rule: Correction) -> Result<bool> {
+    fn correction(&mut self, _t: f64, _q: &[f64], _rule: Correction, _dv: &mut [f64]) -> Result<bool> {
         Ok(false)
     }
     fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {

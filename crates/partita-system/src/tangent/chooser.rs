@@ -3,7 +3,7 @@
 //! The default, the collective rule, needs none of this during a run: P6 on what P1 has computed anyway is all of it.
 
 use crate::error::Result;
-use crate::kinematics::projection::dense_rows;
+use crate::manifold::orthogonal::dense_rows;
 use crate::partition::persistence::Persistence;
 use crate::partition::{
     complete_pivoting, criterion, determinant, individual, normalised_determinant, volume, Selection,

@@ -18,7 +18,7 @@ use super::basis::Basis;
 use super::instant::quality_of_selector;
 use super::{Base, Occasion, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::{correct_orthogonally, dense_rows};
+use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
 use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
@@ -286,18 +286,17 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     }
     /// `q ← q − G Φ`: the tangent part S·Δ stays untouched, the analogue of (34); with nonholonomic rows by the least
     /// move.
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
         let size = self.base.r.size();
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
-            correct_orthogonally(&mut self.base.r, t, q)?;
+            dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
             return Ok(true);
         }
         self.solve_levels(t, q, None)?;
-        let (mut w, mut x) = (std::mem::take(&mut self.w), std::mem::take(&mut self.x));
+        let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
-        self.solve(None, &mut w, &mut x);
-        self.base.r.system.step(q, &x);
-        (self.w, self.x) = (w, x);
+        self.solve(None, &mut w, dv);
+        self.w = w;
         Ok(true)
     }
     fn margin(&mut self) -> Option<(f64, u64)> {

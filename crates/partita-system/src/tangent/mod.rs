@@ -89,8 +89,9 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         self.base_mut().driving(t, q)
     }
-    /// One correction of q at the position last evaluated; true if it moved.               (33, 34)
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool>;
+    /// The move of one correction at the position last evaluated, in velocities; false where it would move nothing but
+    /// round-off.                                                                          (33, 34)
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool>;
     /// Remove what is open of S4 from u at the closed (t, q); true if u moved. Nothing is where v is computed, not
     /// integrated.
     fn settle(&mut self, _t: f64, _q: &[f64], _u: &mut [f64]) -> Result<bool> {

@@ -7,7 +7,7 @@ use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
 use super::{Base, Occasion, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
 use crate::partition::exchange::Exchange;
 use crate::partition::Selection;
@@ -144,14 +144,14 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         }
         Ok(())
     }
-    fn correct(&mut self, t: f64, q: &mut [f64], rule: Correction) -> Result<bool> {
+    fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {
-            correct_orthogonally(r, t, q)?;
+            dv.copy_from_slice(&orthogonal_step(r, t, q)?);
             return Ok(true);
         }
         r.factor(t)?;
-        Ok(r.correct_dependent(q))
+        Ok(r.dependent_correction(dv))
     }
     fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
         let r = &mut self.base.r;

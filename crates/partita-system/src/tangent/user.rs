@@ -11,7 +11,7 @@
 use super::instant::{quality_of_exact, quality_of_tangent};
 use super::{Base, Tangent};
 use crate::error::Result;
-use crate::kinematics::projection::correct_orthogonally;
+use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
 use crate::record::{Correction, Journal, PartitionEvent, Sample};
 use crate::reduction::Reduction;
@@ -287,8 +287,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
         self.levels(t, q, u)
     }
     /// Always by the least move: there are no coordinates that could stay untouched.
-    fn correct(&mut self, t: f64, q: &mut [f64], _rule: Correction) -> Result<bool> {
-        correct_orthogonally(&mut self.base.r, t, q)?;
+    fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
+        dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);
         Ok(true)
     }
     fn describe(

@@ -4,7 +4,7 @@ use crate::instants::{between, block, forward, inverse, log_det, log_det_general
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::ByHand;
-use partita_system::kinematics::projection::MassProjection;
+use partita_system::manifold::orthogonal::MassProjection;
 use partita_system::partition::{criterion, exchange};
 use partita_system::reduction::Reduction;
 

@@ -1,19 +1,17 @@
 //! Walking a closed mechanism to given coordinates.
 
-use super::descent::{Descent, Ending};
+use super::descent::nearly;
 use super::{close, words, Assembly};
+use crate::manifold::least_change::{near_by, LeastChange};
+use crate::manifold::{self, follow, Closed, Curve, End, Linearization, Pace, Room, Visit};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Largest step towards a target, in reaches.
-const STEP: f64 = 0.1;
-/// A step that moves a coordinate by this many times its own length has left the branch.
-const LEAP: f64 = 5.0;
-/// Where steps of this part of the largest do not lead on, the loops resist.
-const SHORTEST: f64 = 1e-4;
+/// Where steps that move the targets by this (in reaches) do not lead on, the loops resist.
+const SHORTEST: f64 = 1e-6;
 /// What the linear conditions may take from a step: beyond that they forbid it. A part of the step that errors of the
 /// linear solution (its damping against a nearly singular loop) stay below.
 const YIELDS: f64 = 1e-3;
-/// Steps in all: ten thousand radians.
+/// Steps in all: thirty thousand radians.
 const LONGEST: usize = 100_000;
 
 struct Target {
@@ -42,9 +40,40 @@ fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Ve
     Ok(read)
 }
 
+/// The curve on which the targets go straight, from 0 to 1.
+struct Towards<'a, 's, S: ConstrainedSystem> {
+    rows: &'a mut LeastChange<'s, S>,
+    targets: &'a [Target],
+    from: Vec<f64>,
+    ahead: Vec<f64>,
+    locked: &'a [usize],
+    tolerance: f64,
+    room: Room,
+}
+
+impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
+    fn direct(&mut self, q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool, SystemError> {
+        self.rows.scaled.locked.fill(false);
+        self.rows.evaluate(q)?;
+        self.rows.ahead(&self.ahead, tangent);
+        // the linear conditions answer in the least-squares sense: what they cannot do is a limit of the mechanism
+        let largest = self.ahead.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        Ok(!self.locked.iter().zip(&self.ahead).any(|(&v, x)| (tangent[v] - x).abs() > YIELDS * largest))
+    }
+    fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
+        self.rows.go(q, ds, tangent);
+    }
+    fn close(&mut self, q: &mut [f64], s: f64) -> Result<Closed, SystemError> {
+        for (x, from) in self.targets.iter().zip(&self.from) {
+            q[x.coordinate] = if s == 1.0 { x.value } else { from + (x.value - from) * s };
+        }
+        self.rows.lock(self.locked);
+        manifold::close(self.rows, q, &near_by(self.tolerance), &mut self.room)
+    }
+}
+
 /// Walk a closed mechanism to given coordinates `(coordinate, value)` along its own motion, branch kept.
 ///
-/// Steps of at most a tenth of a radian (or reach), each closed again before the next; halved where the loops resist.
 /// `tolerance` as in [`close`].
 ///
 /// # Errors
@@ -58,37 +87,25 @@ pub fn move_to<S: ConstrainedSystem>(
 ) -> Result<Assembly, SystemError> {
     let targets = read(system, targets)?;
     let locked: Vec<usize> = targets.iter().map(|x| x.velocity).collect();
-    let mut d = Descent::new(system, t, q, &locked)?;
+    let mut rows = LeastChange::new(system, t, q, &locked)?;
+    let from: Vec<f64> = targets.iter().map(|x| q[x.coordinate]).collect();
+    let reach = &rows.scaled.reach;
+    let ahead: Vec<f64> = targets.iter().zip(&from).map(|(x, from)| (x.value - from) / reach[x.velocity]).collect();
+    let far = ahead.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let mut report = Assembly::default();
-    let mut fraction = 1.0f64;
-    let mut here = q.to_vec();
-    loop {
-        let rest: Vec<f64> = targets.iter().map(|x| (x.value - q[x.coordinate]) / d.scaled.reach[x.velocity]).collect();
-        let far = rest.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        if far == 0.0 {
-            break;
-        }
-        let part = (STEP * fraction / far).min(1.0);
-        let ahead: Vec<f64> = rest.iter().map(|x| x * part).collect();
-        here.copy_from_slice(q);
-        if step(&mut d, t, q, &ahead, &locked, tolerance, &mut report)? && !has_leapt(&d, q, &here) {
-            report.target_steps += 1;
-            fraction = (2.0 * fraction).min(1.0);
-            if part == 1.0 {
-                // exactly what was asked for, round-off of the steps removed
-                targets.iter().for_each(|x| q[x.coordinate] = x.value);
-                break;
+    if far > 0.0 {
+        let (targets, locked, room) = (&targets[..], &locked[..], Room::default());
+        let mut curve = Towards { rows: &mut rows, targets, from, ahead, locked, tolerance, room };
+        let pace = Pace { longest: manifold::follow::LONGEST, shortest: (SHORTEST / far).min(0.1), steps: LONGEST };
+        let done = follow(&mut curve, q, &vec![0.0; system.size().nv], 1.0, &pace, &mut |_, _| Ok(Visit::On))?;
+        (report.iterations, report.target_steps) = (done.iterations, done.steps);
+        match done.end {
+            End::There => {}
+            End::Long => {
+                rows.evaluate(q)?;
+                return Err(words::open(&rows, &report, tolerance, "the target is too many turns away"));
             }
-        } else {
-            q.copy_from_slice(&here);
-            fraction *= 0.5;
-            if fraction < SHORTEST {
-                return Err(resisted(&mut d, t, q, &targets, tolerance, &mut report)?);
-            }
-        }
-        if report.target_steps > LONGEST {
-            d.evaluate(t, q)?;
-            return Err(words::open(&d, &report, tolerance, "the target is too many turns away"));
+            _ => return Err(resisted(&mut rows, q, targets, tolerance, &mut report)?),
         }
     }
     let last = close(system, t, q, tolerance, &locked)?;
@@ -97,60 +114,26 @@ pub fn move_to<S: ConstrainedSystem>(
     Ok(report)
 }
 
-/// One step ahead and the loops closed again; false if the loops do not let it be.
-fn step<S: ConstrainedSystem>(
-    d: &mut Descent<S>,
-    t: f64,
-    q: &mut [f64],
-    ahead: &[f64],
-    locked: &[usize],
-    tolerance: f64,
-    report: &mut Assembly,
-) -> Result<bool, SystemError> {
-    d.scaled.locked.fill(false);
-    d.evaluate(t, q)?;
-    let y = d.step_ahead(ahead).to_vec();
-    // the linear conditions answer in the least-squares sense: what they cannot do is a limit of the mechanism
-    let largest = ahead.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if locked.iter().zip(ahead).any(|(&v, x)| (y[v] - x).abs() > YIELDS * largest) {
-        return Ok(false);
-    }
-    let dv: Vec<f64> = y.iter().zip(&d.scaled.reach).map(|(y, reach)| y * reach).collect();
-    d.scaled.system.step(q, &dv);
-    d.scaled.system.normalise(q);
-    d.lock(locked);
-    report.iterations += d.descend(t, q, tolerance)?;
-    report.iterations += d.polish(t, q, |_| true)?;
-    Ok(d.worst() <= tolerance)
-}
-
-fn has_leapt<S: ConstrainedSystem>(d: &Descent<S>, q: &[f64], here: &[f64]) -> bool {
-    (0..here.len()).any(|i| {
-        let far = |v: usize| (q[i] - here[i]).abs() > LEAP * STEP * d.scaled.reach[v];
-        d.scaled.system.velocity_of_coordinate(i).is_some_and(far)
-    })
-}
-
 /// Why the walk ends at q: what was reached, and how open the loops are at the targets themselves.
 fn resisted<S: ConstrainedSystem>(
-    d: &mut Descent<S>,
-    t: f64,
+    rows: &mut LeastChange<S>,
     q: &[f64],
     targets: &[Target],
     tolerance: f64,
     report: &mut Assembly,
 ) -> Result<SystemError, SystemError> {
-    let name = |x: &Target| d.scaled.system.velocity_name(x.velocity);
+    let name = |x: &Target| rows.scaled.system.velocity_name(x.velocity);
     let reached: Vec<String> =
         targets.iter().map(|x| format!("{} reached {:.6} of {:.6}", name(x), q[x.coordinate], x.value)).collect();
     let mut there = q.to_vec();
     targets.iter().for_each(|x| there[x.coordinate] = x.value);
-    d.lock(&targets.iter().map(|x| x.velocity).collect::<Vec<_>>());
-    report.iterations += d.descend(t, &mut there, tolerance)?;
-    let advice = if d.parts.iter().all(|p| p.ending == Ending::Closed) {
+    rows.lock(&targets.iter().map(|x| x.velocity).collect::<Vec<_>>());
+    let last = manifold::close(rows, &mut there, &nearly(tolerance), &mut Room::default())?;
+    report.iterations += last.iterations;
+    let advice = if last.is_closed() {
         "another branch closes there, but no motion leads to it from here; give `near` on that branch"
     } else {
         "the loops do not let it go further; ask for less"
     };
-    Ok(words::open(d, report, tolerance, &format!("{}: {advice}", reached.join(", "))))
+    Ok(words::open(rows, report, tolerance, &format!("{}: {advice}", reached.join(", "))))
 }

@@ -1,12 +1,13 @@
 //! What stays open, in words.
 
-use super::descent::{Descent, Ending};
+use super::descent::Ending;
 use super::Assembly;
+use crate::manifold::least_change::LeastChange;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::words::{loop_of, some};
 use partita_math::told;
 
-fn open_rows<S: ConstrainedSystem>(d: &Descent<S>, tolerance: f64) -> String {
+fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String {
     let s = &d.scaled;
     let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].abs() > tolerance).collect();
     open.sort_by(|&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
@@ -15,7 +16,7 @@ fn open_rows<S: ConstrainedSystem>(d: &Descent<S>, tolerance: f64) -> String {
 
 /// `Assembly` at the position last evaluated.
 pub(super) fn open<S: ConstrainedSystem>(
-    d: &Descent<S>,
+    d: &LeastChange<S>,
     report: &Assembly,
     tolerance: f64,
     advice: &str,
@@ -31,7 +32,7 @@ pub(super) fn open<S: ConstrainedSystem>(
 
 /// Why the best position found, the one last evaluated, is not closed.
 pub(super) fn refused<S: ConstrainedSystem>(
-    d: &Descent<S>,
+    d: &LeastChange<S>,
     endings: &[Ending],
     turned: &[usize],
     report: &Assembly,
@@ -40,8 +41,8 @@ pub(super) fn refused<S: ConstrainedSystem>(
     let s = &d.scaled;
     let worst = |a: &usize, b: &usize| s.phi[*a].abs().total_cmp(&s.phi[*b].abs());
     let of = |ending: Ending| {
-        let parts = d.parts.iter().zip(endings).filter(move |(_, e)| **e == ending);
-        parts.flat_map(|(p, _)| p.rows.iter().copied()).max_by(worst)
+        let parts = d.blocks.iter().zip(endings).filter(move |(_, e)| **e == ending);
+        parts.flat_map(|(b, _)| b.rows.iter().copied()).max_by(worst)
     };
     if let (Some(&row), true) = (turned.first(), endings.contains(&Ending::TurnedOver)) {
         let words = s.system.row_words(row);
@@ -82,6 +83,6 @@ pub(super) fn refused<S: ConstrainedSystem>(
     }
 }
 
-fn closed_loop<S: ConstrainedSystem>(d: &Descent<S>, row: usize) -> String {
+fn closed_loop<S: ConstrainedSystem>(d: &LeastChange<S>, row: usize) -> String {
     format!("{} closed by {}", loop_of(d.scaled.system, row), d.scaled.system.row_words(row))
 }

@@ -56,22 +56,18 @@ impl MassProjection {
     }
 }
 
-/// `q ← q − M⁻¹ Cᵀ M_c⁻¹ Φ` at the position last evaluated, on the holonomic rows among those kept.        (33)
+/// `−M⁻¹ Cᵀ M_c⁻¹ Φ` at the position q last evaluated, on the holonomic rows among those kept.             (33)
 ///
 /// Cost: n³/6 + n²m/2, dense.
-pub fn correct_orthogonally<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &mut [f64],
-) -> Result<(), SystemError> {
+pub fn orthogonal_step<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
     let size = r.size();
     let n = size.nv;
     // nonholonomic rows have no position to correct
     let rows: Vec<usize> = r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
-    if rows.is_empty() {
-        return Ok(());
-    }
     let zero = vec![0.0; n];
+    if rows.is_empty() {
+        return Ok(zero);
+    }
     r.system.velocity(t, q, &zero, &mut r.scratch, &mut r.b)?;
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
@@ -79,6 +75,16 @@ pub fn correct_orthogonally<S: ConstrainedSystem>(
     r.system.add_metric(&mut r.scratch, &mut mass);
     let p = MassProjection::new(r.system, t, &mass, &c)?;
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
-    r.system.step(q, &p.correction(&x));
+    Ok(p.correction(&x))
+}
+
+/// One such step.
+pub fn correct_orthogonally<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    t: f64,
+    q: &mut [f64],
+) -> Result<(), SystemError> {
+    let step = orthogonal_step(r, t, q)?;
+    r.system.step(q, &step);
     Ok(())
 }

@@ -1,10 +1,13 @@
-//! Φ and C at one position in natural scales, with a row more for every target.
+//! Φ and C at one position in natural scales, with a row more for every target: moves in reaches (a radian, a
+//! characteristic length), residuals in what a large move opens the row by.
 
 use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
 
 /// `Φ_i / L_i` and `C_ij reach_j / L_i`; the rows of the targets follow those of the system.
-pub(super) struct Scaled<'s, S: ConstrainedSystem> {
+pub struct Scaled<'s, S: ConstrainedSystem> {
+    /// The system.
     pub system: &'s S,
     scratch: S::Scratch,
     raw_phi: Vec<f64>,
@@ -16,14 +19,21 @@ pub(super) struct Scaled<'s, S: ConstrainedSystem> {
     pub length: Vec<f64>,
     /// Velocities whose coordinate stays.
     pub locked: Vec<bool>,
+    /// Rows that nothing is closed by.
+    pub idle: Vec<bool>,
     /// Rows of S3, then one for each target.
     pub pattern: Pattern,
+    /// Φ, scaled; 0 in idle rows and in those of targets.
     pub phi: Vec<f64>,
+    /// C, scaled, in the order of the pattern; likewise.
     pub c: Vec<f64>,
 }
 
 impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     /// Natural scales are those of the system; where it knows none for a row, the row's own entries at (t, q) tell.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at (t, q).
     pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self, SystemError> {
         let (size, all) = (system.size(), system.pattern());
         let entries = all.row_ptr[size.holonomic];
@@ -43,6 +53,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             raw_a: vec![0.0; size.rows],
             length: vec![1.0; size.holonomic],
             locked: vec![false; size.nv],
+            idle: vec![false; size.holonomic],
             phi: vec![0.0; pattern.rows],
             c: vec![0.0; pattern.nnz()],
             reach,
@@ -76,7 +87,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         }
         self.phi.fill(0.0);
         self.c.fill(0.0);
-        for (i, raw) in self.raw_phi.iter().enumerate() {
+        for (i, raw) in self.raw_phi.iter().enumerate().filter(|(i, _)| !self.idle[*i]) {
             self.phi[i] = raw / self.length[i];
             for e in self.pattern.row(i) {
                 let v = self.pattern.col_idx[e];
@@ -106,5 +117,23 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     /// C y of row i.
     pub fn along(&self, i: usize, y: &[f64]) -> f64 {
         self.pattern.row(i).map(|e| self.c[e] * y[self.pattern.col_idx[e]]).sum()
+    }
+}
+
+impl<S: ConstrainedSystem> Scaled<'_, S> {
+    /// C as a dense matrix.
+    pub fn dense(&self) -> Matrix {
+        let mut m = Matrix::new(self.pattern.rows, self.pattern.cols);
+        for i in 0..self.pattern.rows {
+            self.pattern.row(i).for_each(|e| m[(i, self.pattern.col_idx[e])] = self.c[e]);
+        }
+        m
+    }
+
+    /// q moved by `by` times a move in reaches.
+    pub fn advance(&self, q: &mut [f64], by: f64, y: &[f64], dv: &mut [f64]) {
+        dv.iter_mut().zip(y.iter().zip(&self.reach)).for_each(|(d, (y, reach))| *d = by * y * reach);
+        self.system.step(q, dv);
+        self.system.normalise(q);
     }
 }

@@ -1,0 +1,416 @@
+//! Closing positions: one damped Newton or Gauss-Newton loop for all rows and all ways to find a linear step.
+//!
+//! ```text
+//! C(q) dq = -Φ(q)   in the sense of the linear step,   q ← q ⊕ f dq,   f ≤ 1
+//! ```
+//!
+//! A step is taken where it lowers |Φ|²; else the next one is damped more, or shorter where the linear step knows no
+//! damping. Rows fall into parts that share no row and no velocity: each has its own damping, accepts or refuses its
+//! own steps and ends by itself, so that a thousand loops side by side take as many iterations as the slowest of them.
+
+use crate::error::Result;
+use crate::system::SystemError;
+
+/// A step that gains less than this part of what its linear rows promise is refused.
+const GAINS: f64 = 1e-4;
+/// Steps that gain more than this part of the promise are damped less from then on, by the second factor...
+const GOOD: (f64, f64) = (0.75, 0.2);
+/// ... and those that gain less than this part are damped more.
+const POOR: (f64, f64) = (0.25, 3.0);
+/// A refused step: its damping grows by this, or its length falls by the other.
+const REFUSED: (f64, f64) = (4.0, 0.5);
+/// Damping at the start.
+const FIRST_DAMPING: f64 = 1e-2;
+/// A damping above this moves nothing any more.
+const LARGEST_DAMPING: f64 = 1e10;
+/// A step shorter than this part of the linear one that still does not gain ends the loop.
+const SHORTEST: f64 = 1e-3;
+/// At rest: |Cᵀ Φ| below this part of |Φ|. A mechanism that closes at a singular position comes to √Φ, 1e-6 at the
+/// tolerance 1e-12.
+const AT_REST: f64 = 1e-7;
+/// The same where [`PATIENCE`] iterations have gained nothing.
+const NEARLY_AT_REST: f64 = 1e-3;
+/// An iteration that lowers |Φ|² by less than this part gains nothing...
+const GAIN: f64 = 1e-2;
+/// ... and this many of them in a row end the loop.
+const PATIENCE: usize = 20;
+/// Rows that fall by less than this in an iteration do not close any further: Newton's method halves the error at
+/// least, also next to a singular position, where it falls to a quarter.
+const STALLED: f64 = 0.5;
+/// Changes of |Φ|² below this part of it may be round-off: where rows stay open, at a least of |Φ|²...
+const FLAT: f64 = 1e-12;
+/// ... and then steps are good that become shorter by this.
+const SHORTER: f64 = 0.7;
+/// Steps up to this (in reaches) need not become shorter: the error is its square, below round-off.
+const LAST: f64 = 1e-9;
+
+/// How far rows are open, in the scale of their linearization.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Open {
+    /// Σ Φ_i².
+    pub square: f64,
+    /// Largest |Φ_i|.
+    pub worst: f64,
+}
+
+impl Open {
+    /// Of these residuals; NaN counts as infinite.
+    #[inline]
+    pub fn of(phi: impl Iterator<Item = f64>) -> Self {
+        let mut open = Self::default();
+        for x in phi {
+            open.square += x * x;
+            open.worst = open.worst.max(x.abs());
+        }
+        match open.square.is_nan() {
+            true => Self { square: f64::INFINITY, worst: f64::INFINITY },
+            false => open,
+        }
+    }
+}
+
+/// The rows to be closed, linearized at one position, and the linear step that closes them.
+///
+/// The loop calls [`evaluate`](Self::evaluate), then [`solve`](Self::solve), [`length`](Self::length),
+/// [`scale`](Self::scale) and [`advance`](Self::advance). Positions are whatever `advance` moves. Rows and steps have
+/// one part where nothing else is said.
+pub trait Linearization {
+    /// Rows and their derivatives at q.
+    ///
+    /// # Errors
+    /// `NotFinite` where one of them is: a step that leads there is refused. Other errors end the loop.
+    fn evaluate(&mut self, q: &[f64]) -> Result<()>;
+    /// How far the rows of a part are open where last evaluated; 0 for parts that are to be left as they are.
+    fn open(&self, part: usize) -> Open;
+    /// The linear step at q, where last evaluated, for the parts under way. False: next to a singular position no step
+    /// closes what is open, which is round-off.
+    ///
+    /// # Errors
+    /// Where there is no linear step.
+    fn solve(&mut self, q: &[f64], parts: &[Part]) -> Result<bool>;
+    /// The largest move in the step of a part: in reaches where they are known.
+    fn length(&self, part: usize) -> f64;
+    /// Shorten the step of a part.
+    fn scale(&mut self, part: usize, by: f64);
+    /// q moved by the step.
+    fn advance(&mut self, q: &mut [f64]);
+    /// Number of parts.
+    fn parts(&self) -> usize {
+        1
+    }
+    /// What of q belongs to a part, from one position to another.
+    fn keep(&self, _part: usize, from: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(from);
+    }
+    /// What the linear rows leave of Σ Φ² after the step of a part, shortened to `fraction`.
+    fn left(&self, part: usize, fraction: f64) -> f64 {
+        (1.0 - fraction) * (1.0 - fraction) * self.open(part).square
+    }
+    /// The damping of this part that is the first to matter, where `solve` damps its steps.
+    fn least_damping(&self, _part: usize) -> Option<f64> {
+        None
+    }
+    /// |Cᵀ Φ|² of a part where last evaluated, if rows that stay open are to be told by it.
+    fn slope(&self, _part: usize) -> Option<f64> {
+        None
+    }
+    /// Is the linear step found by its last rule? While a rule is graded, steps that gain nothing end nothing.
+    fn is_settled(&self) -> bool {
+        true
+    }
+}
+
+/// When rows count as closed, and what steps may do.
+#[derive(Clone, Copy, Debug)]
+pub struct Rule {
+    /// Iterations at most.
+    pub iterations: usize,
+    /// Rows open by no more than this are closed.
+    pub closed: f64,
+    /// Rows that no step closes any further count as closed when they are open by no more than this.
+    pub accepted: f64,
+    /// Longer steps are shortened to this.
+    pub longest: f64,
+    /// The first step is no longer than this, ...
+    pub first: f64,
+    /// ... and each next one no longer than this part of the one before: else they lead to another solution, or to
+    /// none.
+    pub shrink: f64,
+    /// Where rows stay open: a step no longer than this is the last.
+    pub rest: f64,
+}
+
+impl Rule {
+    /// Close rows to `closed`, or to `accepted` as far as rounding lets them, by steps that nothing limits.
+    pub const fn new(iterations: usize, closed: f64, accepted: f64) -> Self {
+        Self {
+            iterations,
+            closed,
+            accepted,
+            longest: f64::INFINITY,
+            first: f64::INFINITY,
+            shrink: f64::INFINITY,
+            rest: 0.0,
+        }
+    }
+
+    /// Steps are cut to this length.
+    pub const fn cut(self, longest: f64) -> Self {
+        Self { longest, ..self }
+    }
+
+    /// The first step is no longer than `first`, each next one no longer than the part `shrink` of the one before.
+    pub const fn contracting(self, first: f64, shrink: f64) -> Self {
+        Self { first, shrink, ..self }
+    }
+
+    /// Rows may stay open: steps that become as short as this have found the least of |Φ|².
+    pub const fn to_rest(self, rest: f64) -> Self {
+        Self { rest, ..self }
+    }
+}
+
+/// How a part ended, from best to worst.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ending {
+    /// Closed, or left alone.
+    Closed,
+    /// At a least of |Φ|², its rows open.
+    AtRest,
+    /// Out of iterations, or no step gains.
+    Unfinished,
+    /// Steps do not contract: they lead to another solution, or to none.
+    Elsewhere,
+}
+
+/// One part on its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// How far its rows are open.
+    pub open: Open,
+    /// Its damping; see [`Linearization::least_damping`].
+    pub damping: f64,
+    /// How it ended; none while it is under way.
+    pub ending: Option<Ending>,
+    /// Length of all its steps together.
+    pub moved: f64,
+    /// The part of a linear step that is taken, for steps without damping.
+    fraction: f64,
+    /// Length of the linear step before.
+    before: f64,
+    /// Length of the linear step, and of what is taken of it.
+    length: f64,
+    taken: f64,
+    promised: f64,
+    idle: usize,
+}
+
+impl Part {
+    /// Is it neither closed nor given up?
+    pub fn is_active(&self) -> bool {
+        self.ending.is_none()
+    }
+
+    /// No step closes it any further.
+    fn stall(&mut self, rule: &Rule, otherwise: Ending) {
+        self.ending = Some(if self.open.worst <= rule.accepted { Ending::Closed } else { otherwise });
+    }
+}
+
+/// Memory of the loop, to be used again and again: after the first time nothing is allocated.
+#[derive(Clone, Debug, Default)]
+pub struct Room {
+    /// The position before the step under way.
+    best: Vec<f64>,
+    /// The parts as the last loop left them.
+    pub parts: Vec<Part>,
+}
+
+/// What a loop did.
+#[derive(Clone, Copy, Debug)]
+pub struct Closed {
+    /// The worst ending of a part.
+    pub ending: Ending,
+    /// Linear steps found.
+    pub iterations: usize,
+    /// What is open, where the loop ended.
+    pub open: Open,
+    /// Length of all steps together, of the part that moved most.
+    pub moved: f64,
+}
+
+impl Closed {
+    /// Are all parts closed?
+    pub fn is_closed(&self) -> bool {
+        self.ending == Ending::Closed
+    }
+}
+
+impl Room {
+    /// With room for q of this length already.
+    pub fn for_coordinates(nq: usize) -> Self {
+        Self { best: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
+    }
+
+    fn begin<L: Linearization + ?Sized>(&mut self, l: &L, q: &[f64], rule: &Rule) {
+        self.best.resize(q.len(), 0.0);
+        self.parts.clear();
+        self.parts.extend((0..l.parts()).map(|i| Part {
+            open: l.open(i),
+            damping: FIRST_DAMPING,
+            ending: None,
+            moved: 0.0,
+            fraction: 1.0,
+            before: if rule.shrink.is_finite() { rule.first / rule.shrink } else { f64::INFINITY },
+            length: 0.0,
+            taken: 0.0,
+            promised: 0.0,
+            idle: 0,
+        }));
+    }
+
+    fn is_active(&self) -> bool {
+        self.parts.iter().any(Part::is_active)
+    }
+
+    /// Parts that are closed, or at rest, where last evaluated.
+    fn look<L: Linearization + ?Sized>(&mut self, l: &L, rule: &Rule) {
+        for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
+            if p.open.worst <= rule.closed {
+                p.ending = Some(Ending::Closed);
+                continue;
+            }
+            if !p.open.square.is_finite() {
+                p.ending = Some(Ending::Unfinished);
+                continue;
+            }
+            let idle = p.idle >= PATIENCE;
+            let slope = l.slope(i).map(|slope| (slope / p.open.square).sqrt());
+            if slope.is_some_and(|x| x <= AT_REST || idle && x <= NEARLY_AT_REST) {
+                p.stall(rule, Ending::AtRest);
+            } else if idle || p.damping > LARGEST_DAMPING || p.fraction < SHORTEST {
+                p.stall(rule, Ending::Unfinished);
+            }
+        }
+    }
+
+    /// Limit the steps that were found, and note what they promise.
+    fn limit<L: Linearization + ?Sized>(&mut self, l: &mut L, rule: &Rule) {
+        for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
+            p.length = l.length(i);
+            if !p.length.is_finite() || p.length > (rule.shrink * p.before).max(LAST) {
+                p.stall(rule, Ending::Elsewhere);
+                l.scale(i, 0.0);
+                continue;
+            }
+            let mut fraction = p.fraction;
+            if fraction * p.length > rule.longest {
+                fraction = rule.longest / p.length;
+            }
+            if fraction < 1.0 {
+                l.scale(i, fraction);
+            }
+            p.promised = p.open.square - l.left(i, fraction);
+            p.taken = fraction * p.length;
+        }
+    }
+
+    /// Take the steps to where last evaluated, or refuse them; true if one was refused.
+    fn judge<L: Linearization + ?Sized>(&mut self, l: &L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
+        let mut refused = false;
+        for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
+            let now = l.open(i);
+            let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
+            let flat = rule.rest > 0.0 && gain.abs() <= FLAT * p.open.square;
+            let shorter = p.length <= SHORTER * p.before;
+            if gain > GAINS * p.promised && gain > 0.0 || flat && shorter {
+                p.damping *= match gain {
+                    _ if flat => 1.0,
+                    x if x > GOOD.0 * p.promised => GOOD.1,
+                    x if x < POOR.0 * p.promised => POOR.1,
+                    _ => 1.0,
+                };
+                // where rows stay open their least is told by the length of steps
+                p.idle = if rule.rest > 0.0 || gain > GAIN * p.open.square { 0 } else { p.idle + 1 };
+                let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
+                let last = p.length <= rule.rest && p.fraction == 1.0;
+                // while the rule is graded lengths do not compare
+                (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
+                p.fraction = (p.fraction / REFUSED.1).min(1.0);
+                p.moved += p.taken;
+                if (stalls || last) && l.is_settled() {
+                    p.stall(rule, Ending::AtRest);
+                }
+                continue;
+            }
+            refused = true;
+            l.keep(i, &self.best, q);
+            p.idle += 1;
+            let least = l.least_damping(i);
+            if l.is_settled() && (p.open.worst <= rule.accepted || p.length <= rule.rest || flat && least.is_none()) {
+                p.stall(rule, Ending::AtRest);
+                continue;
+            }
+            match least {
+                _ if flat && !l.is_settled() => {}
+                Some(least) => p.damping = (REFUSED.0 * p.damping).max(least),
+                None => p.fraction *= REFUSED.1,
+            }
+        }
+        refused
+    }
+
+    fn report(&self, iterations: usize) -> Closed {
+        let mut closed = Closed { ending: Ending::Closed, iterations, open: Open::default(), moved: 0.0 };
+        for p in &self.parts {
+            closed.ending = closed.ending.max(p.ending.unwrap_or(Ending::Unfinished));
+            closed.open.square += p.open.square;
+            closed.open.worst = closed.open.worst.max(p.open.worst);
+            closed.moved = closed.moved.max(p.moved);
+        }
+        closed
+    }
+}
+
+/// Close rows from q on, which is left at the best position found, the rows evaluated there.
+///
+/// Near by and regular the steps are Newton's and the digits double with each; from afar they are damped. `room` holds
+/// what became of each part.
+///
+/// # Errors
+/// Those of `l`: where nothing can be evaluated at q itself, and where there is no linear step.
+pub fn close<L: Linearization + ?Sized>(l: &mut L, q: &mut [f64], rule: &Rule, room: &mut Room) -> Result<Closed> {
+    l.evaluate(q)?;
+    room.begin(l, q, rule);
+    let mut iterations = 0;
+    loop {
+        room.look(l, rule);
+        if !room.is_active() {
+            break;
+        }
+        let gains = iterations < rule.iterations && l.solve(q, &room.parts)?;
+        if !gains {
+            room.parts.iter_mut().filter(|p| p.is_active()).for_each(|p| p.stall(rule, Ending::Unfinished));
+            break;
+        }
+        iterations += 1;
+        room.limit(l, rule);
+        if !room.is_active() {
+            break;
+        }
+        room.best.copy_from_slice(q);
+        l.advance(q);
+        let finite = match l.evaluate(q) {
+            Ok(()) => true,
+            Err(SystemError::NotFinite { .. }) => false,
+            Err(e) => {
+                q.copy_from_slice(&room.best);
+                return Err(e);
+            }
+        };
+        if room.judge(l, q, rule, finite) {
+            l.evaluate(q)?;
+        }
+    }
+    Ok(room.report(iterations))
+}

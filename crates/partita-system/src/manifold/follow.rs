@@ -1,0 +1,244 @@
+//! Following a curve of closed positions: one predictor-corrector along a tangent.
+//!
+//! ```text
+//! q ⊕ ds T(q)  →  closed with the conditions at s + ds  →  T there
+//! ```
+//!
+//! A step counts if its position closes, if closing takes back no more than half of it, if the tangent turns little
+//! over it and if the visitor does not object; else it is halved. So a step never lands on another branch, and a curve
+//! that ends (at a limit, the tangent grows without bound; where what moves for an instant only is thrown back) is
+//! followed to its end and ends with the reason.
+
+use super::close::{Closed, Ending};
+use crate::error::Result;
+use crate::system::SystemError;
+
+/// Longest step, in reaches: a third of a radian is straight but for a twentieth.
+pub const LONGEST: f64 = 0.3;
+/// A position that closes by taking back more than this part of the predictor was thrown back: no motion leads on
+/// there.
+const THROWN_BACK: f64 = 0.5;
+/// A tangent may change by this part of itself in one step; one that doubles is that of a limit near by.
+const TURNS: f64 = 0.5;
+/// Changes below this part let the next step be longer.
+const EASY: f64 = 0.15;
+
+/// A curve of closed positions, by its parameter s.
+pub trait Curve {
+    /// The tangent at the closed position q, where the parameter is s: moves per unit of s, in reaches. It comes as it
+    /// was before, for curves that carry a direction on. False where there is none, as at a dead point of what is asked
+    /// for.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at q.
+    fn direct(&mut self, q: &[f64], s: f64, tangent: &mut [f64]) -> Result<bool>;
+    /// q moved along a tangent.
+    fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64);
+    /// Close the predicted position with the conditions at s.
+    ///
+    /// # Errors
+    /// `NotFinite` where they cannot be evaluated: the step is refused. Other errors end the curve.
+    fn close(&mut self, q: &mut [f64], s: f64) -> Result<Closed>;
+    /// Does a position that closed like this belong to the curve?
+    fn accepts(&self, closed: &Closed) -> bool {
+        closed.is_closed()
+    }
+    /// The position last closed is taken, or refused: then what was counted on the way to it is taken back.
+    fn conclude(&mut self, _taken: bool) {}
+}
+
+/// How long steps are.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Longest step, in reaches of the fastest move.
+    pub longest: f64,
+    /// Steps shorter than this, in s, end the curve.
+    pub shortest: f64,
+    /// Steps at most.
+    pub steps: usize,
+}
+
+/// What a visitor wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Visit {
+    /// Go on.
+    On,
+    /// Take this position and stop.
+    Stop,
+    /// Refuse this position: come to it by shorter steps, or not at all.
+    Back,
+}
+
+/// Why a curve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All of it was followed.
+    There,
+    /// The visitor asked to stop.
+    Stopped,
+    /// Closing takes back more than half of every step.
+    ThrownBack,
+    /// Positions further on do not close.
+    Open(Ending),
+    /// The tangent grows or turns without bound: a limit.
+    Limit,
+    /// The visitor refused every position further on.
+    Refused,
+    /// More steps than allowed.
+    Long,
+}
+
+/// What was followed.
+#[derive(Clone, Copy, Debug)]
+pub struct Followed {
+    /// Why it ended.
+    pub end: End,
+    /// Parameter of the last position taken.
+    pub s: f64,
+    /// Steps taken.
+    pub steps: usize,
+    /// Linear steps in all.
+    pub iterations: usize,
+}
+
+/// A position on a curve.
+#[derive(Clone, Copy, Debug)]
+pub struct At<'a> {
+    /// The position.
+    pub q: &'a [f64],
+    /// Its parameter.
+    pub s: f64,
+    /// The tangent there, moves per unit of s in reaches.
+    pub tangent: &'a [f64],
+}
+
+/// Looks at each position, with the curve as its tangent was found there.
+pub type Visitor<'v, C> = &'v mut dyn FnMut(&mut C, At) -> Result<Visit>;
+
+/// One step from q along `tangent`, q left where it comes to and `next` the tangent there: by what part that has turned
+/// and what the visitor wants, or why the step does not hold.
+fn step<C: Curve + ?Sized>(
+    curve: &mut C,
+    q: &mut [f64],
+    (tangent, next): (&[f64], &mut [f64]),
+    (s, ds): (f64, f64),
+    iterations: &mut usize,
+    visit: Visitor<C>,
+) -> Result<std::result::Result<(f64, Visit), End>> {
+    curve.predict(q, tangent, ds);
+    let closed = match curve.close(q, s + ds) {
+        Err(SystemError::NotFinite { .. }) => return Ok(Err(End::Open(Ending::Unfinished))),
+        other => other?,
+    };
+    *iterations += closed.iterations;
+    if !curve.accepts(&closed) {
+        return Ok(Err(End::Open(closed.ending)));
+    }
+    if closed.moved > THROWN_BACK * ds * largest(tangent) {
+        return Ok(Err(End::ThrownBack));
+    }
+    next.copy_from_slice(tangent);
+    if !curve.direct(q, s + ds, next)? {
+        return Ok(Err(End::Limit));
+    }
+    let turned = turned(tangent, next);
+    if turned.is_nan() || turned > TURNS {
+        return Ok(Err(End::Limit));
+    }
+    Ok(match visit(curve, At { q, s: s + ds, tangent: next })? {
+        Visit::Back => Err(End::Refused),
+        visit => Ok((turned, visit)),
+    })
+}
+
+/// Follow a curve from the closed position q, where its parameter is 0, to where it is `length`, or as far as it goes;
+/// q is left at the last position taken. `direction` is the tangent to begin with, for curves that carry one on.
+///
+/// # Errors
+/// Those of the curve, and of `visit`.
+pub fn follow<C: Curve + ?Sized>(
+    curve: &mut C,
+    q: &mut [f64],
+    direction: &[f64],
+    length: f64,
+    pace: &Pace,
+    visit: Visitor<C>,
+) -> Result<Followed> {
+    let mut found = Followed { end: End::There, s: 0.0, steps: 0, iterations: 0 };
+    if length == 0.0 {
+        return Ok(found);
+    }
+    let mut tangent = direction.to_vec();
+    if !curve.direct(q, 0.0, &mut tangent)? {
+        return Ok(Followed { end: End::Limit, ..found });
+    }
+    let (mut next, mut trial) = (tangent.clone(), q.to_vec());
+    let mut part = length;
+    while found.steps < pace.steps {
+        part = part.min(pace.longest / largest(&tangent).max(f64::MIN_POSITIVE));
+        let last = found.s + part >= length - 0.01 * part;
+        let ds = if last { length - found.s } else { part };
+        trial.copy_from_slice(q);
+        let taken = step(curve, &mut trial, (&tangent, &mut next), (found.s, ds), &mut found.iterations, visit)?;
+        curve.conclude(taken.is_ok());
+        match taken {
+            Ok((turned, visited)) => {
+                found.s = if last { length } else { found.s + ds };
+                found.steps += 1;
+                q.copy_from_slice(&trial);
+                tangent.copy_from_slice(&next);
+                match visited {
+                    Visit::Stop => return Ok(Followed { end: End::Stopped, ..found }),
+                    _ if last => return Ok(found),
+                    _ => {}
+                }
+                if turned < EASY {
+                    part *= 2.0;
+                }
+            }
+            Err(end) => {
+                part = 0.5 * ds;
+                if part < pace.shortest {
+                    return Ok(Followed { end, ..found });
+                }
+            }
+        }
+    }
+    Ok(Followed { end: End::Long, ..found })
+}
+
+/// One step from the closed position q, where the parameter is s, by so many `reaches` of the fastest move, but not
+/// beyond `length`: is there a position that it comes to, or why not? q is left there. For a single step, or for
+/// looking beyond the end of a curve.
+///
+/// # Errors
+/// As [`follow`].
+pub fn leap<C: Curve + ?Sized>(
+    curve: &mut C,
+    q: &mut [f64],
+    direction: &[f64],
+    (s, length): (f64, f64),
+    reaches: f64,
+    visit: Visitor<C>,
+) -> Result<End> {
+    let mut tangent = direction.to_vec();
+    if !curve.direct(q, s, &mut tangent)? {
+        return Ok(End::Limit);
+    }
+    let ds = (reaches / largest(&tangent)).min(length - s);
+    let mut next = tangent.clone();
+    let taken = step(curve, q, (&tangent, &mut next), (s, ds), &mut 0, visit)?;
+    curve.conclude(taken.is_ok());
+    Ok(taken.err().unwrap_or(End::There))
+}
+
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// The change from one tangent to the next, in parts of the shorter one.
+fn turned(one: &[f64], two: &[f64]) -> f64 {
+    let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let change = one.iter().zip(two).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    change / size(one).min(size(two))
+}

@@ -1,0 +1,233 @@
+//! Rows closed by the least change of coordinates in a diagonal metric, damped, of any rank: sparse, part by part.
+//!
+//! ```text
+//! min |C y + Φ|² + Σ μ_i z_i²,   y = Cᵀ z,   y in reaches
+//! ```
+
+use super::close::{Linearization, Open, Part, Rule};
+use super::scaled::Scaled;
+use crate::error::Result;
+use crate::system::ConstrainedSystem;
+use partita_math::least_norm::LeastNorm;
+
+/// Damping of the last steps, in squares of singular values of C in natural scales. Rows weaker than its root, 1e-5,
+/// count as repeated; a loop at a singular position is closed by moves of no more than 5e4 times its residual.
+pub const LEAST_DAMPING: f64 = 1e-10;
+/// Largest move in one iteration, in reaches (radians for turns): half a radian turns a direction by less than its own
+/// linear prediction errs by an eighth.
+const LARGEST_MOVE: f64 = 0.5;
+/// Iterations of one descent; half a radian each, so a hundred radians.
+pub const ITERATIONS: usize = 200;
+
+/// From afar: to round-off, or to `tolerance` where that is as far as they close.
+pub const fn from_afar(tolerance: f64) -> Rule {
+    Rule::new(ITERATIONS, f64::EPSILON, tolerance).cut(LARGEST_MOVE)
+}
+
+/// The first correction of a predicted position may be this large, in reaches...
+const BENT: f64 = 0.05;
+/// ... and each next one this part of the one before: Newton's method in its own neighbourhood has less than a half.
+const SHRINKS: f64 = 0.25;
+/// Corrections of one position; a step that needs more is too long.
+const CORRECTIONS: usize = 8;
+
+/// From a predictor: to `tolerance`, by corrections that lead to the solution next to it and to no other.
+pub const fn near_by(tolerance: f64) -> Rule {
+    Rule::new(CORRECTIONS, tolerance, tolerance).contracting(BENT, SHRINKS)
+}
+
+/// Rows and velocities that depend on each other.
+pub struct Block {
+    /// Rows of S3.
+    pub rows: Vec<usize>,
+    /// Velocities.
+    pub columns: Vec<usize>,
+    /// Is it to be left as it is?
+    pub rests: bool,
+    open: Open,
+    slope: f64,
+    length: f64,
+}
+
+/// All rows of a system, each part of the mechanism by itself.
+pub struct LeastChange<'s, S: ConstrainedSystem> {
+    /// The rows in natural scales.
+    pub scaled: Scaled<'s, S>,
+    /// Parts that share no row and no velocity.
+    pub blocks: Vec<Block>,
+    t: f64,
+    solver: LeastNorm,
+    mu: Vec<f64>,
+    r: Vec<f64>,
+    y: Vec<f64>,
+    dv: Vec<f64>,
+    gradient: Vec<f64>,
+}
+
+fn blocks<S: ConstrainedSystem>(scaled: &Scaled<S>) -> Vec<Block> {
+    let pattern = &scaled.pattern;
+    // smallest velocity of each set, by union of rows
+    let mut root: Vec<usize> = (0..pattern.cols).collect();
+    fn find(root: &mut [usize], mut v: usize) -> usize {
+        while root[v] != v {
+            root[v] = root[root[v]];
+            v = root[v];
+        }
+        v
+    }
+    for i in 0..scaled.rows() {
+        let mut row = pattern.row(i).map(|e| pattern.col_idx[e]);
+        let Some(first) = row.next() else { continue };
+        for v in row {
+            let (a, b) = (find(&mut root, first), find(&mut root, v));
+            root[a.max(b)] = a.min(b);
+        }
+    }
+    let mut of = vec![usize::MAX; pattern.cols];
+    let mut found: Vec<Block> = Vec::new();
+    for i in 0..scaled.rows() {
+        // a row without velocities is in a part of its own with whatever velocity is first: it stays as it is
+        let first = pattern.row(i).next().map_or(0, |e| pattern.col_idx[e]);
+        let at = find(&mut root, first);
+        if of[at] == usize::MAX {
+            of[at] = found.len();
+            let (rows, columns) = (Vec::new(), Vec::new());
+            found.push(Block { rows, columns, rests: false, open: Open::default(), slope: 0.0, length: 0.0 });
+        }
+        found[of[at]].rows.push(i);
+    }
+    for v in 0..pattern.cols {
+        let r = find(&mut root, v);
+        if of[r] != usize::MAX {
+            found[of[r]].columns.push(v);
+        }
+    }
+    found
+}
+
+impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
+    /// At the time t; scales as at q. A row more for each velocity of `targets`, for [`ahead`](Self::ahead).
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at (t, q).
+    pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self> {
+        let scaled = Scaled::new(system, t, q, targets)?;
+        let (rows, n) = (scaled.pattern.rows, scaled.pattern.cols);
+        Ok(Self {
+            blocks: blocks(&scaled),
+            t,
+            solver: LeastNorm::new(&scaled.pattern),
+            mu: vec![1.0; rows],
+            r: vec![0.0; rows],
+            y: vec![0.0; n],
+            dv: vec![0.0; n],
+            gradient: vec![0.0; n],
+            scaled,
+        })
+    }
+
+    /// These velocities keep their coordinate from now on.
+    pub fn lock(&mut self, locked: &[usize]) {
+        locked.iter().for_each(|&v| self.scaled.locked[v] = true);
+    }
+
+    /// How far a part is open where last evaluated, also where it is left as it is.
+    pub fn open_of(&self, block: usize) -> Open {
+        self.blocks[block].open
+    }
+
+    /// Largest |Φ| in natural scales.
+    pub fn worst(&self) -> f64 {
+        self.blocks.iter().fold(0.0, |m: f64, b| m.max(b.open.worst))
+    }
+
+    /// The move (in reaches) that takes the targets `ahead` by these steps with the loops closed to first order, where
+    /// last evaluated, locked velocities left out.
+    pub fn ahead(&mut self, ahead: &[f64], y: &mut [f64]) {
+        let rows = self.scaled.rows();
+        self.mu.fill(LEAST_DAMPING);
+        self.r.fill(0.0);
+        for (k, x) in ahead.iter().enumerate() {
+            self.r[rows + k] = *x;
+            self.scaled.c[self.scaled.pattern.row_ptr[rows + k]] = 1.0;
+        }
+        self.solver.factor(&self.scaled.c, &self.mu);
+        self.solver.solve(&self.r, y);
+    }
+
+    /// q moved by `by` times a move in reaches.
+    pub fn go(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
+        self.scaled.advance(q, by, y, &mut self.dv);
+    }
+}
+
+impl<S: ConstrainedSystem> Linearization for LeastChange<'_, S> {
+    fn evaluate(&mut self, q: &[f64]) -> Result<()> {
+        self.scaled.evaluate(self.t, q)?;
+        let s = &self.scaled;
+        self.gradient.fill(0.0);
+        for i in 0..s.rows() {
+            for e in s.pattern.row(i) {
+                self.gradient[s.pattern.col_idx[e]] += s.c[e] * s.phi[i];
+            }
+        }
+        for b in &mut self.blocks {
+            b.open = Open::of(b.rows.iter().map(|&i| s.phi[i]));
+            b.slope = b.columns.iter().map(|&v| self.gradient[v].powi(2)).sum();
+        }
+        Ok(())
+    }
+    fn parts(&self) -> usize {
+        self.blocks.len()
+    }
+    fn open(&self, part: usize) -> Open {
+        let b = &self.blocks[part];
+        if b.rests {
+            Open::default()
+        } else {
+            b.open
+        }
+    }
+    fn solve(&mut self, _q: &[f64], parts: &[Part]) -> Result<bool> {
+        self.mu.fill(1.0);
+        self.r.fill(0.0);
+        for (b, p) in self.blocks.iter().zip(parts).filter(|(_, p)| p.is_active()) {
+            let mu = (p.damping * p.open.worst.min(1.0).powi(2)).max(LEAST_DAMPING);
+            for &i in &b.rows {
+                self.mu[i] = mu;
+                self.r[i] = -self.scaled.phi[i];
+            }
+        }
+        self.solver.factor(&self.scaled.c, &self.mu);
+        self.solver.solve(&self.r, &mut self.y);
+        for b in &mut self.blocks {
+            b.length = b.columns.iter().fold(0.0, |m: f64, &v| m.max(self.y[v].abs()));
+        }
+        Ok(true)
+    }
+    fn length(&self, part: usize) -> f64 {
+        self.blocks[part].length
+    }
+    fn scale(&mut self, part: usize, by: f64) {
+        self.blocks[part].columns.iter().for_each(|&v| self.y[v] *= by);
+    }
+    fn advance(&mut self, q: &mut [f64]) {
+        self.scaled.advance(q, 1.0, &self.y, &mut self.dv);
+    }
+    fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
+        for &v in &self.blocks[part].columns {
+            let range = self.scaled.system.coordinates_of(v);
+            to[range.clone()].copy_from_slice(&from[range]);
+        }
+    }
+    fn left(&self, part: usize, _fraction: f64) -> f64 {
+        let s = &self.scaled;
+        self.blocks[part].rows.iter().map(|&i| (s.phi[i] + s.along(i, &self.y)).powi(2)).sum()
+    }
+    fn least_damping(&self, part: usize) -> Option<f64> {
+        Some(LEAST_DAMPING / self.blocks[part].open.worst.min(1.0).powi(2))
+    }
+    fn slope(&self, part: usize) -> Option<f64> {
+        Some(self.blocks[part].slope)
+    }
+}

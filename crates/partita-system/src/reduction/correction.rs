@@ -1,0 +1,70 @@
+//! One linear step of the dependent coordinates towards closed positions.                                     (34)
+
+use super::Reduction;
+use crate::system::ConstrainedSystem;
+
+/// A step of the dependent coordinates, left in the reduction.
+#[derive(Clone, Copy, Debug)]
+pub struct DependentStep {
+    /// Its largest move: in reaches, or in natural scales where the system knows no sizes of rows.
+    pub length: f64,
+    /// Is it a large multiple of what is open, as next to a singular position, where round-off is amplified without
+    /// bounds?
+    pub amplifies: bool,
+}
+
+impl DependentStep {
+    /// Would it move round-off about rather than close anything? Larger moves close what is really open.
+    pub fn is_round_off(&self) -> bool {
+        self.amplifies && self.length < super::POSTPONED
+    }
+}
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// `-C_D⁻¹ Φ` with the current factors, for [`move_dependent`](Self::move_dependent).               (34)
+    ///
+    /// Needs `position` and `factor` at q, and all rows holonomic.
+    pub fn dependent_step(&mut self) -> DependentStep {
+        let x = &mut self.work[..self.rank];
+        for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
+            *x = -self.phi[row];
+        }
+        if let Some(plan) = &self.plan {
+            plan.solve(&self.factors, x, 1);
+        }
+        // both in reaches where the system knows them; elsewhere both in natural scales, so that units cancel
+        let known = self.row_reach.iter().all(Option::is_some);
+        let part = |i: usize| match known {
+            true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
+            true => 0.0,
+            false => self.row_scale[i],
+        };
+        let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.left_out[*i]);
+        let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
+        let scale = if known { &self.reach } else { &self.s };
+        let length = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
+        DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
+    }
+
+    /// The same into `dv` (nv); false where it would move nothing but round-off.
+    pub fn dependent_correction(&mut self, dv: &mut [f64]) -> bool {
+        let closes = !self.dependent_step().is_round_off();
+        dv.fill(0.0);
+        self.work.iter().zip(&self.partition.dependent).for_each(|(x, &i)| dv[i] = *x);
+        closes
+    }
+
+    /// Shorten the step last found.
+    pub fn scale_dependent_step(&mut self, by: f64) {
+        self.work[..self.rank].iter_mut().for_each(|x| *x *= by);
+    }
+
+    /// Φ of the rows that are to be closed, in units of their own round-off as in [`openness`](Self::openness).
+    pub fn openness_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
+        let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
+        rows.map(|(i, (x, n))| {
+            let least = self.row_reach[i].map_or(f64::MIN_POSITIVE, |reach| 4.0 * f64::EPSILON * reach);
+            x / n.max(least)
+        })
+    }
+}
