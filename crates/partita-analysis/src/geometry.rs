@@ -174,6 +174,9 @@ impl ConstrainedSystem for Geometry<'_> {
     fn finite(&self) -> Option<Finite> {
         self.model.finite()
     }
+    fn instantaneous(&self) -> String {
+        self.model.instantaneous()
+    }
     fn travel(&self, v: &[f64]) -> f64 {
         self.model.travel(v)
     }

@@ -53,7 +53,9 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
         let joints: BTreeSet<usize> = block.joints.iter().copied().collect();
         let mut all = out_of_parallel(&pose, &joints);
         let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));
-        if let Some((_, &joint)) = worst.filter(|_| all.is_empty() || block.moved.0 > BESIDE * block.moved.1) {
+        if let Some((_, &joint)) =
+            worst.filter(|_| all.is_empty() || block.moved.0 > BESIDE * block.length * block.moved.1)
+        {
             all.push(format!(
                 "the loops would close with joint frames moved by up to {:.2e} m and turned by up to {}, most at {}",
                 block.moved.0,

@@ -67,7 +67,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
         return Ok(start);
     };
     if finite.instantaneous > 0 {
-        return Err(shaky(t, finite));
+        return Err(shaky(t, finite, &system.instantaneous()));
     }
     let start = counted(system, t, q, finite)?;
     let wanted = system.size().nv.saturating_sub(finite.freedoms);
@@ -92,10 +92,12 @@ const HIDDEN: &str = "conditions hold the mechanism that are so weak that what t
                       drawing_tolerance for the play they have";
 
 /// Motions that exist for an instant only, wherever the mechanism goes.
-fn shaky(t: f64, finite: Finite) -> SystemError {
+fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
     let (k, more) = (finite.freedoms, finite.instantaneous);
     let message = format!(
-        "{more} motion{} of the mechanism exist{} at every position, but for an instant only: beyond {k} degree{} of freedom its          joints lock at a higher order, where no force of theirs is determined; add a joint that holds {} (a guide, another leg          that is not parallel), or free one",
+        "{more} motion{} of the mechanism exist{} at every position, but for an instant only: beyond {k} degree{} of freedom \
+         {who} lock at a higher order, where their forces are not determined; add a joint that holds {} (a guide, a leg that is \
+         not parallel to the others), or free one",
         if more == 1 { "" } else { "s" },
         if more == 1 { "s" } else { "" },
         if k == 1 { "" } else { "s" },
@@ -168,8 +170,9 @@ fn persists<S: ConstrainedSystem>(
     if start.gap < RANK_GAP {
         let message = format!(
             "the rank of the constraints is not clear, the last row kept has the squared sine {:.2e}, the first one \
-             dropped {largest_dropped:.2e}; start a little away from it",
-            start.smallest
+             dropped {largest_dropped:.2e} (of {}); start a little away from it, or draw them as they are meant",
+            start.smallest,
+            start.dropped.iter().take(3).map(|&i| system.row_owner(i)).collect::<Vec<_>>().join(", ")
         );
         return Err(SystemError::SingularStart { t, message });
     }

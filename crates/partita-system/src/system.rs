@@ -317,6 +317,10 @@ pub trait ConstrainedSystem: Sync {
     fn finite(&self) -> Option<Finite> {
         None
     }
+    /// What holds motions that exist for an instant only, in words.
+    fn instantaneous(&self) -> String {
+        "its conditions".into()
+    }
     /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
     fn travel(&self, v: &[f64]) -> f64 {
         v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.reach(i)))

@@ -1,6 +1,6 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
-use super::{Dense, Geometry, Model, ModelScratch};
+use super::{Dense, Geometry, Model, ModelScratch, Verdict};
 use crate::clusters::{Plan, Preference, Tangents, Way};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
@@ -95,6 +95,16 @@ impl ConstrainedSystem for Model {
     fn finite(&self) -> Option<Finite> {
         let Geometry { freedoms, instantaneous, weak, hidden, .. } = *self.geometry;
         freedoms.map(|freedoms| Finite { freedoms, instantaneous, weak, hidden })
+    }
+    fn instantaneous(&self) -> String {
+        let shaky = self.geometry.blocks.iter().filter(|x| x.verdict == Verdict::Shaky);
+        let names: Vec<String> =
+            shaky.flat_map(|x| &x.joints).map(|&j| format!("\"{}\"", self.spec.joints[j].name)).collect();
+        match names.as_slice() {
+            [] => self.spec.couplings.iter().take(6).map(|c| c.name().to_string()).collect::<Vec<_>>().join(", "),
+            few if few.len() <= 8 => format!("joints {}", few.join(", ")),
+            many => format!("joints {} and {} more", many[..8].join(", "), many.len() - 8),
+        }
     }
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);

@@ -29,11 +29,16 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             clear(&mut c, i); // round-off alone, in whatever direction
         }
         let last = |i: usize| i >= self.size.holonomic || self.system.row_is_drive(i);
-        // a row that is faint as a whole serves only where no other does: closed by it, others open by as much more
-        let found = match self.row_reach.iter().all(Option::is_some) {
-            true => weighed_rows(pattern, &c, (&self.reach, &self.row_size), 0.0, (CLEAR, &last)),
-            false => preferred_rows(pattern, &c, &self.s, 0.0, (CLEAR, &last)),
-        };
+        if self.row_reach.iter().all(Option::is_some) {
+            // a closing that is faint as a whole serves only where no other does: closed by it, others open by as much more
+            let found = weighed_rows(pattern, &c, (&self.reach, &self.row_size), 0.0, (CLEAR, &last));
+            if found.rank >= rank {
+                let mut kept = vec![false; rows];
+                found.kept.iter().take(rank).for_each(|&i| kept[i] = true);
+                (0..rows).filter(|&i| !kept[i] && !last(i)).for_each(|i| clear(&mut c, i));
+            }
+        }
+        let found = preferred_rows(pattern, &c, &self.s, 0.0, (CLEAR, &last));
         if found.rank < rank {
             return vec![true; rows];
         }

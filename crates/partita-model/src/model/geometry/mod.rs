@@ -31,6 +31,8 @@ const HALVES: [f64; 3] = [3e-4, 1e-4, 3e-5];
 const WEAK: f64 = 1e-3;
 /// Below this values are rounding.
 const FINEST: f64 = 1e-9;
+/// Velocities up to which singular values of the whole are no effort.
+const DENSE: usize = 150;
 /// A drawing open by less stands where it is drawn.
 const DRAWN: f64 = 1e-9;
 /// What opens by less along a path fits.
@@ -86,6 +88,8 @@ pub struct BlockVerdict {
     pub changed: Vec<f64>,
     /// The largest displacement of a joint frame (m) and its largest turn (rad).
     pub moved: (f64, f64),
+    /// The block's length (m).
+    pub length: f64,
 }
 
 /// Freedoms of a mechanism as its drawing was decided, drives released.
@@ -166,7 +170,7 @@ impl Drawing {
 /// move. The joints of a repaired mechanism stand in the second.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
-    let drawn = closed(model);
+    let drawn = closed(model, coarsest(tolerance));
     let settled = match at(model, drawn.as_deref(), coarsest(tolerance)) {
         Exact::Regular(freedoms, least) => Some((freedoms, least)),
         Exact::Redundant(freedoms, least) if !alike::is_unlike(model, tolerance) => Some((freedoms, least)),
@@ -206,8 +210,9 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
         if !matches!(verdict, Verdict::Regular | Verdict::Redundant) {
             let moved = (decided.most(0) * decided.length, decided.most(3));
             let changed = decided.numbers.chunks(OWN).map(largest).collect();
-            let (freedoms, kernel, verdict) = (decided.freedoms, decided.kernel, decided.verdict);
-            found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved });
+            let (freedoms, kernel, verdict, length) =
+                (decided.freedoms, decided.kernel, decided.verdict, decided.length);
+            found.blocks.push(BlockVerdict { joints: block.joints, verdict, freedoms, kernel, changed, moved, length });
         }
     }
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
@@ -219,13 +224,19 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 }
 
 /// The drawing closed, if it is or nearly so; what moves by its dimensions moves where it is closed alone.
-fn closed(model: &Model) -> Option<Vec<f64>> {
+///
+/// Weak rows close nothing here: they would pull a drawing that misfits along its own motion.
+fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
     if kernel.open(&q).is_ok_and(|open| open < DRAWN) {
         return Some(q);
     }
-    assembly::close(model, 0.0, &mut q, assembly::CLOSED, &[]).ok().map(|_| q)
+    if model.size().nv > DENSE {
+        return assembly::close(model, 0.0, &mut q, assembly::CLOSED, &[]).ok().map(|_| q);
+    }
+    let closed = kernel.close(&mut q, Cut::Level(level)).ok().flatten()?;
+    (closed.open < DRAWN).then_some(q)
 }
 
 /// What pivots and a short motion settle at a closed position.
@@ -259,6 +270,20 @@ struct Decided {
 impl Decided {
     fn plain(verdict: Verdict, freedoms: Option<usize>) -> Self {
         Self { verdict, freedoms, kernel: None, numbers: Vec::new(), length: 1.0, joints: Vec::new() }
+    }
+
+    /// The same of a drawing that was made `plane` first, by these numbers.
+    fn after(mut self, mut numbers: Vec<f64>, drawn: &Spec, plane: &[Joint]) -> Self {
+        let last: Vec<Joint> = match self.joints.is_empty() {
+            true => plane.to_vec(),
+            false => self.joints.into_iter().map(|x| x.1).collect(),
+        };
+        numbers.iter_mut().zip(&self.numbers).for_each(|(x, more)| *x += more);
+        self.joints = drawn.joints.iter().cloned().zip(last).collect();
+        if self.verdict != Verdict::Shaky {
+            self.verdict = Verdict::Repaired;
+        }
+        Self { numbers, kernel: self.kernel.or(self.freedoms), ..self }
     }
 
     /// The largest displacement (`first` 0) or turn (3) of a frame.
@@ -326,85 +351,26 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
 /// One block.
 fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f64) -> Decided {
     let undecided = || Decided::plain(Verdict::Undecided, None);
-    let Some(drawing) = Drawing::new(spec.clone(), functions.clone(), None) else { return undecided() };
-    let afloat = |d: &Drawing| {
-        if !floats {
-            0
-        } else if d.model.is_planar() {
-            3
-        } else {
-            6
-        }
-    };
+    let Some(drawing) = Drawing::new(spec.clone(), functions, None) else { return undecided() };
     if !drawing.is_holonomic() {
         return undecided();
     }
-    let level = coarsest(tolerance);
-    let settled = |d: &Drawing| {
-        match at(&d.model, closed(&d.model).as_deref(), level) {
-            Exact::Regular(k, _) => Some(Decided::plain(Verdict::Regular, Some(k - afloat(d)))),
-            Exact::Redundant(k, _) if !alike::is_unlike(&d.model, tolerance) => {
-                Some(Decided::plain(Verdict::Redundant, Some(k - afloat(d))))
-            }
-            _ => None,
-        }
-    };
-    if let Some(decided) = settled(&drawing) {
+    let own = drawing.afloat(floats);
+    if let Some(decided) = drawing.settled(own, tolerance) {
         return decided;
     }
     if !is_sought(spec.joints.len()) {
         return undecided();
     }
     // what was meant to be plane is made so first: there three numbers of a body are all there is
-    let flat = drawing.flattened(tolerance);
-    let (drawing, first) = match flat {
-        Some((flat, numbers)) => (flat, Some(numbers)),
-        None => (drawing, None),
-    };
-    let joints = |after: &[Joint]| spec.joints.iter().cloned().zip(after.iter().cloned()).collect::<Vec<_>>();
-    let repaired = |freedoms: usize, kernel: usize, numbers: Vec<f64>, after: &[Joint]| Decided {
-        verdict: Verdict::Repaired,
-        freedoms: Some(freedoms),
-        kernel: Some(kernel),
-        numbers,
-        length: drawing.length,
-        joints: joints(after),
-    };
-    if let (Some(numbers), Some(decided)) = (&first, settled(&drawing)) {
-        let freedoms = decided.freedoms.unwrap_or(0);
-        return repaired(freedoms, freedoms, numbers.clone(), &drawing.model.spec.joints);
+    if let Some((plane, numbers)) = drawing.flattened(tolerance) {
+        let own = plane.afloat(floats);
+        let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, tolerance));
+        if let Some(decided) = decided.filter(|x| x.freedoms.is_some_and(|k| k > 0)) {
+            return Decided { length: plane.length, ..decided.after(numbers, spec, &plane.model.spec.joints) };
+        }
     }
-    let (fit, seen) = match drawing.levels(tolerance) {
-        Ok(Some(found)) => found,
-        Ok(None) | Err(_) => return undecided(),
-    };
-    let own = afloat(&drawing);
-    match fit {
-        Some(fit) if fit.change.is_some() || first.is_some() => {
-            let mut numbers = first.unwrap_or_else(|| vec![0.0; OWN * spec.joints.len()]);
-            numbers.iter_mut().zip(fit.change.iter().flatten()).for_each(|(x, more)| *x += more);
-            let mut decided = repaired(fit.freedoms - own, fit.kernel - own, numbers, &fit.joints);
-            if fit.freedoms < fit.kernel {
-                decided.verdict = Verdict::Shaky;
-            }
-            decided
-        }
-        Some(fit) => {
-            let verdict = match () {
-                () if fit.freedoms < fit.kernel => Verdict::Shaky,
-                () if seen.coarse > fit.kernel && seen.fine <= fit.kernel => Verdict::Conditions,
-                () if seen.fine > fit.kernel => Verdict::SingularHere,
-                () => Verdict::Redundant,
-            };
-            let kernel = Some(fit.kernel.saturating_sub(own));
-            Decided { kernel, ..Decided::plain(verdict, Some(fit.freedoms.saturating_sub(own))) }
-        }
-        None if seen.fine <= own => {
-            let verdict = if seen.coarse > own { Verdict::Conditions } else { Verdict::Locked };
-            Decided::plain(verdict, Some(0))
-        }
-        None => undecided(),
-    }
+    drawing.decided(own, tolerance).unwrap_or_else(undecided)
 }
 
 /// Null directions of a drawing at the finest and the coarsest level.
@@ -414,6 +380,57 @@ struct Seen {
 }
 
 impl Drawing {
+    /// Degrees of freedom as a whole, if nothing holds it.
+    fn afloat(&self, floats: bool) -> usize {
+        match (floats, self.model.is_planar()) {
+            (false, _) => 0,
+            (true, true) => 3,
+            (true, false) => 6,
+        }
+    }
+
+    /// What pivots and a short motion settle; `own` freedoms are those of the whole.
+    fn settled(&self, own: usize, tolerance: f64) -> Option<Decided> {
+        let level = coarsest(tolerance);
+        match at(&self.model, closed(&self.model, level).as_deref(), level) {
+            Exact::Regular(k, _) => Some(Decided::plain(Verdict::Regular, Some(k.saturating_sub(own)))),
+            Exact::Redundant(k, _) if !alike::is_unlike(&self.model, tolerance) => {
+                Some(Decided::plain(Verdict::Redundant, Some(k.saturating_sub(own))))
+            }
+            _ => None,
+        }
+    }
+
+    /// What finite motions decide; None where they do not.
+    fn decided(&self, own: usize, tolerance: f64) -> Option<Decided> {
+        let (fit, seen) = self.levels(tolerance).ok().flatten()?;
+        let drawn = &self.model.spec.joints;
+        match fit {
+            Some(fit) => {
+                let verdict = match () {
+                    () if fit.freedoms < fit.kernel => Verdict::Shaky,
+                    () if fit.change.is_some() => Verdict::Repaired,
+                    () if seen.coarse > fit.kernel && seen.fine <= fit.kernel => Verdict::Conditions,
+                    () if seen.fine > fit.kernel => Verdict::SingularHere,
+                    () => Verdict::Redundant,
+                };
+                Some(Decided {
+                    verdict,
+                    freedoms: Some(fit.freedoms.saturating_sub(own)),
+                    kernel: Some(fit.kernel.saturating_sub(own)),
+                    numbers: fit.change.unwrap_or_default(),
+                    length: self.length,
+                    joints: drawn.iter().cloned().zip(fit.joints).collect(),
+                })
+            }
+            None if seen.fine <= own => {
+                let verdict = if seen.coarse > own { Verdict::Conditions } else { Verdict::Locked };
+                Some(Decided::plain(verdict, Some(0)))
+            }
+            None => None,
+        }
+    }
+
     /// The drawing with axes that are nearly parallel made so, where it then is plane; and the change.
     fn flattened(&self, tolerance: f64) -> Option<(Self, Vec<f64>)> {
         if self.model.is_planar() || !self.model.spec.couplings.is_empty() {
@@ -487,6 +504,8 @@ impl Drawing {
             }
             levels.push(finest);
         }
+        // a lock of order four is thrown back to where openings are rounding by this level alone
+        levels.push(FINEST);
         let mut fits: Vec<Fit> = Vec::new();
         let mut may_be_singular = false;
         for (i, &level) in levels.iter().enumerate() {
