@@ -302,4 +302,17 @@ def parse_toml(text: str, path: str) -> tuple[str, str]:
 def toml_line(text: str, pointer: str) -> int | None:
     """Line, from 1, of the key that a JSON pointer names, or of the nearest one around it."""
 
+def reaction_findings(t: Array, residual: Array, asked: tuple[float, bool, float]) -> list[tuple[bool, float, str]]:
+    """What Newton-Euler residuals (nt,) say, for a tolerance, conditions that drift or not, a misfit of the drawing:
+    broken, t, sentence."""
+
+def energy_findings(
+    t: Array, energies: tuple[Array, Array, Array], asked: tuple[float, float], steps: int, least: float
+) -> list[tuple[bool, float, str]]:
+    """What kinetic and potential energy and work (nt,) say together, for a tolerance and a misfit of the drawing:
+    broken, t, sentence."""
+
+def energy_floor(description: str, atol: float) -> float:
+    """Energy [J] against which the balance of a mechanism is held at the least."""
+
 def version() -> str: ...

@@ -29,6 +29,8 @@ pub struct Settings {
 pub enum Status {
     /// At its end.
     Finished,
+    /// At its end, with something against it that breaks it: success is decided by what was watched on the way.
+    Broken,
     /// By the user; what was computed is kept.
     Interrupted,
     /// No acceptable step was left.
@@ -48,6 +50,7 @@ impl Status {
     pub fn word(self) -> &'static str {
         match self {
             Self::Finished => "finished",
+            Self::Broken => "broken",
             Self::Interrupted => "interrupted",
             Self::StepTooSmall => "step-too-small",
             Self::Singular => "singular",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import PartitaError
 from ..readable import Readable
 from .notebook import lines
-from .verdict import Finding, allowed, findings_of, of_arrays, of_energy, of_reactions, unnoticed, word_of
+from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, word_of
 
 NOTES = 12
 """Notes shown before the rest is counted."""
@@ -69,7 +69,8 @@ class Certificate:
     """Largest part of its size (of a radian, of the length of its loop) by which a closing stood open that the drawing
     tolerance bridges; 0 where the drawing fits. `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
-    """What stands against the run: broken or doubtful, when [s], and a sentence."""
+    """What stands against the run: broken or doubtful, when [s], and a sentence. Those of its steps and ends decided
+    its `success`; those of all outputs are told here and leave it as it is."""
 
     @property
     def verdict(self) -> str:
@@ -143,9 +144,10 @@ def certify(result: Readable) -> Certificate:
         findings += of_energy(
             result.t,
             result.energy,
-            allowed(result.record.options, result.record.misfit),
+            tolerance(result.record.options),
             int(result.counters.get("steps", 0)),
-            unnoticed(result.spec, result.record.options),
+            unnoticed(result.record.description, result.record.options),
+            result.record.misfit,
         )
     grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
     if newton_euler is not None:

@@ -1,5 +1,6 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
+pub mod balance;
 pub mod cost;
 mod departure;
 mod inconsistent;
@@ -9,6 +10,7 @@ mod request;
 mod stepping;
 mod verdict;
 
+pub use balance::Balance;
 pub use journal::{Assessed, Described, Journal};
 pub use request::Request;
 pub use stepping::Stepping;
@@ -46,6 +48,9 @@ pub struct Run {
     /// What stands against the run at the ends of its steps.
     pub findings: Vec<Finding>,
 }
+
+/// A drawing is tried by a tenth of a reach; what joints share goes out of balance by its misfit over a whole one.
+const WHOLE: f64 = 10.0;
 
 /// At most six of many, in words.
 fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
@@ -104,7 +109,7 @@ fn no_reactions<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<A
 ///
 /// # Errors
 /// What was asked makes no sense, or nothing could start. A run that ends early is a run: see its outcome.
-pub fn run<S: ConstrainedSystem<Scratch: Send>>(
+pub fn run<S: Balance<Scratch: Send>>(
     system: &S,
     request: &Request,
     tangent: Option<Arc<dyn TangentMap>>,
@@ -112,6 +117,7 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
+    system.agree(request.t0, q, v)?;
     let mut settings = request.settings()?;
     settings.options.corners = system.corners();
     let ends = system.horizon().filter(|(end, _)| within(*end, request));
@@ -184,16 +190,19 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     }
     notes.extend(inconsistent::note(system, found.rank, (request.t0, q, v), outputs.first())?);
     let told = f.journal();
+    if limits.misfit > 0.0 {
+        limits.asked.misfit = told.gaps.misfit.part.max(WHOLE * found.misfit);
+    }
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
     let (rows, counters, events, open, gaps) = (told.rows, told.counters, told.events, told.open, told.gaps);
-    drop(f);
     let journal =
         Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs, limits };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
-    verdict::of_steps(&outcome, &mut findings);
+    limits.judge_checks(system, &told.checks, &mut findings);
+    verdict::conclude(system, &mut f, &journal, &mut outcome, &mut findings);
     Ok(Run { outcome, journal, counters, rows, open, gaps, notes, findings })
 }

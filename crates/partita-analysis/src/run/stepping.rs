@@ -1,6 +1,6 @@
 //! A motion taken tick by tick, for control loops: the same formulation, corrections and exchanges as a run.
 
-use super::{inconsistent, note_of_dropped, registry, verdict, Journal, Limits, Request, Run, CANNOT_MOVE};
+use super::{inconsistent, note_of_dropped, registry, verdict, Balance, Journal, Limits, Request, Run, CANNOT_MOVE};
 use crate::error::AnalysisError;
 use partita_integrate::clock::{Clock, Ticks};
 use partita_integrate::counters::Counters;
@@ -8,14 +8,14 @@ use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
-use partita_system::record::{Gaps, Output};
+use partita_system::record::{Gaps, Output, StepChecks};
 use partita_system::reduction::bridged_gap;
 use partita_system::singular::consistency;
 use partita_system::start;
-use partita_system::{weight, ConstrainedSystem, SystemError};
+use partita_system::{weight, SystemError};
 
 /// A motion between two ticks.
-pub struct Stepping<'s, S: ConstrainedSystem> {
+pub struct Stepping<'s, S: Balance> {
     system: &'s S,
     formulation: Box<dyn Formulation + Send + 's>,
     clock: Clock,
@@ -31,11 +31,12 @@ pub struct Stepping<'s, S: ConstrainedSystem> {
     /// What is kept for a result, if anything is.
     kept: Option<Vec<Output>>,
     steps: u64,
-    /// The worst that stood open at the ends of the steps that were kept.
+    /// The worst that stood open at the ends of the steps that were kept, and what else they were held against.
     gaps: Gaps,
+    checks: StepChecks,
 }
 
-impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
+impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// From a closed state; `keeps` says whether every tick is kept for a result.
     ///
     /// # Errors
@@ -88,6 +89,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             kept,
             steps: 0,
             gaps: Gaps::default(),
+            checks: StepChecks::default(),
         };
         stepping.stand(t, q, v, || ())?;
         Ok(stepping)
@@ -127,7 +129,8 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         });
         match begun {
             Ok(now) => {
-                (self.now, self.work, self.gaps) = (now, 0.0, Gaps::default());
+                (self.now, self.work) = (now, 0.0);
+                (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
                 self.formulation.forget_gaps();
                 if let Some(kept) = &mut self.kept {
                     kept.clear();
@@ -172,6 +175,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
                     self.now = now;
                     self.steps += 1;
                     self.gaps.raise(&self.formulation.gaps());
+                    self.checks.raise(&self.formulation.checks());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
                     }
@@ -202,6 +206,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     fn holds(&self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
         self.limits.judge(self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
+        self.limits.judge_checks(self.system, &self.formulation.checks(), &mut findings);
         match findings.into_iter().find(|x| x.broken) {
             None => Ok(()),
             Some(found) => {
@@ -226,13 +231,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// All that was kept, as what a run leaves; with `here` no more than where it stands.
-    pub fn told(&self, here: bool) -> Run {
+    pub fn told(&mut self, here: bool) -> Run {
         let told = self.formulation.journal();
         let outputs = match &self.kept {
             Some(kept) if !here => kept.clone(),
             _ => vec![self.now.clone()],
         };
-        let outcome = Outcome {
+        let mut outcome = Outcome {
             status: Status::Finished,
             message: format!("stepped to t = {}", self.now.t),
             t: self.now.t,
@@ -244,7 +249,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         notes.extend(told.notes);
         let mut findings = Vec::new();
         self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
-        verdict::of_steps(&outcome, &mut findings);
+        self.limits.judge_checks(self.system, &self.checks, &mut findings);
         let journal = Journal {
             formulation: self.name.clone(),
             rank: self.rank,
@@ -253,6 +258,9 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             outputs,
             limits: self.limits,
         };
+        if !here {
+            verdict::conclude(self.system, &mut self.formulation, &journal, &mut outcome, &mut findings);
+        }
         let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, self.gaps);
         Run { outcome, journal, counters, rows, open, gaps, notes, findings }
     }

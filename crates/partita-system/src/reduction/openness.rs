@@ -86,6 +86,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         worst(self.dropped.iter().map(|&i| (i, (self.row_times(i, vdot) + self.b[i]) / self.row_size[i])))
     }
 
+    /// Largest |C v' + b|_i over its row's size [1/s²], and its row; what a drawing tolerance may bridge does not count.
+    pub fn acceleration_gap(&self, vdot: &[f64]) -> (f64, usize) {
+        let open = velocity_residuals(self.system.pattern(), &self.c, vdot, &self.b).zip(&self.row_size);
+        worst(open.map(|(x, size)| x / size).enumerate().filter(|(i, _)| !self.bridges[*i]))
+    }
+
     /// Row i of C times x.
     pub fn row_times(&self, i: usize, x: &[f64]) -> f64 {
         let pattern = self.system.pattern();

@@ -181,6 +181,11 @@ impl Watch {
         Self { misfit, ..Self::default() }
     }
 
+    /// The fastest rate up to the end of the step that was looked at last [1/s].
+    pub fn fastest_yet(&self) -> f64 {
+        self.trial_fastest
+    }
+
     /// May closings misfit?
     pub fn bridges(&self) -> bool {
         self.misfit > 0.0
