@@ -237,6 +237,9 @@ pub struct StepChecks {
     pub branch: Gap,
     /// Φ and C v + a at the outputs, in parts as at the ends of steps.
     pub outputs: Gaps,
+    /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It has no
+    /// row.
+    pub surge: Gap,
 }
 
 impl StepChecks {
@@ -246,6 +249,7 @@ impl StepChecks {
         self.jump = self.jump.worse(other.jump);
         self.branch = self.branch.worse(other.branch);
         self.outputs.raise(&other.outputs);
+        self.surge = self.surge.worse(other.surge);
     }
 }
 

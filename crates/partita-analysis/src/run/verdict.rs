@@ -33,6 +33,9 @@ const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
 /// there: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
 
+/// An output is faster than this many times what the ends of steps explain, and something acted between them.
+const SURGE: f64 = 10.0;
+
 /// One thing that stands against a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
@@ -109,6 +112,13 @@ impl Limits {
                  goes on along another branch of a singular position, or loses energy there; take a smaller rtol or the \
                  formulation \"projective\"",
                 checks.jump.part, self.jump.0
+            )
+        });
+        look(checks.surge, (SURGE, SURGE), &|t| {
+            format!(
+                "the output at t = {t} s is {:.1e} times as fast as the ends of steps explain: something acts between two steps \
+                 that they have not seen; give a max_step",
+                checks.surge.part
             )
         });
         look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {
@@ -335,6 +345,9 @@ mod tests {
         }
         for (part, seen) in [(0.09, (0, false)), (0.11, (1, true))] {
             assert_eq!(words(&tight, StepChecks { branch: gap(part), ..none }), seen, "{part}");
+        }
+        for (part, seen) in [(9.0, (0, false)), (11.0, (1, true))] {
+            assert_eq!(words(&tight, StepChecks { surge: gap(part), ..none }), seen, "{part}");
         }
         let outputs = Gaps { velocity: gap(1.1e-3), ..Gaps::default() };
         assert_eq!(words(&tight, StepChecks { outputs, ..none }), (1, true));

@@ -8,6 +8,9 @@ use crate::singular::consistency::gaps_of_output;
 use crate::system::ConstrainedSystem;
 use crate::tangent::Tangent;
 
+/// Rates below this [1/s] move nothing in a year.
+const STANDING: f64 = 1e-10;
+
 /// Checks of the step that is judged, of those taken, and of the outputs.
 #[derive(Default)]
 pub(super) struct Checks {
@@ -80,9 +83,10 @@ impl Checks {
     }
 
     /// An output, the point last evaluated.
-    pub(super) fn output<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>, outputs: Gaps) {
+    pub(super) fn output<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>, outputs: Gaps, explained: f64) {
         let jump = self.jump(t, r);
-        self.taken.raise(&StepChecks { outputs, jump, ..StepChecks::default() });
+        let surge = Gap { part: in_parts(r.fastest(), explained), t, row: 0 };
+        self.taken.raise(&StepChecks { outputs, jump, surge, ..StepChecks::default() });
     }
 
     /// Count from here on.
@@ -104,7 +108,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn check_output(&mut self, t: f64) {
         let r = self.tangent.seen();
         let mut gaps = gaps_of_output(t, r, self.watch.bridges());
-        gaps.in_parts_of(self.watch.fastest_yet().max(r.fastest()));
-        self.checks.output(t, r, gaps);
+        let fastest = self.watch.fastest_yet();
+        gaps.in_parts_of(fastest.max(r.fastest()));
+        // before the first step nothing is known of the speed
+        let explained = match self.way.length() {
+            Some(h) => fastest + h * self.checks.trial_sizes.1 + STANDING,
+            None => f64::INFINITY,
+        };
+        self.checks.output(t, r, gaps, explained);
     }
 }
