@@ -148,6 +148,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             }
         }
         whom.sort(); // drives first: they are what is easily changed
+        let whom_drives = whom.iter().any(|x| !x.0);
         let (angle, drive) = (self.system.row_is_angle(row), self.system.row_is_drive(row));
         let unit = match (angle, self.row_reach[row].is_some()) {
             (true, _) => format!("rad{unit}"),
@@ -160,7 +161,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             whom: whom.into_iter().map(|x| x.1).collect(),
             gap: off * self.row_size[row],
             unit: unit.into(),
-            drive,
+            drive: drive || whom_drives,
         }
     }
 }
