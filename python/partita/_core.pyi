@@ -113,9 +113,6 @@ class Model:
         coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
         axis in it, and the point in body axes."""
 
-    def driven_beyond(self, t: float, q: Array, until: float) -> str | None:
-        """Why a run that stopped at t, with q closed shortly before, cannot go on to `until` as driven."""
-
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
@@ -211,9 +208,6 @@ class Model:
 
     def suspicious(self) -> list[str]:
         """Data that are possible and unlikely, in sentences."""
-
-    def weightless(self) -> str | None:
-        """Which body lacks mass or inertia, in a sentence."""
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""

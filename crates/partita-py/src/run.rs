@@ -173,7 +173,7 @@ pub struct Places<'x, 'py> {
 }
 
 /// Seconds of one evaluation, for each of the `options` with steps of the lengths `steps`; NaN where none works.
-pub fn costs<S: ConstrainedSystem<Scratch: Send> + Send + Sync>(
+pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     py: Python<'_>,
     system: &S,
     options: &[String],

@@ -1,6 +1,7 @@
 //! Balances that a motion is held against: of energy over its outputs, of forces and moments at every body.
 
 use super::verdict::Finding;
+use crate::{doubtful, poses};
 use partita_model::spec::Spec;
 use partita_model::Model;
 use partita_system::equations::{derivatives, ByHand, Equations};
@@ -49,6 +50,14 @@ pub trait Balance: ConstrainedSystem {
     /// # Errors
     /// `Derivative`, and what the functions raise.
     fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError>;
+    /// What is behind an error, where the whole system tells more than its equations.
+    fn cause(&self, _error: &SystemError) -> Option<String> {
+        None
+    }
+    /// Why a motion that stopped at t cannot go on to `until` as it is driven, from the closed position q shortly before.
+    fn driven_beyond(&self, _t: f64, _q: &[f64], _until: f64) -> Option<String> {
+        None
+    }
 }
 
 impl Balance for Model {
@@ -74,6 +83,19 @@ impl Balance for Model {
 
     fn agree(&self, _t: f64, _q: &[f64], _v: &[f64]) -> Result<(), SystemError> {
         Ok(()) // a mechanism's derivatives are its own
+    }
+
+    fn cause(&self, error: &SystemError) -> Option<String> {
+        match error {
+            SystemError::Mass { .. } => doubtful::weightless(self),
+            // a motion that is named needs no more than the rod that spins
+            SystemError::Unfelt { .. } => doubtful::spins_unfelt(self, &doubtful::idle(self)),
+            _ => None,
+        }
+    }
+
+    fn driven_beyond(&self, t: f64, q: &[f64], until: f64) -> Option<String> {
+        poses::driven_beyond(self, t, q, until)
     }
 }
 
