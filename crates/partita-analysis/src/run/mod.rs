@@ -110,6 +110,7 @@ pub fn run<S: Balance<Scratch: Send>>(
         ends,
         mut departure,
         misfit,
+        seen,
         ..
     } = Prepared::new(system, request, tangent, (q, v))?;
     let (t, q_start, v_start) = match &departure {
@@ -144,7 +145,7 @@ pub fn run<S: Balance<Scratch: Send>>(
         );
     }
     tell_driven_beyond(system, request, outputs.last(), q, &mut outcome);
-    notes.extend(inconsistent::note(system, recipe.rank, (request.t0, q, v), outputs.first())?);
+    notes.extend(inconsistent::note(system, &seen, (request.t0, q, v), outputs.first()));
     let told = f.journal();
     if limits.misfit > 0.0 {
         limits.asked.misfit = told.gaps.misfit.part.max(WHOLE * misfit);

@@ -2,7 +2,8 @@
 
 use super::balance::Balance;
 use super::departure::{self, Departure};
-use super::{inconsistent, some, Limits, Request};
+use super::inconsistent::{self, Seen};
+use super::{some, Limits, Request};
 use crate::error::AnalysisError;
 use partita_integrate::simulate::Settings;
 use partita_system::formulation::{registry, Formulation};
@@ -43,6 +44,8 @@ pub struct Looked<'s, S: ConstrainedSystem> {
     pub start: Start,
     /// The way out of a singular position.
     pub(super) departure: Option<Departure<'s, S>>,
+    /// What the state leaves open.
+    seen: Seen,
 }
 
 impl<'s, S: ConstrainedSystem> Looked<'s, S> {
@@ -64,12 +67,12 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
             }
             found => (found?, None),
         };
-        let looked = Self { start, departure };
-        let (t, q, v) = looked.state().unwrap_or((t, q, v));
-        consistency::check(system, &looked.start, (t, q, v), longest)?;
-        inconsistent::refuse(system, looked.start.rank, t, q)?;
-        weight::refuse(system, t, q, looked.start.rank)?;
-        Ok(looked)
+        let given = (t, q, v);
+        let (t, q, v) = departure.as_ref().map_or(given, |x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]));
+        consistency::check(system, &start, (t, q, v), longest)?;
+        let seen = inconsistent::see(system, start.rank, given)?;
+        weight::refuse(system, t, q, start.rank)?;
+        Ok(Self { start, departure, seen })
     }
 
     /// Where the way out ends.
@@ -99,6 +102,8 @@ pub struct Prepared<'s, S: Balance> {
     pub(super) departure: Option<Departure<'s, S>>,
     /// What the drawing misfits by over a large move, within its tolerance.
     pub(super) misfit: f64,
+    /// What the start leaves open.
+    pub(super) seen: Seen,
 }
 
 impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
@@ -159,13 +164,8 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
             .make(system)
             .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
         let misfit = found.misfit;
-        let departure = looked.departure;
-        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, departure, misfit })
-    }
-
-    /// Where the march starts.
-    pub fn start<'a>(&'a self, given: (f64, &'a [f64], &'a [f64])) -> (f64, &'a [f64], &'a [f64]) {
-        self.departure.as_ref().map_or(given, |x| (x.launch.t, &x.launch.q, &x.launch.v))
+        let Looked { departure, seen, .. } = looked;
+        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, departure, misfit, seen })
     }
 
     /// Does nothing ever move, whatever the time?

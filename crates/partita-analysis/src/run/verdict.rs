@@ -232,6 +232,9 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(system: &S, formulation: &mut F,
 /// The energy over some outputs.
 fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64) -> Option<Finding> {
     let some = balance::some(&journal.outputs);
+    if some.len() < 2 {
+        return None; // a balance is between two
+    }
     let energies = system.energies(&some).ok().flatten()?;
     let at =
         some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
