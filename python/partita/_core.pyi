@@ -113,9 +113,6 @@ class Model:
         coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
         axis in it, and the point in body axes."""
 
-    def driven_beyond(self, t: float, q: Array, until: float) -> str | None:
-        """Why a run that stopped at t, with q closed shortly before, cannot go on to `until` as driven."""
-
     def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
@@ -212,9 +209,6 @@ class Model:
     def suspicious(self) -> list[str]:
         """Data that are possible and unlikely, in sentences."""
 
-    def weightless(self) -> str | None:
-        """Which body lacks mass or inertia, in a sentence."""
-
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
 
@@ -301,5 +295,17 @@ def parse_toml(text: str, path: str) -> tuple[str, str]:
 
 def toml_line(text: str, pointer: str) -> int | None:
     """Line, from 1, of the key that a JSON pointer names, or of the nearest one around it."""
+
+def reaction_findings(t: Array, residual: Array, asked: tuple[float, bool]) -> list[tuple[bool, float, str]]:
+    """What Newton-Euler residuals (nt,) say, for a tolerance and conditions that drift or not: broken, t,
+    sentence."""
+
+def energy_findings(
+    t: Array, energies: tuple[Array, Array, Array], tolerance: float, steps: int, least: float
+) -> list[tuple[bool, float, str]]:
+    """What kinetic and potential energy and work (nt,) say together, for a tolerance: broken, t, sentence."""
+
+def energy_floor(description: str, atol: float) -> float:
+    """Energy [J] against which the balance of a mechanism is held at the least."""
 
 def version() -> str: ...

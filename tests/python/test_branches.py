@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from branches import FAMILIES, trial
+from branches import FAMILIES, FULL, trial
 
 pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.DoubtfulResultWarning")
 
@@ -25,3 +25,18 @@ def test_others_keep_it_or_stop(formulation: str, rtol: float) -> None:
     for seed, family in enumerate(FAMILIES):
         seen = trial(family, seed, rtol, formulation)
         assert seen.outcome != "wrong", seen.words
+
+
+@pytest.mark.parametrize("formulation", FULL)
+@pytest.mark.parametrize(("seed", "rtol"), [(10, 1e-3), (4, 1e-4), (12, 1e-4), (2, 1e-5)])
+def test_branches_switched_at_loose_tolerances_are_no_success(formulation: str, seed: int, rtol: float) -> None:
+    """Steps that end on another branch, or lose energy there. `make trust` does 525 of these."""
+    seen = trial("crossed parallelogram", seed, rtol, formulation)
+    assert seen.outcome != "wrong" and seen.steady, seen.words
+
+
+def test_forms_in_all_velocities_that_keep_their_branch_are_a_success() -> None:
+    for formulation, seed in (("multipliers", 0), ("range-space", 2), ("proximal", 5), ("sparse-multipliers", 7)):
+        seen = trial("crossed parallelogram", seed, 1e-4, formulation)
+        assert seen.outcome == "right" and seen.passed > 0 and seen.steady, seen.words
+    assert trial("crossed parallelogram", 14, 1e-3, "baumgarte").outcome == "right"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from builder_parts import pendulum
+from drawings import four_bar
 
 import partita as pt
 from partita.errors import ArgumentError, EvaluationError, SingularityError, UnknownNameError
@@ -445,3 +446,17 @@ def test_sensors_of_a_chain_of_a_hundred_freedoms() -> None:
         sim.step()
     with pytest.raises(UnknownNameError, match="did you mean 'tip'"):
         sim.sensor("tipp")
+
+
+def test_ticks_begin_in_a_singular_position_as_runs_do() -> None:
+    """Four bars in line: the rates say along which branch, the first tick leaves as a run does."""
+    m = four_bar([(0.0, 0.0), (0.5, 0.0), (1.5, 0.0), (1.0, 0.0)], 0.0, [1.0, 1.0, 1.0])
+    start = m.assemble(rates={"A": 2.0, "B": -2.0})
+    run = m.simulate(0.2, initial=start, t_eval=[0.0, 0.2], rtol=1e-10)
+    sim = m.stepper(0.01, initial=start, substeps=8)
+    for _ in range(2):
+        for _ in range(20):
+            sim.step()
+        assert np.abs(sim.state.q - run.q[-1]).max() < 1e-10
+        assert sim.result().success and any("along the branch" in note for note in sim.result().notes)
+        sim.reset()

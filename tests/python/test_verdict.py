@@ -60,8 +60,13 @@ def four_bar_run() -> Result:
 
 
 def spoilt(run: Result, broken: bool) -> Result:
+    """As the core hands over a run that is found broken or doubtful at its end."""
     finding = Finding(broken, 0.25, "the closing of C stands open by 0.1 m")
-    return Result(replace(run.record, findings=[finding]), run._source)
+    record = replace(run.record, findings=[finding])
+    if broken:
+        words = f"{record.message}, but the result is broken: {finding.sentence}"
+        record = replace(record, success=False, status="broken", message=words)
+    return Result(record, run._source)
 
 
 def test_a_broken_run_is_no_success() -> None:

@@ -26,6 +26,14 @@ pub enum AnalysisError {
         /// What there is.
         message: String,
     },
+    /// It could not be evaluated at this position, for a reason that the whole mechanism tells.
+    #[error("{error}; {cause}")]
+    Explained {
+        /// What failed.
+        error: SystemError,
+        /// What is behind it.
+        cause: String,
+    },
     /// It could not be evaluated at this position.
     #[error(transparent)]
     System(#[from] SystemError),

@@ -223,7 +223,7 @@ impl Slave {
         let (q, v) = (&self.state.q[..], &self.state.v[..]);
         let found = run::run(&self.model, &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
         let ended = found.outcome.status;
-        if !(ended == Status::Finished || (at_once && ended == Status::Interrupted)) {
+        if !(matches!(ended, Status::Finished | Status::Broken) || (at_once && ended == Status::Interrupted)) {
             return Err(format!("it ends at t = {} ({}): {}", found.outcome.t, ended.word(), found.outcome.message));
         }
         if let Some(broken) = found.findings.iter().find(|x| x.broken) {

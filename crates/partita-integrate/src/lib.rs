@@ -12,7 +12,6 @@
 //!
 //! It knows first-order equations `y' = f(t, y)` only; mechanisms enter through [`ode::Ode`].
 
-pub mod clock;
 mod combination;
 pub mod counters;
 mod dense_output;

@@ -4,12 +4,13 @@ use crate::counters::Counters;
 use crate::explicit_rk::{Conclusion, Stepper};
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
-use crate::options::Options;
-use crate::tableau::Tableau;
+use crate::options::{Options, OptionsError};
+use crate::tableau::{Tableau, METHODS};
 use partita_system::formulation::{Formulation, Pace, Step, Verdict};
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
+use std::sync::OnceLock;
 
 /// Settings of a run.
 #[derive(Clone, Debug)]
@@ -29,6 +30,8 @@ pub struct Settings {
 pub enum Status {
     /// At its end.
     Finished,
+    /// At its end, with something against it that breaks it: success is decided by what was watched on the way.
+    Broken,
     /// By the user; what was computed is kept.
     Interrupted,
     /// No acceptable step was left.
@@ -48,6 +51,7 @@ impl Status {
     pub fn word(self) -> &'static str {
         match self {
             Self::Finished => "finished",
+            Self::Broken => "broken",
             Self::Interrupted => "interrupted",
             Self::StepTooSmall => "step-too-small",
             Self::Singular => "singular",
@@ -75,7 +79,7 @@ pub struct Outcome {
     pub error: Option<SystemError>,
 }
 
-pub(crate) struct Adapter<'f, F: Formulation>(pub(crate) &'f mut F);
+struct Adapter<'f, F: Formulation>(&'f mut F);
 
 impl<F: Formulation> Ode for Adapter<'_, F> {
     type Error = SystemError;
@@ -88,7 +92,7 @@ impl<F: Formulation> Ode for Adapter<'_, F> {
     }
 }
 
-pub(crate) fn sorted(e: SystemError) -> RhsError<SystemError> {
+fn sorted(e: SystemError) -> RhsError<SystemError> {
     if e.is_local() {
         RhsError::Retry(e)
     } else {
@@ -96,10 +100,16 @@ pub(crate) fn sorted(e: SystemError) -> RhsError<SystemError> {
     }
 }
 
-/// The length that keeps all nodes of a step as far as can be from a point one unit after its start.
-fn stretch(tableau: &Tableau) -> f64 {
-    let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
-    (130..300).map(|i| f64::from(i) / 100.0).fold(1.3, |b, r| if clearance(r) > clearance(b) { r } else { b })
+/// The length that keeps all nodes of a step as far as can be from a point one unit after its start; found once.
+fn stretch(tableau: &'static Tableau) -> f64 {
+    static KNOWN: OnceLock<[f64; METHODS.len()]> = OnceLock::new();
+    let best = |tableau: &Tableau| {
+        let clearance = |r: f64| tableau.c.iter().fold(r - 1.0, |m: f64, c| m.min((c * r - 1.0).abs()));
+        let tried = (130..300).map(|i| f64::from(i) / 100.0).map(|r| (r, clearance(r)));
+        tried.fold((1.3, f64::NEG_INFINITY), |best, x| if x.1 > best.1 { x } else { best }).0
+    };
+    let known = KNOWN.get_or_init(|| METHODS.map(best)).iter().zip(METHODS);
+    known.into_iter().find(|x| std::ptr::eq(x.1, tableau)).map_or_else(|| best(tableau), |x| *x.0)
 }
 
 /// March from `(t, q, v)` to the end; `sink` gets an output at each time of `t_eval`, `watch` is asked after each step.
@@ -116,26 +126,12 @@ pub fn simulate<F: Formulation>(
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
-    let dim = formulation.dim();
-    let mut y = vec![0.0; dim];
-    formulation.start(t, q, v, &mut y)?;
-    let mut march = March {
-        buffer: vec![0.0; dim],
-        slope: vec![0.0; dim],
-        output: Output { turns: vec![0; q.len()], ..Output::default() },
-        next: 0,
-        t_eval,
-        stretch: stretch(settings.tableau),
-        tolerance: settings.options.rtol.max(FINEST),
-    };
-    let options = Options { controlled: formulation.controlled(), ..settings.options.clone() };
-    let mut stepper = Stepper::new(settings.tableau, dim, options)
+    let control = Control::Free { max_steps: settings.max_steps };
+    let mut march = March::new(formulation, q.len(), settings.tableau, settings.options.clone(), control)
         .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
-    formulation.natural_sizes(&mut march.buffer);
-    stepper.set_sizes(&march.buffer);
-    while march.next < t_eval.len() && t_eval[march.next] <= t {
-        march.emit(formulation, t, &y, sink)?;
-    }
+    march.begin(formulation, t, (q, v), None)?;
+    let mut outputs = Outputs::new(t_eval, sink);
+    march.emit(formulation, &mut outputs)?;
     if settings.t_end <= t {
         return Ok(Outcome {
             status: Status::Finished,
@@ -147,19 +143,20 @@ pub fn simulate<F: Formulation>(
         });
     }
     // the outputs may have moved the formulation: the stepper evaluates its own start
-    if let Err(failure) = stepper.start(&mut Adapter(formulation), t, &y, settings.t_end) {
+    if let Err(failure) = march.set_out(formulation, settings.t_end) {
         return match failure {
             StepFailure::Rhs { error, .. } => Err(error),
             other => Err(SystemError::argument("initial", other.to_string())),
         };
     }
-    let ended = march.run(formulation, &mut stepper, settings, sink, watch);
-    let t = stepper.t_old();
+    let ended = march.go_on(formulation, &mut outputs, watch);
+    let counters = *march.stepper.counters();
+    let t = march.time();
     let (status, message, error) = match ended {
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),
     };
-    Ok(Outcome { status, message, t, counters: *stepper.counters(), passages: formulation.journal().passages, error })
+    Ok(Outcome { status, message, t, counters, passages: formulation.journal().passages, error })
 }
 
 fn sentence(status: Status, t: f64, settings: &Settings) -> String {
@@ -207,18 +204,63 @@ pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Op
     }
 }
 
-struct March<'t> {
+/// How steps are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// As long as the error allows, or as far apart as was asked for, however many it takes to the end.
+    Free {
+        /// Accepted steps at the most.
+        max_steps: u64,
+    },
+    /// So many equal ones to each end, whatever happens: for control loops. What acts may change at these ends, and only there.
+    /// None of them may be next to a singular position.
+    Ticks {
+        /// Steps to each end.
+        steps: u32,
+    },
+}
+
+/// Outputs that are asked for on the way.
+pub struct Outputs<'o> {
+    t_eval: &'o [f64],
+    next: usize,
+    sink: Sink<'o>,
+}
+
+impl<'o> Outputs<'o> {
+    /// At these ascending times, into `sink`.
+    pub fn new(t_eval: &'o [f64], sink: Sink<'o>) -> Self {
+        Self { t_eval, next: 0, sink }
+    }
+}
+
+/// A formulation's state on its way, and the stepper that takes it there. Memory is taken at the start; steps take none, but
+/// where the formulation changes coordinates.
+#[derive(Debug)]
+pub struct March {
+    control: Control,
+    stepper: Stepper,
+    /// Are lengths of steps chosen by their error?
+    free: bool,
+    t: f64,
+    y: Vec<f64>,
     buffer: Vec<f64>,
     slope: Vec<f64>,
     /// What the sink gets; its turns are those of the march.
     output: Output,
-    next: usize,
-    t_eval: &'t [f64],
     /// See [`Pace::stretch`].
     stretch: f64,
     /// What knots may add to a step, in parts of the velocities.
     tolerance: f64,
 }
+
+/// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
+const ATTEMPTS: u32 = 4;
+
+/// Nearer to a singular position than this, in parts of the reaches, no step of a tick may end: rates are quotients of what
+/// round-off leaves of the closing by the square of the distance, so that six digits of them are left here and none a little
+/// nearer.
+const NEAR: f64 = 1e-5;
 
 /// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a tenth of a
 /// step apart, so where a stage came close to the position, it lies between two stages then.
@@ -231,45 +273,163 @@ const BESIDE: f64 = 1.0 / 80.0;
 /// Knots that add less than this to a step are round-off.
 const FINEST: f64 = 1e-14;
 
-type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
+/// What outputs are handed to.
+pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
-impl March<'_> {
-    fn emit<F: Formulation>(&mut self, formulation: &mut F, t: f64, y: &[f64], sink: Sink) -> Result<(), SystemError> {
-        formulation.state_at(t, y, &mut self.output)?;
-        sink(&self.output)?;
-        self.next += 1;
+impl March {
+    /// For a formulation with nq coordinates, by a method with these options; their `controlled` is the formulation's.
+    ///
+    /// # Errors
+    /// Options out of range.
+    pub fn new<F: Formulation>(
+        formulation: &F,
+        nq: usize,
+        tableau: &'static Tableau,
+        options: Options,
+        control: Control,
+    ) -> Result<Self, OptionsError> {
+        let dim = formulation.dim();
+        let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(FINEST));
+        let options = Options { controlled: formulation.controlled(), ..options };
+        Ok(Self {
+            control,
+            stepper: Stepper::new(tableau, dim, options)?,
+            free,
+            t: 0.0,
+            y: vec![0.0; dim],
+            buffer: vec![0.0; dim],
+            slope: vec![0.0; dim],
+            output: Output { turns: vec![0; nq], ..Output::default() },
+            stretch: stretch(tableau),
+            tolerance,
+        })
+    }
+
+    /// Stand at (t, q, v), `turns` of each coordinate taken off before.
+    ///
+    /// # Errors
+    /// Where the formulation cannot start.
+    pub fn begin<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        t: f64,
+        (q, v): (&[f64], &[f64]),
+        turns: Option<&[i32]>,
+    ) -> Result<(), SystemError> {
+        self.t = t;
+        match turns {
+            Some(turns) => self.output.turns.copy_from_slice(turns),
+            None => self.output.turns.fill(0),
+        }
+        formulation.start(t, q, v, &mut self.y)?;
+        formulation.natural_sizes(&mut self.buffer);
+        self.stepper.set_sizes(&self.buffer);
         Ok(())
     }
 
-    fn run<F: Formulation>(
+    /// Time reached.
+    pub fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// State of the formulation there.
+    pub fn state(&self) -> &[f64] {
+        &self.y
+    }
+
+    /// Whole turns taken off each coordinate.
+    pub fn turns(&self) -> &[i32] {
+        &self.output.turns
+    }
+
+    /// Work of the stepper since it was made.
+    pub fn counters(&self) -> &Counters {
+        self.stepper.counters()
+    }
+
+    /// From where it stands to `t_end`, with the outputs up to there; `watch` is asked after each step.
+    ///
+    /// # Errors
+    /// What ends the march before. It has to [`begin`](Self::begin) anew then, where it stood or elsewhere.
+    pub fn advance_to<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        stepper: &mut Stepper,
-        settings: &Settings,
-        sink: Sink,
+        t_end: f64,
+        outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
-        while !stepper.finished() {
-            if stepper.counters().steps >= settings.max_steps {
-                return Ok(Status::MaxSteps);
+        self.set_out(formulation, t_end)?;
+        self.go_on(formulation, outputs, watch)
+    }
+
+    /// Evaluate the start of the way to `t_end`: what acts may have changed since the last step.
+    fn set_out<F: Formulation>(&mut self, formulation: &mut F, t_end: f64) -> Result<(), StepFailure<SystemError>> {
+        self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)
+    }
+
+    /// The way itself.
+    fn go_on<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Status, StepFailure<SystemError>> {
+        let ended = self.steps(formulation, outputs, watch);
+        self.t = self.stepper.t_old();
+        self.y.copy_from_slice(self.stepper.y_old());
+        ended
+    }
+
+    fn steps<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        outputs: &mut Outputs,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Status, StepFailure<SystemError>> {
+        let mut attempts = match self.control {
+            Control::Free { .. } => u32::MAX,
+            Control::Ticks { steps } => ATTEMPTS * steps,
+        };
+        while !self.stepper.finished() {
+            if let Control::Free { max_steps } = self.control {
+                if self.stepper.counters().steps >= max_steps {
+                    return Ok(Status::MaxSteps);
+                }
             }
-            self.step(formulation, stepper, settings, sink)?;
-            if watch(stepper.t_old()).is_break() {
+            self.step(formulation, outputs, &mut attempts)?;
+            if watch(self.stepper.t_old()).is_break() {
                 return Ok(Status::Interrupted);
             }
         }
         Ok(Status::Finished)
     }
 
+    /// The outputs where it stands.
+    fn emit<F: Formulation>(&mut self, formulation: &mut F, outputs: &mut Outputs) -> Result<(), SystemError> {
+        while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
+            formulation.state_at(self.t, &self.y, &mut self.output)?;
+            (outputs.sink)(&self.output)?;
+            outputs.next += 1;
+        }
+        Ok(())
+    }
+
     /// One accepted step with its outputs.
     fn step<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        stepper: &mut Stepper,
-        settings: &Settings,
-        sink: Sink,
+        outputs: &mut Outputs,
+        attempts: &mut u32,
     ) -> Result<(), StepFailure<SystemError>> {
         loop {
+            if let Control::Ticks { .. } = self.control {
+                if *attempts == 0 {
+                    let (t, h) = (self.stepper.t_old(), self.stepper.step_size());
+                    return Err(StepFailure::TooSmall { t, h, last: None });
+                }
+                *attempts -= 1;
+            }
+            let stepper = &mut self.stepper;
             stepper.attempt(&mut Adapter(formulation))?;
             let mut verdict = Verdict::Keep;
             let concluded = stepper.conclude_with(|t, y, dy, known| {
@@ -280,26 +440,34 @@ impl March<'_> {
             if concluded == Conclusion::Rejected {
                 continue;
             }
-            let free = settings.options.fixed_step.is_none();
             if verdict == Verdict::Repeat {
                 stepper.reject(0.5);
-                self.commit(formulation, stepper, verdict, free)?;
+                self.commit(formulation, verdict)?;
                 continue;
             }
-            if let Some(t) = free.then(|| formulation.knot_within(self.tolerance)).flatten() {
+            let near = || formulation.margin().is_some_and(|m| m.abs() < NEAR);
+            if matches!(self.control, Control::Ticks { .. }) && near() {
+                let t = stepper.t_new();
+                let message =
+                    "it would end next to a singular position, such as one in which links are in line and the motion can \
+                               branch, from where rates cannot be told; step over it: another number of substeps, another \
+                               length of steps";
+                return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
+            }
+            if let Some(t) = self.free.then(|| formulation.knot_within(self.tolerance)).flatten() {
                 stepper.end_at(t);
                 continue;
             }
-            match self.outputs(formulation, stepper, sink) {
+            match self.outputs(formulation, outputs) {
                 Ok(()) => {}
-                Err(StepFailure::Interpolation { .. }) if stepper.may_shrink() => {
-                    stepper.reject(0.5);
+                Err(StepFailure::Interpolation { .. }) if self.stepper.may_shrink() => {
+                    self.stepper.reject(0.5);
                     continue;
                 }
                 Err(failure) => return Err(failure),
             }
-            stepper.commit();
-            return self.commit(formulation, stepper, verdict, free);
+            self.stepper.commit();
+            return self.commit(formulation, verdict);
         }
     }
 
@@ -307,10 +475,9 @@ impl March<'_> {
     fn commit<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        stepper: &mut Stepper,
         verdict: Verdict,
-        free: bool,
     ) -> Result<(), StepFailure<SystemError>> {
+        let (free, stepper) = (self.free, &mut self.stepper);
         let t = stepper.t_old();
         self.buffer.copy_from_slice(stepper.y_old());
         self.slope.copy_from_slice(stepper.dy_old());
@@ -340,10 +507,10 @@ impl March<'_> {
     fn output_at<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        stepper: &mut Stepper,
         t: f64,
         y: &mut [f64],
     ) -> Result<(), StepFailure<SystemError>> {
+        let stepper = &mut self.stepper;
         let (from, to) = (stepper.t_old(), stepper.t_new());
         let mut state = |t: f64, out: &mut Output| {
             stepper.interpolate(&mut Adapter(formulation), t, y)?;
@@ -377,17 +544,15 @@ impl March<'_> {
     fn outputs<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        stepper: &mut Stepper,
-        sink: Sink,
+        outputs: &mut Outputs,
     ) -> Result<(), StepFailure<SystemError>> {
-        while self.next < self.t_eval.len() && self.t_eval[self.next] <= stepper.t_new() {
-            let t = self.t_eval[self.next];
+        while let Some(&t) = outputs.t_eval.get(outputs.next).filter(|t| **t <= self.stepper.t_new()) {
             let mut y = std::mem::take(&mut self.buffer);
-            let done = self.output_at(formulation, stepper, t, &mut y);
+            let done = self.output_at(formulation, t, &mut y);
             self.buffer = y;
             done?;
-            sink(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
-            self.next += 1;
+            (outputs.sink)(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
+            outputs.next += 1;
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! The door to Python: plain data in, arrays out. No mechanics here.
 
 mod arrays;
+mod balance;
 mod calls;
 mod failure;
 mod functions;
@@ -37,6 +38,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;
     m.add_function(wrap_pyfunction!(toml::parse_toml, m)?)?;
     m.add_function(wrap_pyfunction!(toml::toml_line, m)?)?;
+    m.add_function(wrap_pyfunction!(balance::reaction_findings, m)?)?;
+    m.add_function(wrap_pyfunction!(balance::energy_findings, m)?)?;
+    m.add_function(wrap_pyfunction!(balance::energy_floor, m)?)?;
     m.add_function(wrap_pyfunction!(version, m)?)?;
     Ok(())
 }

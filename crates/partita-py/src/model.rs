@@ -257,16 +257,6 @@ impl Model {
         })
     }
 
-    /// Why a run that stopped at t, with the closed position q shortly before, cannot go on to `until` as it is driven.
-    fn driven_beyond(slf: &Bound<'_, Self>, t: f64, q: Vector<'_>, until: f64) -> PyResult<Option<String>> {
-        let py = slf.py();
-        guarded(py, || {
-            let (model, own) = (slf.get(), slf.clone().unbind());
-            let q = vector(&q, model.nq(), "q")?;
-            heard(py, model.is_large(), move || analysis::poses::driven_beyond(&own.get().inner, t, &q, until))
-        })
-    }
-
     /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, words of
     /// the blocks, notes.
     #[pyo3(signature = (t, q, inputs))]
@@ -620,11 +610,6 @@ impl Model {
     /// Data that are possible and unlikely, in sentences.
     fn suspicious(&self) -> Vec<String> {
         analysis::doubtful::suspicious(&self.inner)
-    }
-
-    /// Which body lacks mass or inertia, in a sentence.
-    fn weightless(&self) -> Option<String> {
-        analysis::doubtful::weightless(&self.inner)
     }
 
     fn report(slf: &Bound<'_, Self>, t: f64, q: Vector<'_>) -> PyResult<String> {

@@ -1,8 +1,10 @@
 //! A mechanism's equations as a program for a page, with what the page must know of them.
 
 use crate::failure;
+use partita_analysis::error::AnalysisError;
+use partita_analysis::run::Looked;
 use partita_model::{DescriptionError, Model};
-use partita_system::{start, ConstrainedSystem, SystemError};
+use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use serde_json::{json, Map, Value};
 
@@ -10,15 +12,15 @@ use serde_json::{json, Map, Value};
 pub(crate) enum Refused {
     /// Something that acts cannot be recorded.
     Description(DescriptionError),
-    /// The rank of the conditions cannot be told.
-    System(SystemError),
+    /// Nothing can start there.
+    Start(AnalysisError),
 }
 
 /// As an exception.
 pub(crate) fn raised(py: Python<'_>, e: Refused) -> PyErr {
     match e {
         Refused::Description(e) => failure::description(py, &e),
-        Refused::System(e) => failure::system(py, e),
+        Refused::Start(e) => failure::analysis(py, e),
     }
 }
 
@@ -26,7 +28,8 @@ pub(crate) fn raised(py: Python<'_>, e: Refused) -> PyErr {
 pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Result<(Vec<u8>, String), Refused> {
     let made = model.recorded(names).map_err(Refused::Description)?;
     let size = model.size();
-    let dropped = start::analyse(model, t, q).map_err(Refused::System)?.dropped;
+    let rest = vec![0.0; size.nv];
+    let dropped = Looked::at(model, (t, q, &rest), (t, 1.0), 0.0).map_err(Refused::Start)?.start.dropped;
     let pattern = model.pattern();
     let rows: Vec<Value> = (0..size.rows)
         .map(|i| {

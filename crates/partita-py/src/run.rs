@@ -6,7 +6,7 @@ use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
-use partita_analysis::run::{self, Finding, Journal, Request, Run};
+use partita_analysis::run::{self, Balance, Finding, Journal, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
@@ -36,7 +36,7 @@ trait Told: Send + Sync {
 }
 
 /// Findings as plain data: broken, t, sentence.
-fn told(findings: &[Finding]) -> Vec<(bool, f64, String)> {
+pub fn told(findings: &[Finding]) -> Vec<(bool, f64, String)> {
     findings.iter().map(|x| (x.broken, x.t, x.sentence.clone())).collect()
 }
 
@@ -80,7 +80,7 @@ impl Account {
 }
 
 /// March `system` from `(q, v)` and return the dictionary of results.
-pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
+pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     py: Python<'py>,
     system: Arc<S>,
     request: &Request,
@@ -123,8 +123,11 @@ pub fn run<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     let mut cause = None;
     if let Some(error) = outcome.error.take() {
         let (said, name) = (outcome.message.clone(), blamed(&error));
+        let of_functions = matches!(error, SystemError::Derivative { .. });
         let error = failure::system(py, error);
-        if error.is_instance_of::<PyKeyboardInterrupt>(py) {
+        if of_functions {
+            cause = Some(error);
+        } else if error.is_instance_of::<PyKeyboardInterrupt>(py) {
             outcome.status = Status::Interrupted;
             outcome.message = format!("interrupted at t = {}; the outputs up to there are kept", outcome.t);
         } else if error.is_instance_of::<PyException>(py) {
@@ -169,7 +172,7 @@ pub struct Places<'x, 'py> {
 }
 
 /// Seconds of one evaluation, for each of the `options` with steps of the lengths `steps`; NaN where none works.
-pub fn costs<S: ConstrainedSystem<Scratch: Send> + Send + Sync>(
+pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
     py: Python<'_>,
     system: &S,
     options: &[String],
@@ -215,35 +218,6 @@ pub fn costs<S: ConstrainedSystem<Scratch: Send> + Send + Sync>(
         (_, Some(e)) => Err(e),
         (None, None) => Ok(vec![f64::NAN; contenders.len()]),
     }
-}
-
-/// Ask `right` about the middle and the last output of a run; what is wrong takes its success away, in words.
-pub fn doubt(
-    py: Python<'_>,
-    d: &Bound<'_, PyDict>,
-    right: &impl Fn(f64, &[f64], &[f64]) -> Result<(), SystemError>,
-) -> PyResult<()> {
-    let read = |key: &str| -> PyResult<(usize, Vec<f64>)> {
-        let Some(x) = d.get_item(key)? else { return Ok((0, Vec::new())) };
-        let x = crate::arrays::entries(&x).unwrap_or_default();
-        Ok((x.len(), x))
-    };
-    let ((nt, t), (_, q), (_, v)) = (read("t")?, read("q")?, read("v")?);
-    if nt == 0 {
-        return Ok(());
-    }
-    let row = |x: &[f64], i: usize| x[i * x.len() / nt..(i + 1) * x.len() / nt].to_vec();
-    for i in [nt / 2, nt - 1] {
-        // a function that fails at an output was told already
-        if let Err(e @ SystemError::Derivative { .. }) = right(t[i], &row(&q, i), &row(&v, i)) {
-            d.set_item("success", false)?;
-            d.set_item("status", Status::EvaluationFailed.word())?;
-            d.set_item("message", format!("the run cannot be right: {e}"))?;
-            d.set_item("error", failure::system(py, e).into_value(py))?;
-            return Ok(());
-        }
-    }
-    Ok(())
 }
 
 /// Whose evaluation failed.

@@ -9,6 +9,8 @@ use toml_edit::{Document, Item, TableLike, TomlError, Value};
 
 /// Bytes above which reading may take longer than a signal should wait.
 const LONG: usize = 200_000;
+/// Names of more parts than this are refused by the parser.
+const PARTS: usize = 80;
 
 fn line(text: &str, at: usize) -> usize {
     1 + text.as_bytes()[..at.min(text.len())].iter().filter(|b| **b == b'\n').count()
@@ -102,6 +104,15 @@ impl Walk<'_> {
 }
 
 fn refused(py: Python<'_>, text: &str, path: &str, e: &TomlError) -> PyErr {
+    let dots = |x: &str| x.bytes().filter(|b| *b == b'.').count();
+    let longest =
+        text.lines().enumerate().max_by_key(|(i, x)| (dots(x), usize::MAX - i)).map(|(i, x)| (i + 1, dots(x) + 1));
+    // the parser tells the place of every error but that of a name of too many parts
+    if let (None, Some((line, parts))) = (e.span(), longest.filter(|x| x.1 > PARTS)) {
+        let message =
+            format!("{path}, line {line}: a name of {parts} parts nests tables without end ({})", e.message().trim());
+        return raise(py, "FileFormatError", &message, &[("path", path.into()), ("line", line.into())]);
+    }
     let line = e.span().map(|s| line(text, s.start));
     let place = line.map_or_else(|| path.to_string(), |l| format!("{path}, line {l}"));
     let message = format!("{place}: {}", e.message().replace('\n', " "));

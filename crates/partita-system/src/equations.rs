@@ -54,6 +54,8 @@ pub struct ByHand<E: Equations> {
     pattern: Pattern,
     /// Characteristic lengths of the coordinates.
     lengths: Vec<f64>,
+    /// Are derivatives to be compared with differences?
+    checked: bool,
 }
 
 /// What was evaluated last.
@@ -72,7 +74,19 @@ impl<E: Equations> ByHand<E> {
     pub fn new(equations: E) -> Self {
         let pattern = Pattern::dense(equations.rows(), equations.n());
         let lengths = vec![1.0; equations.n()];
-        Self { equations, pattern, lengths }
+        Self { equations, pattern, lengths, checked: false }
+    }
+
+    /// With derivatives that are compared with differences wherever somebody looks at a motion.
+    #[must_use]
+    pub fn checked(mut self, checked: bool) -> Self {
+        self.checked = checked;
+        self
+    }
+
+    /// Are derivatives to be compared with differences?
+    pub fn is_checked(&self) -> bool {
+        self.checked
     }
 
     /// With these characteristic lengths: what a large move of each coordinate is, 1 for an angle.

@@ -269,7 +269,7 @@ pub enum SystemError {
         gap: f64,
         /// Its unit.
         unit: Box<str>,
-        /// Is the one left out a drive?
+        /// Is one of them a drive?
         drive: bool,
     },
     /// A condition is left in a step, however short.
@@ -369,7 +369,7 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
     };
-    let advice = match drive || whom.iter().any(|w| w.contains("drive")) {
+    let advice = match drive {
         true => "take a drive away, or prescribe motions that agree",
         false => "take one of them away, or give lengths and directions that agree",
     };

@@ -166,6 +166,8 @@ pub struct Journal {
     pub open: (f64, f64),
     /// The same in parts of sizes, with times and rows.
     pub gaps: Gaps,
+    /// What else steps and outputs were held against.
+    pub checks: StepChecks,
     /// What the user should know besides, in sentences.
     pub notes: Vec<String>,
 }
@@ -179,6 +181,16 @@ pub struct Gap {
     pub t: f64,
     /// Which row.
     pub row: usize,
+}
+
+impl Gap {
+    /// The worse of two; NaN is worse than any number.
+    fn worse(self, other: Self) -> Self {
+        match other.part > self.part || other.part.is_nan() {
+            true => other,
+            false => self,
+        }
+    }
 }
 
 /// What stood open at the ends of the steps taken, all rows looked at.
@@ -199,9 +211,38 @@ impl Gaps {
 
     /// Take over what is worse in `other`.
     pub fn raise(&mut self, other: &Self) {
-        let worse = |a: Gap, b: Gap| if b.part > a.part { b } else { a };
-        self.position = worse(self.position, other.position);
-        self.velocity = worse(self.velocity, other.velocity);
+        self.position = self.position.worse(other.position);
+        self.velocity = self.velocity.worse(other.velocity);
+    }
+}
+
+/// What accepted steps and outputs were held against besides the closure of the conditions at the ends of steps, each
+/// where it was worst.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepChecks {
+    /// C v' + b over all rows, in parts of the strongest acceleration so far.                    (S5)
+    pub acceleration: Gap,
+    /// Change of v between what was integrated and what satisfies S4, at the ends of steps and outputs, in the mass metric, in parts of the
+    /// largest speed so far. It has no row.
+    pub jump: Gap,
+    /// Where conditions are left open: Φ in parts of its sizes, over the squared distance from a singular position. From
+    /// 1 on it is the error that decides on which branch a motion goes on. It has no row.
+    pub branch: Gap,
+    /// Φ and C v + a at the outputs, in parts as at the ends of steps.
+    pub outputs: Gaps,
+    /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It has no
+    /// row.
+    pub surge: Gap,
+}
+
+impl StepChecks {
+    /// Take over what is worse in `other`.
+    pub fn raise(&mut self, other: &Self) {
+        self.acceleration = self.acceleration.worse(other.acceleration);
+        self.jump = self.jump.worse(other.jump);
+        self.branch = self.branch.worse(other.branch);
+        self.outputs.raise(&other.outputs);
+        self.surge = self.surge.worse(other.surge);
     }
 }
 

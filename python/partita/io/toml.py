@@ -87,23 +87,9 @@ def read(path: Path, make: Maker) -> Any:
 def parse(text: str, make: Maker, path: str = "text") -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
     with _growing():
-        content, begins = _parsed(text, path)
+        content, begins = _core.parse_toml(text, path)
         file = _File(path, text, json.loads(content), json.loads(begins))
         return file.mechanism(make)
-
-
-def _parsed(text: str, path: str) -> tuple[str, str]:
-    """The content and where the members of its lists begin, as JSON. Of keys of too many parts the core
-    does not say the line."""
-    try:
-        return _core.parse_toml(text, path)
-    except FileFormatError as error:
-        if getattr(error, "line", None) is not None or "recursion limit" not in str(error):
-            raise
-        parts = [line.count(".") for line in text.splitlines()]
-        line = 1 + parts.index(max(parts))
-        message = f"{path}, line {line}: a name of {max(parts) + 1} parts nests tables without end (recursion limit)"
-        raise FileFormatError(message, path=path, line=line) from error
 
 
 @contextmanager

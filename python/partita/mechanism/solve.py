@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
-from ..errors import ArgumentError, AssemblyError, DescriptionError, UnknownNameError
+from ..errors import ArgumentError, AssemblyError, UnknownNameError
 from ..numeric import floats, shown
 from ..results import Result
 from ..state import Layout, State
@@ -19,9 +19,6 @@ from ..tangent import TangentVelocities
 from .branches import on_branch
 from .goals import Goal, asked, goals_of, inputs_of, state_units, units_of
 from .models import Modelled, compile, layout_of
-
-_OF_A_POSITION = ("singular", "step-too-small")
-"""How a run ends that is driven to where the joints do not go."""
 
 
 def assemble(
@@ -420,22 +417,7 @@ def simulate(
         renew=renew,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    try:
-        raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
-    except DescriptionError as error:
-        short = any(words in error.message for words in ("mass matrix", "moves no mass"))
-        who = model.core.weightless() if short else None
-        # a motion already named needs no more than the rod that spins
-        if who is None or ("moves no mass" in error.message and not who.startswith("no inertia")):
-            raise
-        raise DescriptionError(f"{error.message}; {who}", **error.fields) from None
-    if raw["status"] in _OF_A_POSITION:
-        last = raw["q"][-1] if len(raw["q"]) else start.q
-        why = model.core.driven_beyond(raw["ended"], last, chosen["t_end"])
-        if why is not None:
-            # whether the step or the pivot was the first to give way there is a matter of rounding
-            raw["status"] = "singular"
-            raw["message"] = f"stopped at t = {raw['ended']:.6f} s, driven further than the joints allow: {why}"
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
     raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
     chosen["coordinates"] = coordinates
     return Result.from_run(

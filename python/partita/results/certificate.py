@@ -69,7 +69,8 @@ class Certificate:
     """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it fits.
     `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
-    """What stands against the run: broken or doubtful, when [s], and a sentence."""
+    """What stands against the run: broken or doubtful, when [s], and a sentence. Those of its steps and ends decided
+    its `success`; those of all outputs are told here and leave it as it is."""
 
     @property
     def verdict(self) -> str:
@@ -145,7 +146,7 @@ def certify(result: Readable) -> Certificate:
             result.energy,
             tolerance(result.record.options),
             int(result.counters.get("steps", 0)),
-            unnoticed(result.spec, result.record.options),
+            unnoticed(result.record.description, result.record.options),
         )
     grown: dict[str, Any] = _of_outputs(result) if result.names.bodies and len(result.t) else {}
     if newton_euler is not None:

@@ -26,7 +26,7 @@ from .self_stress import SelfStresses, self_stresses_of
 from .sensor import LiveSensors, RunSignals, SensorResult, StoredSensors, account_of, result_of
 from .source import BODIES, Arrays, ModelSource, Source
 from .variables import units
-from .verdict import DOUBTFUL, Finding, of_energy, of_reactions, tolerance, unnoticed, word_of
+from .verdict import DOUBTFUL, Finding, word_of
 
 FloatArray = NDArray[np.float64]
 R = TypeVar("R", bound="Run")
@@ -97,43 +97,20 @@ class Run:
 
     @property
     def success(self) -> bool:
-        """Whether the run reached its end and what it returned holds: all conditions closed at every step, the
-        energy balanced, reactions in balance with the motion. Of reactions it looks at the first and the last output;
-        with the certificate, at all."""
-        return self._record.success and self._broken is None
+        """Whether the run reached its end and holds: all conditions closed at every step and output, velocities without
+        a jump, the energy balanced, reactions of the first and the last output in balance with the motion. It is
+        decided when the run ends; the certificate looks at more and changes nothing of it."""
+        return self._record.success
 
     @property
     def status(self) -> str:
         """How the run ended, in a word: "finished", "broken" (at its end, with a result that does not hold), ..."""
-        return "broken" if self._record.success and self._broken else self._record.status
+        return self._record.status
 
     @property
     def message(self) -> str:
         """How the run ended, in a sentence."""
-        broken = self._broken if self._record.success else None
-        told = self._record.message
-        return told if broken is None else f"{told}, but the result is broken: {broken.sentence}"
-
-    @property
-    def _broken(self) -> Finding | None:
-        """The first finding by which the run is broken, among those known."""
-        known = self.certificate.findings if "certificate" in self.__dict__ else self._at_ends
-        return next((finding for finding in known if finding.broken), None)
-
-    @cached_property
-    def _at_ends(self) -> list[Finding]:
-        """What is known without the reactions of every output: of the steps, the energy, the first and last output."""
-        known = list(self._record.findings)
-        if self._source is not None and len(self.t):
-            ends = [0, -1] if len(self.t) > 1 else [0]
-            own = of_reactions(self.t[ends], self._source.residual_at(ends), self.options)
-            if self.has_energy:
-                explained = tolerance(self._record.options)
-                least = unnoticed(self.spec, self._record.options)
-                own += of_energy(self.t, self.energy, explained, int(self.counters.get("steps", 0)), least)
-            self._warn(own)
-            known += own
-        return known
+        return self._record.message
 
     def _warn(self, findings: Sequence[Finding]) -> None:
         """One warning for a result that is doubtful and not known to be broken."""

@@ -5,7 +5,7 @@ import sys
 from collections import Counter
 from multiprocessing import Pool
 
-from . import FAMILIES, Seen, trial
+from . import FAMILIES, FULL, Seen, trial
 
 USUAL = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 """The default tolerance and tighter ones: here no run may be wrong."""
@@ -21,10 +21,22 @@ def one(task: tuple[tuple[float, ...], int]) -> Seen:
     return trial(list(FAMILIES)[family], seed, tolerances[tolerance])
 
 
+def all_velocities(task: tuple[str, float, int]) -> Seen:
+    """A crossed parallelogram, in a form that integrates all velocities."""
+    formulation, tolerance, seed = task
+    return trial("crossed parallelogram", seed, tolerance, formulation)
+
+
 def main(count: int) -> int:
-    """Print what was counted and the first that went wrong; 1 if any did at the default tolerance or tighter."""
+    """Print what was counted and the first that went wrong; 1 if any did at the default tolerance or tighter, or in a
+    form that integrates all velocities at loose ones."""
     loose = count // 5
     with Pool(os.cpu_count()) as pool:
+        tasks = [(form, rtol, seed) for form in FULL for rtol in (1e-3, 1e-4, 1e-5) for seed in range(35)]
+        full = pool.map(all_velocities, tasks, chunksize=8)
+        told("of all velocities at loose tolerances", full)
+        if any(x.outcome == "wrong" or not x.steady for x in full):
+            return 1
         told("at loose tolerances", pool.map(one, [(LOOSE, i) for i in range(loose)], chunksize=8))
         found = pool.map(one, [(USUAL, i) for i in range(count)], chunksize=8)
     return told("at the default tolerance and tighter", found)

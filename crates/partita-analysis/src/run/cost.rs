@@ -1,14 +1,13 @@
 //! What one evaluation costs, and nothing else: no steps, no outputs, all contenders at the same places, in turns.
 
-use super::Request;
+use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_system::formulation::{registry, Formulation, Step, Verdict};
+use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::TangentMap;
 use partita_system::record::{Journal as Record, Output, PartitionEvent, Sample};
-use partita_system::start;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -104,27 +103,35 @@ struct Trial<'s> {
 
 impl<'s> Trial<'s> {
     /// Everything set up and seen to work; `None` where it does not.
-    fn new<S: ConstrainedSystem<Scratch: Send>>(
+    fn new<S: Balance<Scratch: Send>>(
         system: &'s S,
-        rank: usize,
         contender: &Contender,
         place: &Place,
         watch: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, AnalysisError> {
-        let options = contender.request.formulation_options(system, contender.tangent.clone())?;
-        let settings = contender.request.settings()?;
         // the same march twice: once to the end of a step, to see its stages, and once to its beginning
         let mut marched = |steps: u64| {
-            let formulation = registry::by_name(&contender.request.formulation, system, rank, &options).ok()?;
-            let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
             let t_end = place.t + steps as f64 * contender.step;
+            let request = Request { t0: place.t, t_end, ..contender.request.clone() };
+            let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&place.q, &place.v)) {
+                Ok(prepared) if prepared.departure.is_none() => prepared,
+                // one that does not work there has no cost
+                Ok(_)
+                | Err(
+                    AnalysisError::System(SystemError::SingularStart { .. } | SystemError::Singular { .. })
+                    | AnalysisError::Argument { argument: "formulation", .. },
+                ) => return Ok(None),
+                Err(e) => return Err(e),
+            };
+            let Prepared { formulation, settings, .. } = prepared;
+            let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
             let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
-            let settings = Settings { t_end, options: fixed, ..settings.clone() };
+            let settings = Settings { t_end, options: fixed, ..settings };
             let (mut sink, mut ask) = (|_: &Output| Ok(()), |_: f64| watch());
-            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut ask).ok()?;
-            (end.status == Status::Finished).then_some(noted)
+            let end = simulate(&mut noted, place.t, &place.q, &place.v, &[], &settings, &mut sink, &mut ask);
+            Ok(end.is_ok_and(|end| end.status == Status::Finished).then_some(noted))
         };
-        let (Some(ahead), Some(here)) = (marched(BEFORE + 1), marched(BEFORE)) else { return Ok(None) };
+        let (Some(ahead), Some(here)) = (marched(BEFORE + 1)?, marched(BEFORE)?) else { return Ok(None) };
         let (formulation, stages) = (here.formulation, ahead.last_step);
         let dy = vec![0.0; formulation.dim()];
         if stages.len() < 2 || stages.iter().any(|x| x.1.len() != dy.len()) {
@@ -166,19 +173,17 @@ impl<'s> Trial<'s> {
 ///
 /// # Errors
 /// Options that make no sense, or places where the system cannot be analysed.
-pub fn evaluation_costs<S: ConstrainedSystem<Scratch: Send>>(
+pub fn evaluation_costs<S: Balance<Scratch: Send>>(
     system: &S,
     contenders: &[Contender],
     places: &[Place],
     watch: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Option<Vec<f64>>, AnalysisError> {
     let (mut sums, mut counts) = (vec![0.0; contenders.len()], vec![0_u32; contenders.len()]);
-    let Some(first) = places.first() else { return Ok(Some(vec![f64::NAN; contenders.len()])) };
-    let rank = start::analyse(system, first.t, &first.q)?.rank;
     for place in places {
         let mut trials = Vec::with_capacity(contenders.len());
         for contender in contenders {
-            trials.push(Trial::new(system, rank, contender, place, watch)?);
+            trials.push(Trial::new(system, contender, place, watch)?);
             if watch().is_break() {
                 return Ok(None);
             }

@@ -9,7 +9,8 @@ use partita_system::{ConstrainedSystem, SystemError};
 /// The step out of it, and what is told of it.
 pub(super) struct Departure<'s, S: ConstrainedSystem> {
     pub launch: Launch<'s, S>,
-    note: String,
+    /// What is told of it.
+    pub note: String,
 }
 
 /// The first step from (t, q, v) that was refused as `singular`, up to `end` at the latest.

@@ -4,7 +4,7 @@ use crate::error::AnalysisError;
 use partita_math::told;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::ConstrainedSystem;
 
 /// Rows open by more than this many times their own round-off are open: what an assembly leaves is a thousandth of it.
 const OPEN: f64 = 1e4;
@@ -17,35 +17,37 @@ const STANDING: f64 = 1e-13;
 /// is nearest is a question to an assembly.
 const ELSEWHERE: f64 = 1e-2;
 
-/// Refuse a start that is not next to one that satisfies the constraints.
-pub(super) fn refuse<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> Result<(), AnalysisError> {
+/// What a start leaves open.
+pub struct Seen {
+    /// Where it does not satisfy S3 or S4, in words.
+    said: Vec<String>,
+    /// Is S3 among them?
+    open: bool,
+}
+
+/// Look at a start, and refuse one that is not next to one that satisfies the constraints.
+///
+/// # Errors
+/// `Argument`, and where the system cannot be evaluated there.
+pub(super) fn see<S: ConstrainedSystem>(
+    system: &S,
+    rank: usize,
+    (t, q, v): (f64, &[f64], &[f64]),
+) -> Result<Seen, AnalysisError> {
     let mut r = Reduction::new(system, rank);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (open, row) = r.openness();
-    if 4.0 * f64::EPSILON * open < ELSEWHERE {
-        return Ok(());
+    if 4.0 * f64::EPSILON * open >= ELSEWHERE {
+        return Err(AnalysisError::Argument {
+            argument: "initial",
+            message: format!(
+                "the start does not satisfy the constraints: {} is open by {}; start from what assemble() makes of it",
+                system.row_name(row),
+                told(r.phi[row].abs())
+            ),
+        });
     }
-    Err(AnalysisError::Argument {
-        argument: "initial",
-        message: format!(
-            "the start does not satisfy the constraints: {} is open by {}; start from what assemble() makes of it",
-            system.row_name(row),
-            told(r.phi[row].abs())
-        ),
-    })
-}
-
-/// Where (t, q, v) does not satisfy S3 or S4, and by how much `first`, the output there, was moved from it.
-pub(super) fn note<S: ConstrainedSystem>(
-    system: &S,
-    rank: usize,
-    (t, q, v): (f64, &[f64], &[f64]),
-    first: Option<&Output>,
-) -> Result<Option<String>, SystemError> {
-    let mut r = Reduction::new(system, rank);
-    r.position(t, q)?;
-    r.refresh_scales(t, q)?;
     let (open, row) = r.openness();
     let mut said = Vec::new();
     if open > OPEN {
@@ -67,8 +69,18 @@ pub(super) fn note<S: ConstrainedSystem>(
     if worst.0 > 0.0 {
         said.push(format!("{} opens by {} a second", system.row_name(worst.1), told(worst.2)));
     }
+    Ok(Seen { said, open: open > OPEN })
+}
+
+/// What was seen of the start (t, q, v), and by how much `first`, the output there, was moved from it.
+pub(super) fn note<S: ConstrainedSystem>(
+    system: &S,
+    Seen { said, open }: &Seen,
+    (t, q, v): (f64, &[f64], &[f64]),
+    first: Option<&Output>,
+) -> Option<String> {
     if said.is_empty() {
-        return Ok(None);
+        return None;
     }
     let moved = match first.filter(|x| x.t == t) {
         None => "an output there shows by how much it was moved".into(),
@@ -76,11 +88,11 @@ pub(super) fn note<S: ConstrainedSystem>(
             let names = (0..v.len()).map(|i| system.velocity_name(i));
             let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
-            let position = if open > OPEN { format!("positions by up to {}, ", told(far)) } else { String::new() };
+            let position = if *open { format!("positions by up to {}, ", told(far)) } else { String::new() };
             format!("the first output is moved from it: {position}velocities by up to {} ({})", told(by.1), by.0)
         }
     };
-    Ok(Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", "))))
+    Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", ")))
 }
 
 fn largest(all: impl Iterator<Item = (String, f64)>) -> (String, f64) {

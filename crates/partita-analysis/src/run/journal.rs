@@ -1,21 +1,16 @@
 //! What a run keeps, and what follows from it when it is asked for.
 
 use super::verdict::{Finding, Limits};
+use super::Recipe;
 use crate::outputs::{tables, Rows, Watch};
-use partita_system::formulation::registry;
-use partita_system::options::FormulationOptions;
 use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
 use partita_system::reduction::largest;
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Outputs of a run with the choices in use: from them everything else about an instant can be computed later.
 pub struct Journal {
-    /// The formulation, by name.
-    pub formulation: String,
-    /// Rank of the constraints.
-    pub rank: usize,
-    /// What the formulation was told.
-    pub options: FormulationOptions,
+    /// How the formulation is made.
+    pub recipe: Recipe,
     /// Choices, the first included.
     pub events: Vec<PartitionEvent>,
     /// Closed positions and velocities.
@@ -78,10 +73,10 @@ impl Journal {
     ) -> Result<std::vec::IntoIter<Vec<f64>>, E> {
         // of redundant rows those in use depend on the outputs before
         let size = system.size();
-        let chunk = if shared && self.rank == size.rows { chunk(size.nv) } else { usize::MAX };
+        let chunk = if shared && self.recipe.rank == size.rows { chunk(size.nv) } else { usize::MAX };
         let row = |i: usize, (f, sample): &mut (Option<_>, Sample), rows: &mut Rows| {
             if i % chunk == 0 {
-                *f = Some(registry::by_name(&self.formulation, system, self.rank, &self.options)?);
+                *f = Some(self.recipe.make(system)?);
             }
             let Some(f) = f else { return Ok(()) };
             describe(&mut **f, &self.outputs[i], &self.events, sample)?;
@@ -104,7 +99,7 @@ impl Journal {
         watch: Watch<E>,
     ) -> Result<Described, E> {
         let size = system.size();
-        let k = size.nv - self.rank;
+        let k = size.nv - self.recipe.rank;
         let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
             rows.row(0, i).copy_from_slice(&sample.vdot);
             rows.row(1, i).copy_from_slice(&sample.multipliers);
@@ -189,7 +184,7 @@ impl Journal {
         let without = |i: &usize| found.vdot[i * nv..(i + 1) * nv].iter().any(|x| x.is_nan());
         let all: Vec<usize> = (0..self.outputs.len()).filter(without).collect();
         let Some(&first) = all.first() else { return Ok(None) };
-        let mut f = registry::by_name(&self.formulation, system, self.rank, &self.options)?;
+        let mut f = self.recipe.make(system)?;
         let mut sample = Sample { brief: true, ..Sample::default() };
         describe(&mut *f, &self.outputs[first], &self.events, &mut sample)?;
         let times = super::some(&all, |&i| format!("{:.6}", self.outputs[i].t));

@@ -1,26 +1,29 @@
 //! A run from end to end: look at the start, choose, march, and keep what everything else can be computed from.
 
+pub mod balance;
 pub mod cost;
 mod departure;
 mod inconsistent;
 mod journal;
+mod prepared;
 mod request;
 mod stepping;
 mod verdict;
 
+pub use balance::Balance;
 pub use journal::{Assessed, Described, Journal};
+pub use prepared::{Looked, Prepared, Recipe};
 pub use request::Request;
 pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome, Status};
-use partita_system::formulation::{registry, Formulation};
+use partita_system::formulation::Formulation;
 use partita_system::options::TangentMap;
+use partita_system::positions::turns;
 use partita_system::record::{FormulationCounters, Gaps, Output};
-use partita_system::singular::consistency;
-use partita_system::start::{self, Start};
-use partita_system::{weight, ConstrainedSystem, SystemError};
+use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -51,21 +54,6 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
     format!("{}{more}", first.join(", "))
 }
 
-/// Does what ends then end inside the run, by more than the round-off of its last step?
-fn within(end: f64, request: &Request) -> bool {
-    end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
-}
-
-fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
-    format!(
-        "{} closing rows say nothing that the others do not and were dropped by rank ({}); the gap between kept and dropped \
-         pivots is {:.1e}",
-        found.dropped.len(),
-        some(&found.dropped, |&i| system.row_name(i)),
-        found.gap
-    )
-}
-
 fn note_of_passages(outcome: &Outcome) -> String {
     format!(
         "{} singular positions of the mechanism were stepped over (t = {}); around them the loops were closed inside every \
@@ -76,24 +64,31 @@ fn note_of_passages(outcome: &Outcome) -> String {
     )
 }
 
-/// A run of a structure: it is no motion, and no failure either.
-const CANNOT_MOVE: &str =
-    "the mechanism cannot move: its joints make a structure of the bodies, with no degree of freedom; the run \
-     holds it where it is, and its reactions are those at rest";
-
-/// What a structure is told whose conditions are too weak for its reactions to be computed.
-fn no_reactions() -> AnalysisError {
-    let message = "the mechanism cannot move: it is held by conditions so weak that what they carry is lost in rounding; draw its \
-                   joints exactly as they are meant, or give a larger drawing_tolerance for the play they have"
-        .to_string();
-    AnalysisError::Argument { argument: "drawing_tolerance", message }
+/// A motion that stopped in a position: was it driven to where the joints do not go? Whether the step or the pivot was the
+/// first to give way there is a matter of rounding.
+fn tell_driven_beyond<S: Balance>(
+    system: &S,
+    request: &Request,
+    last: Option<&Output>,
+    q: &[f64],
+    outcome: &mut Outcome,
+) {
+    if !matches!(outcome.status, Status::Singular | Status::StepTooSmall) {
+        return;
+    }
+    let last =
+        last.map_or_else(|| q.to_vec(), |x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect());
+    if let Some(why) = system.driven_beyond(outcome.t, &last, request.t_end) {
+        outcome.status = Status::Singular;
+        outcome.message = format!("stopped at t = {:.6} s, driven further than the joints allow: {why}", outcome.t);
+    }
 }
 
 /// March `system` from `(q, v)` as asked, with outputs at `t_eval`; `watch` is asked after every step whether to go on.
 ///
 /// # Errors
 /// What was asked makes no sense, or nothing could start. A run that ends early is a run: see its outcome.
-pub fn run<S: ConstrainedSystem<Scratch: Send>>(
+pub fn run<S: Balance<Scratch: Send>>(
     system: &S,
     request: &Request,
     tangent: Option<Arc<dyn TangentMap>>,
@@ -101,62 +96,29 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
-    let mut settings = request.settings()?;
-    settings.options.corners = system.corners();
-    let ends = system.horizon().filter(|(end, _)| within(*end, request));
-    if let Some((end, _)) = &ends {
-        settings.t_end = *end;
-    }
-    let options = request.formulation_options(system, tangent)?;
-    let limits = Limits::of(request);
-    let mut notes = Vec::new();
-    let unread = registry::unread(&request.formulation, &options);
-    if !unread.is_empty() {
-        notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
-    }
-    let (found, mut launched) = match start::analyse(system, request.t0, q) {
-        Err(e @ SystemError::SingularStart { .. }) => {
-            let end = settings.options.corners.iter().copied().find(|t| *t > request.t0);
-            let end = end.map_or(settings.t_end, |corner| corner.min(settings.t_end));
-            let departure = departure::depart(system, (request.t0, q, v), (end, request.rtol), e)?;
-            (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
-        }
-        found => (found?, None),
-    };
-    let (t, q_start, v_start) = match &launched {
+    let Prepared { formulation: mut f, recipe, settings, limits, mut notes, rigid, ends, mut departure, seen, .. } =
+        Prepared::new(system, request, tangent, (q, v))?;
+    let (t, q_start, v_start) = match &departure {
         Some(x) => (x.launch.t, x.launch.q.clone(), x.launch.v.clone()),
         None => (request.t0, q.to_vec(), v.to_vec()),
     };
-    let (q_start, v_start) = (&q_start[..], &v_start[..]);
-    if !found.dropped.is_empty() {
-        notes.push(note_of_dropped(system, &found));
-        consistency::check(system, &found, (t, q_start, v_start), request.t_end - t)?;
-    }
-    inconsistent::refuse(system, found.rank, t, q_start)?;
-    let rigid = found.rank == system.size().nv && !(0..system.size().rows).any(|i| system.row_is_drive(i));
-    if rigid && !system.rheonomic() {
-        notes.push(CANNOT_MOVE.to_string());
-    }
-    weight::refuse(system, t, q_start, found.rank)?;
-    notes.extend(system.start_notes(q_start, v_start)?);
-    let mut f = registry::by_name(&request.formulation, system, found.rank, &options)
-        .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
     let mut outputs = Vec::with_capacity(t_eval.len());
     let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
-    let done = match &mut launched {
+    let done = match &mut departure {
         Some(departure) => departure.outputs(reached, &mut outputs)?,
         None => 0,
     };
-    let work = launched.as_ref().map_or(0.0, |x| x.launch.work);
+    let work = departure.as_ref().map_or(0.0, |x| x.launch.work);
     let mut sink = |output: &Output| {
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let mut outcome = match simulate(&mut f, t, q_start, v_start, &reached[done..], &settings, &mut sink, watch) {
-        Err(SystemError::Singular { .. }) if rigid => return Err(no_reactions()),
-        outcome => outcome?,
+    let mut outcome = match simulate(&mut f, t, &q_start, &v_start, &reached[done..], &settings, &mut sink, watch) {
+        Err(SystemError::Singular { .. }) if rigid => return Err(prepared::no_reactions()),
+        Err(e) => return Err(prepared::explained(system, e.into())),
+        Ok(outcome) => outcome,
     };
-    if let Some(departure) = &launched {
+    if let Some(departure) = &departure {
         departure.tell(&mut outcome, &mut notes);
     }
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
@@ -167,18 +129,18 @@ pub fn run<S: ConstrainedSystem<Scratch: Send>>(
             request.t_end
         );
     }
-    notes.extend(inconsistent::note(system, found.rank, (request.t0, q, v), outputs.first())?);
+    tell_driven_beyond(system, request, outputs.last(), q, &mut outcome);
+    notes.extend(inconsistent::note(system, &seen, (request.t0, q, v), outputs.first()));
     let told = f.journal();
     notes.extend(told.notes);
     if !outcome.passages.is_empty() {
         notes.push(note_of_passages(&outcome));
     }
     let (rows, counters, events, open, gaps) = (told.rows, told.counters, told.events, told.open, told.gaps);
-    drop(f);
-    let journal =
-        Journal { formulation: request.formulation.clone(), rank: found.rank, options, events, outputs, limits };
+    let journal = Journal { recipe, events, outputs, limits };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
-    verdict::of_steps(&outcome, &mut findings);
+    limits.judge_checks(system, &told.checks, &mut findings);
+    verdict::conclude(system, &mut f, &journal, &mut outcome, &mut findings);
     Ok(Run { outcome, journal, counters, rows, open, gaps, notes, findings })
 }

@@ -1,26 +1,34 @@
 //! A motion taken tick by tick, for control loops: the same formulation, corrections and exchanges as a run.
 
-use super::{inconsistent, note_of_dropped, registry, verdict, Journal, Limits, Request, Run, CANNOT_MOVE};
+use super::departure::Departure;
+use super::prepared::CANNOT_MOVE;
+use super::{verdict, Balance, Journal, Limits, Looked, Prepared, Recipe, Request, Run};
 use crate::error::AnalysisError;
-use partita_integrate::clock::{Clock, Ticks};
 use partita_integrate::counters::Counters;
-use partita_integrate::simulate::{explain, Outcome, Status};
+use partita_integrate::failure::StepFailure;
+use partita_integrate::options::Options;
+use partita_integrate::simulate::{explain, Control, March, Outcome, Outputs, Status};
 use partita_system::formulation::Formulation;
-use partita_system::options::FormulationOptions;
 use partita_system::positions::turns;
-use partita_system::record::{Gaps, Output};
-use partita_system::singular::consistency;
-use partita_system::start;
-use partita_system::{weight, ConstrainedSystem, SystemError};
+use partita_system::record::{Gaps, Output, StepChecks};
+use partita_system::SystemError;
+use std::ops::ControlFlow;
 
 /// A motion between two ticks.
-pub struct Stepping<'s, S: ConstrainedSystem> {
+pub struct Stepping<'s, S: Balance> {
     system: &'s S,
     formulation: Box<dyn Formulation + Send + 's>,
-    clock: Clock,
-    name: String,
-    rank: usize,
-    options: FormulationOptions,
+    march: March,
+    /// Length of a tick, when the first one began, and ticks since.
+    length: f64,
+    origin: f64,
+    count: u64,
+    rtol: f64,
+    /// The first step, where it began in a singular position, as long as it stands there.
+    departure: Option<Departure<'s, S>>,
+    /// What is told of it.
+    departed: Option<String>,
+    recipe: Recipe,
     limits: Limits,
     notes: Vec<String>,
     /// Where it stands.
@@ -30,11 +38,12 @@ pub struct Stepping<'s, S: ConstrainedSystem> {
     /// What is kept for a result, if anything is.
     kept: Option<Vec<Output>>,
     steps: u64,
-    /// The worst that stood open at the ends of the steps that were kept.
+    /// The worst that stood open at the ends of the steps that were kept, and what else they were held against.
     gaps: Gaps,
+    checks: StepChecks,
 }
 
-impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
+impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     /// From a closed state; `keeps` says whether every tick is kept for a result.
     ///
     /// # Errors
@@ -46,36 +55,28 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
         (t, q, v): (f64, &[f64], &[f64]),
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
-        let settings = request.settings()?;
-        let options = request.formulation_options(system, None)?;
-        let limits = Limits::of(request);
-        let mut notes = Vec::new();
-        let found = start::analyse(system, t, q)?;
-        if !found.dropped.is_empty() {
-            notes.push(note_of_dropped(system, &found));
-            consistency::check(system, &found, (t, q, v), length)?;
-        }
-        inconsistent::refuse(system, found.rank, t, q)?;
-        let driven = system.rheonomic() || (0..system.size().rows).any(|i| system.row_is_drive(i));
-        if found.rank == system.size().nv && !driven {
+        let request = Request { t0: t, t_end: t + length, ..request.clone() };
+        let prepared = Prepared::new(system, &request, None, (q, v))?;
+        if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
-        weight::refuse(system, t, q, found.rank)?;
-        notes.extend(system.start_notes(q, v)?);
-        let formulation = registry::by_name(&request.formulation, system, found.rank, &options)?;
-        let ticks = Ticks { tableau: settings.tableau, length, steps };
-        let clock = Clock::new(ticks, formulation.dim(), system.size().nq)
+        let Prepared { formulation, recipe, settings, limits, notes, departure, .. } = prepared;
+        let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
+        let march = March::new(&formulation, q.len(), settings.tableau, options, Control::Ticks { steps })
             .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })?;
-        let (name, rank) = (request.formulation.clone(), found.rank);
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);
         let mut stepping = Self {
             system,
             formulation,
-            clock,
-            name,
-            rank,
-            options,
+            march,
+            length,
+            origin: t,
+            count: 0,
+            rtol: request.rtol,
+            departure: None,
+            departed: None,
+            recipe,
             limits,
             notes,
             now,
@@ -83,8 +84,9 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             kept,
             steps: 0,
             gaps: Gaps::default(),
+            checks: StepChecks::default(),
         };
-        stepping.stand(t, q, v, || ())?;
+        stepping.stand((t, q, v), departure, || ())?;
         Ok(stepping)
     }
 
@@ -93,36 +95,53 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     /// # Errors
     /// The motion cannot start there; then it stays where it was, and `undo` has made what acts what it was there.
     pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
-        let seen = start::analyse(self.system, t, q).map_err(AnalysisError::from).and_then(|found| {
-            inconsistent::refuse(self.system, found.rank, t, q)?;
-            if found.rank == self.rank {
-                return Ok(());
+        let end = t + self.length;
+        let seen = Looked::at(self.system, (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
+            if looked.start.rank == self.recipe.rank {
+                return Ok(looked.departure);
             }
             let message = format!(
                 "its conditions have the rank {} there and {} where the stepper was made; make another one",
-                found.rank, self.rank
+                looked.start.rank, self.recipe.rank
             );
             Err(SystemError::Tick { t, message }.into())
         });
-        if let Err(e) = seen {
-            undo();
-            return Err(e);
+        match seen {
+            Ok(departure) => self.stand((t, q, v), departure, undo),
+            Err(e) => {
+                undo();
+                Err(e)
+            }
         }
-        self.stand(t, q, v, undo)
     }
 
     /// See `begin`; at a position that was looked at.
-    fn stand(&mut self, t: f64, q: &[f64], v: &[f64], undo: impl FnOnce()) -> Result<(), AnalysisError> {
-        let before = (self.clock.origin(), self.clock.count());
+    fn stand(
+        &mut self,
+        (t, q, v): (f64, &[f64], &[f64]),
+        mut departure: Option<Departure<'s, S>>,
+        undo: impl FnOnce(),
+    ) -> Result<(), AnalysisError> {
         let zero = vec![0; q.len()];
-        let begun = self.clock.start(&mut self.formulation, (t, 0), (q, v), &zero).and_then(|()| {
-            let mut now = Output { turns: zero.clone(), ..Output::default() };
-            self.formulation.state_at(t, self.clock.state(), &mut now)?;
-            Ok(now)
-        });
+        let mut now = Output { turns: zero, ..Output::default() };
+        let begun = match &mut departure {
+            None => self
+                .march
+                .begin(&mut self.formulation, t, (q, v), None)
+                .and_then(|()| self.formulation.state_at(t, self.march.state(), &mut now)),
+            Some(x) => {
+                let begun = self.march.begin(&mut self.formulation, x.launch.t, (&x.launch.q, &x.launch.v), None);
+                begun.and_then(|()| x.launch.output(t, &mut now))
+            }
+        };
         match begun {
-            Ok(now) => {
-                (self.now, self.work, self.gaps) = (now, 0.0, Gaps::default());
+            Ok(()) => {
+                self.now = now;
+                self.work = departure.as_ref().map_or(0.0, |x| x.launch.work);
+                self.departed = departure.as_ref().map(|x| x.note.clone());
+                self.departure = departure;
+                (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
+                (self.origin, self.count) = (t, 0);
                 self.formulation.forget_gaps();
                 if let Some(kept) = &mut self.kept {
                     kept.clear();
@@ -133,7 +152,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             Err(e) => {
                 undo();
                 if !self.now.q.is_empty() {
-                    self.back(before)?;
+                    self.back()?;
                 }
                 Err(e.into())
             }
@@ -141,10 +160,19 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// Back to where it stood, after a tick or a start that failed.
-    fn back(&mut self, place: (f64, u64)) -> Result<(), AnalysisError> {
-        self.work = self.now.work;
+    fn back(&mut self) -> Result<(), AnalysisError> {
         self.formulation.forget_gaps();
-        Ok(self.clock.start(&mut self.formulation, place, (&self.now.q, &self.now.v), &self.now.turns)?)
+        let f = &mut self.formulation;
+        if let Some(x) = &self.departure {
+            return Ok(self.march.begin(f, x.launch.t, (&x.launch.q, &x.launch.v), None)?);
+        }
+        self.work = self.now.work;
+        Ok(self.march.begin(f, self.now.t, (&self.now.q, &self.now.v), Some(&self.now.turns))?)
+    }
+
+    /// The end of a tick: a multiple formed anew, so that errors do not add.
+    fn end_of(&self, tick: u64) -> f64 {
+        self.origin + tick as f64 * self.length
     }
 
     /// One tick.
@@ -152,21 +180,26 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     /// # Errors
     /// What could not be evaluated or passed; then it stays where it was.
     pub fn step(&mut self) -> Result<(), AnalysisError> {
-        let place = (self.clock.origin(), self.clock.count());
-        let mut taken = self.clock.tick(&mut self.formulation);
+        let t = self.end_of(self.count + 1);
+        let mut none = |_: &Output| Ok(());
+        let mut outputs = Outputs::new(&[], &mut none);
+        let go_on = &mut |_: f64| ControlFlow::Continue(());
+        let mut taken = self.march.advance_to(&mut self.formulation, t, &mut outputs, go_on);
         if taken.is_ok() {
             // closed anew, and the choice in use told
             let mut now = std::mem::take(&mut self.now);
             let before = (now.t, now.work);
-            now.turns.copy_from_slice(self.clock.turns());
-            let t = self.clock.time();
-            let told = self.formulation.state_at(t, self.clock.state(), &mut now);
+            now.turns.copy_from_slice(self.march.turns());
+            let told = self.formulation.state_at(t, self.march.state(), &mut now);
             match told.and_then(|()| self.holds(t)) {
                 Ok(()) => {
                     now.work += self.work;
                     self.now = now;
+                    self.departure = None;
+                    self.count += 1;
                     self.steps += 1;
                     self.gaps.raise(&self.formulation.gaps());
+                    self.checks.raise(&self.formulation.checks());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
                     }
@@ -175,13 +208,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
                 Err(error) => {
                     (now.t, now.work) = before;
                     self.now = now;
-                    taken = Err(partita_integrate::failure::StepFailure::Rhs { t, error });
+                    taken = Err(StepFailure::Rhs { t, error });
                 }
             }
         }
         let Err(failure) = taken else { return Ok(()) };
         let (status, message, error) = explain(failure, self.now.t);
-        self.back(place)?;
+        self.back()?;
         Err(match error {
             Some(e) => e.into(),
             None if status == Status::StepTooSmall => {
@@ -197,6 +230,7 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     fn holds(&self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
         self.limits.judge(self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
+        self.limits.judge_checks(self.system, &self.formulation.checks(), &mut findings);
         match findings.into_iter().find(|x| x.broken) {
             None => Ok(()),
             Some(found) => {
@@ -221,13 +255,13 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// All that was kept, as what a run leaves; with `here` no more than where it stands.
-    pub fn told(&self, here: bool) -> Run {
+    pub fn told(&mut self, here: bool) -> Run {
         let told = self.formulation.journal();
         let outputs = match &self.kept {
             Some(kept) if !here => kept.clone(),
             _ => vec![self.now.clone()],
         };
-        let outcome = Outcome {
+        let mut outcome = Outcome {
             status: Status::Finished,
             message: format!("stepped to t = {}", self.now.t),
             t: self.now.t,
@@ -236,18 +270,15 @@ impl<'s, S: ConstrainedSystem<Scratch: Send>> Stepping<'s, S> {
             error: None,
         };
         let mut notes = self.notes.clone();
+        notes.extend(self.departed.clone());
         notes.extend(told.notes);
         let mut findings = Vec::new();
         self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
-        verdict::of_steps(&outcome, &mut findings);
-        let journal = Journal {
-            formulation: self.name.clone(),
-            rank: self.rank,
-            options: self.options.clone(),
-            events: told.events,
-            outputs,
-            limits: self.limits,
-        };
+        self.limits.judge_checks(self.system, &self.checks, &mut findings);
+        let journal = Journal { recipe: self.recipe.clone(), events: told.events, outputs, limits: self.limits };
+        if !here {
+            verdict::conclude(self.system, &mut self.formulation, &journal, &mut outcome, &mut findings);
+        }
         let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, self.gaps);
         Run { outcome, journal, counters, rows, open, gaps, notes, findings }
     }

@@ -1,11 +1,14 @@
-//! What stands against a run, in sentences: conditions that are open, steps beyond the tolerance, numbers that are none.
+//! What stands against a run, in sentences: conditions that are open, velocities that jump, steps beyond the tolerance, energy
+//! and forces out of balance. It is decided once, when the run ends.
 
-use super::Request;
-use partita_integrate::simulate::Outcome;
+use super::balance::{self, Asked, Balance, Energy};
+use super::{Journal, Request};
+use partita_integrate::simulate::{Outcome, Status};
 use partita_system::error::six_digits;
-use partita_system::record::{Gap, Gaps};
+use partita_system::formulation::Formulation;
+use partita_system::record::{Gap, Gaps, Output, Sample, StepChecks};
 use partita_system::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, SystemError};
 
 /// Of its own accord a run leaves conditions open by no more than this many tolerances: the error of a step, over the steps of
 /// a motion and grown with it.
@@ -16,6 +19,22 @@ const FIXED: f64 = 1e-2;
 const RATES_HOLD: f64 = 1e-7;
 /// Steps beyond the tolerance that one singular position explains: a crossing step and those that lead up to it.
 const LENIENT_EACH: u64 = 20;
+
+/// Accelerations off by more than these parts of the strongest leave a condition: tables through exact points err by the
+/// square of their spacing there.
+const BENDS: (f64, f64) = (1e-2, 1e-1);
+/// Velocities change by less than a tolerance where what is open of S4 is removed after a step; next to a singular position
+/// that is divided by the distance. Beyond the second, in parts of the speed, the motion goes on along another branch or has
+/// lost a hundredth of its energy at once.
+const JUMPS: (f64, f64) = (1e-3, 1e-1);
+/// So many tolerances of a change are no jump, up to this part.
+const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
+/// Positions open by this part of the squared distance from a singular position, and the error decides between the branches
+/// there: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
+const BRANCH_BY_ERROR: f64 = 0.1;
+
+/// An output is faster than this many times what the ends of steps explain, and something acted between them.
+const SURGE: f64 = 10.0;
 
 /// One thing that stands against a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +54,14 @@ pub struct Limits {
     pub position: (f64, f64),
     /// Rates, in parts of the fastest.
     pub velocity: (f64, f64),
+    /// Accelerations, in parts of the strongest; none where conditions are pulled back by accelerations.
+    pub acceleration: Option<(f64, f64)>,
+    /// Jumps of velocities, in parts of the speed.
+    pub jump: (f64, f64),
+    /// What balances depend on.
+    pub asked: Asked,
+    /// Absolute tolerance.
+    pub atol: f64,
 }
 
 impl Limits {
@@ -47,10 +74,57 @@ impl Limits {
             (true, Some(_)) => FIXED, // nobody was asked how exact the steps are
         };
         let (position, velocity) = (CLOSED.max(explained), RATES_HOLD.max(explained));
+        let tolerance = if request.step.is_some() { 1.0 } else { request.rtol };
+        let (times, most) = JUMPS_EXPLAINED;
         Self {
             position: (position, (10.0 * explained).max(OPEN)),
             velocity: (velocity, (10.0 * explained).max(OPEN_RATE)),
+            acceleration: (request.formulation != "baumgarte").then_some(BENDS),
+            jump: (JUMPS.0.max((times * tolerance).min(most)), JUMPS.1),
+            asked: Asked { tolerance, drifts },
+            atol: request.atol,
         }
+    }
+
+    /// What was seen at the steps and outputs of a run says; `outputs` beside the ends of steps.
+    pub fn judge_checks<S: ConstrainedSystem>(&self, system: &S, checks: &StepChecks, found: &mut Vec<Finding>) {
+        self.judge(system, &checks.outputs, "the output", found);
+        let mut look = |gap: Gap, (doubtful, broken): (f64, f64), sentence: &dyn Fn(f64) -> String| {
+            if gap.part > doubtful || gap.part.is_nan() {
+                let broken = gap.part > broken || gap.part.is_nan();
+                found.push(Finding { broken, t: gap.t, sentence: sentence(six_digits(gap.t)) });
+            }
+        };
+        if let Some(limits) = self.acceleration {
+            let gap = checks.acceleration;
+            look(gap, limits, &|t| {
+                let row = system.row_words(gap.row);
+                let (part, holds) = (gap.part, limits.0);
+                format!("the acceleration of {row} is off by {part:.1e} of the strongest at t = {t} s; up to {holds:.0e} holds")
+            });
+        }
+        look(checks.jump, self.jump, &|t| {
+            format!(
+                "velocities jump by {:.1e} of the speed (mass metric) in the step to t = {t} s, up to {:.0e} holds: the motion \
+                 goes on along another branch of a singular position, or loses energy there; take a smaller rtol or the \
+                 formulation \"projective\"",
+                checks.jump.part, self.jump.0
+            )
+        });
+        look(checks.surge, (SURGE, SURGE), &|t| {
+            format!(
+                "the output at t = {t} s is {:.1e} times as fast as the ends of steps explain: something acts between two steps \
+                 that they have not seen; give a max_step",
+                checks.surge.part
+            )
+        });
+        look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {
+            format!(
+                "the motion passes a singular position at t = {t} s with its conditions open by {:.1e} of the squared distance \
+                 from it: this error decides on which branch it goes on; take a formulation that closes them (\"projective\")",
+                checks.branch.part
+            )
+        });
     }
 
     /// What these gaps say of `what` (steps, outputs).
@@ -72,6 +146,93 @@ impl Limits {
         look(gaps.position, self.position, "the closing", "its size");
         look(gaps.velocity, self.velocity, "the rate", "the fastest");
     }
+}
+
+/// Outputs that are no numbers.
+fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
+    let spoilt = outputs.iter().find(|x| !x.q.iter().chain(&x.v).all(|x| x.is_finite()));
+    if let Some(Output { t, .. }) = spoilt {
+        let sentence = format!("the motion is not finite from t = {} s on", six_digits(*t));
+        found.push(Finding { broken: true, t: *t, sentence });
+    }
+}
+
+/// A run that has ended: what stands against it besides what is `found` already, and whether it is a success. What is found
+/// to break it ends it, in the outcome; nothing that is looked at later changes that.
+pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
+    system: &S,
+    formulation: &mut F,
+    journal: &Journal,
+    outcome: &mut Outcome,
+    found: &mut Vec<Finding>,
+) {
+    of_steps(outcome, found);
+    of_numbers(&journal.outputs, found);
+    if outcome.status != Status::Finished {
+        return;
+    }
+    if let Err((t, error)) = agree(system, &journal.outputs) {
+        outcome.status = Status::EvaluationFailed;
+        outcome.message = format!("the run cannot be right: {error}");
+        (outcome.t, outcome.error) = (t, Some(error));
+        return;
+    }
+    found.extend(of_ends(system, formulation, journal));
+    found.extend(of_energies(system, journal, outcome.counters.steps));
+    if let Some(broken) = found.iter().find(|x| x.broken) {
+        outcome.status = Status::Broken;
+        outcome.message = format!("{}, but the result is broken: {}", outcome.message, broken.sentence);
+    }
+}
+
+/// Functions of the user in the middle and at the end of what was computed. One that fails there was told already.
+fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemError)> {
+    for x in outputs.get(outputs.len() / 2).into_iter().chain(outputs.last()) {
+        if let Err(e @ SystemError::Derivative { .. }) = system.agree(x.t, &x.q, &x.v) {
+            return Err((x.t, e));
+        }
+    }
+    Ok(())
+}
+
+/// The first and the last output that have accelerations: are these and the multipliers finite, and in balance at all bodies?
+fn of_ends<S: Balance, F: Formulation + ?Sized>(system: &S, formulation: &mut F, journal: &Journal) -> Option<Finding> {
+    let (limits, outputs) = (&journal.limits, &journal.outputs);
+    let ends = [outputs.first(), outputs.last().filter(|_| outputs.len() > 1)];
+    let mut residuals = Vec::with_capacity(2);
+    let mut sample = Sample { brief: true, ..Sample::default() };
+    for x in ends.into_iter().flatten().filter(|x| !x.singular) {
+        let told = formulation.describe(x, journal.events.get(x.choice), &mut sample);
+        let finite = sample.vdot.iter().chain(&sample.multipliers).all(|x| x.is_finite());
+        match told {
+            Ok(()) if finite => {}
+            Ok(()) if sample.note.is_some() => continue, // next to a singular position nothing is determined
+            Ok(()) => {
+                let t = six_digits(x.t);
+                let sentence = format!("accelerations and efforts are not finite at the output t = {t} s");
+                return Some(Finding { broken: true, t: x.t, sentence });
+            }
+            Err(_) => continue, // what fails there is told to whoever asks for it
+        }
+        sample.q.iter_mut().zip(&x.turns).for_each(|(q, n)| *q = partita_system::positions::turns::whole(*q, *n));
+        if let Ok(Some(residual)) = system.residual(&sample) {
+            residuals.push((x.t, residual));
+        }
+    }
+    balance::of_reactions(residuals.into_iter(), limits.asked)
+}
+
+/// The energy over some outputs.
+fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64) -> Option<Finding> {
+    let some = balance::some(&journal.outputs);
+    if some.len() < 2 {
+        return None; // a balance is between two
+    }
+    let energies = system.energies(&some).ok().flatten()?;
+    let at =
+        some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
+    let at: Vec<Energy> = at.collect();
+    balance::of_energy(&at, journal.limits.asked, steps, system.energy_floor(journal.limits.atol))
 }
 
 /// Steps that were accepted beyond the tolerance: told where a singular position does not explain them.
@@ -150,6 +311,42 @@ mod tests {
             assert_eq!(found.len(), doubtful, "{lenient} {passages}");
             assert!(found.iter().all(|f| !f.broken && f.t == 1.0 && f.sentence.starts_with(&lenient.to_string())));
         }
+    }
+
+    /// Jumps, accelerations and branches that errors decide on, each from both sides of its limits.
+    #[test]
+    fn steps_from_both_sides() {
+        let m = model(four_bar([Revolute; 4]));
+        let gap = |part: f64| Gap { part, t: 0.5, row: 1 };
+        let words = |request: &Request, checks: StepChecks| {
+            let mut found = Vec::new();
+            Limits::of(request).judge_checks(&m, &checks, &mut found);
+            (found.len(), found.iter().any(|f| f.broken))
+        };
+        let none = StepChecks::default();
+        let (tight, loose) = (asked("partition", 1e-8), asked("partition", 1e-3));
+        for (request, part, seen) in [
+            (&tight, 0.9e-3, (0, false)),
+            (&tight, 1.1e-3, (1, false)),
+            (&loose, 1.9e-2, (0, false)),
+            (&loose, 2.1e-2, (1, false)),
+            (&tight, 0.9e-1, (1, false)),
+            (&loose, 1.1e-1, (1, true)),
+            (&tight, f64::NAN, (1, true)),
+        ] {
+            assert_eq!(words(request, StepChecks { jump: gap(part), ..none }), seen, "{part}");
+        }
+        for (part, seen) in [(0.9e-2, (0, false)), (1.1e-2, (1, false)), (1.1e-1, (1, true))] {
+            assert_eq!(words(&tight, StepChecks { acceleration: gap(part), ..none }), seen, "{part}");
+        }
+        for (part, seen) in [(0.09, (0, false)), (0.11, (1, true))] {
+            assert_eq!(words(&tight, StepChecks { branch: gap(part), ..none }), seen, "{part}");
+        }
+        for (part, seen) in [(9.0, (0, false)), (11.0, (1, true))] {
+            assert_eq!(words(&tight, StepChecks { surge: gap(part), ..none }), seen, "{part}");
+        }
+        let outputs = Gaps { velocity: gap(1.1e-3), ..Gaps::default() };
+        assert_eq!(words(&tight, StepChecks { outputs, ..none }), (1, true));
     }
 
     #[test]

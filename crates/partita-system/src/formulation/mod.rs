@@ -3,7 +3,7 @@
 pub mod motion;
 pub mod registry;
 
-use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample};
+use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::Result;
 pub use crate::record::Verdict;
@@ -84,7 +84,11 @@ pub trait Formulation {
     fn gaps(&self) -> Gaps {
         self.journal().gaps
     }
-    /// Count them from here on.
+    /// What else steps and outputs were held against since then; allocates nothing.
+    fn checks(&self) -> StepChecks {
+        self.journal().checks
+    }
+    /// Count both from here on.
     fn forget_gaps(&mut self) {}
     /// How far from a singular position the last step ended, where that is known, in parts of the
     /// reaches: it falls linearly towards one.
@@ -151,6 +155,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn gaps(&self) -> Gaps {
         (**self).gaps()
+    }
+    fn checks(&self) -> StepChecks {
+        (**self).checks()
     }
     fn forget_gaps(&mut self) {
         (**self).forget_gaps();

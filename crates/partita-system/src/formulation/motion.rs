@@ -7,6 +7,7 @@
 //! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of them: a
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
+mod checks;
 mod passing;
 
 use super::{Formulation, Step, Verdict};
@@ -20,7 +21,7 @@ use crate::positions::independent::Independent;
 use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
-use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample};
+use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample, StepChecks};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -32,6 +33,7 @@ use crate::tangent::instant::Describer;
 use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
+use checks::Checks;
 use passing::Way;
 
 /// A motion in the tangent T with the position coordinates P.
@@ -53,6 +55,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     knots: Watched,
     /// What is open at the ends of steps.
     watch: Watch,
+    /// What else steps and outputs are held against.
+    checks: Checks,
     v: Vec<f64>,
     vdot: Vec<f64>,
 }
@@ -155,6 +159,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             way: Way::new(system.size()),
             knots: Watched::new(system.knots()),
             watch: Watch::default(),
+            checks: Checks::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
         }
@@ -257,6 +262,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return Ok(true);
         }
         self.watch.accept();
+        self.checks.accept();
         self.way.spoilt_in_a_row = 0;
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
@@ -334,6 +340,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let (p, w) = self.places();
         let mut evaluates = self.positions.settle(&mut self.tangent, t, y)? || !known;
         let (of_q, rest) = y.split_at_mut(p);
+        if self.tangent.integrates_velocities() {
+            self.checks.integrated(&rest[..w - p]);
+        }
         evaluates |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
         if evaluates {
             self.derivative(t, y, dy)?;
@@ -343,6 +352,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
         self.look_back(t);
+        self.check_step(t);
         if self.way.lost || self.way.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
@@ -386,12 +396,18 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         };
         let u = &mut self.v[..w - p];
         u.copy_from_slice(&y[p..w]);
+        if self.tangent.integrates_velocities() {
+            self.checks.integrated(u);
+        }
         self.tangent.settle(t, self.positions.q(), u)?;
         self.tangent.spread(u);
         out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
         out.singular = singular;
+        if !singular {
+            self.check_output(t);
+        }
         Ok(())
     }
 
@@ -404,8 +420,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.watch.gaps
     }
 
+    fn checks(&self) -> StepChecks {
+        self.checks.taken
+    }
+
     fn forget_gaps(&mut self) {
         self.watch.gaps = Gaps::default();
+        self.checks.forget();
     }
 
     fn margin(&self) -> Option<f64> {
@@ -414,7 +435,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
 
     fn journal(&self) -> Journal {
         let mut journal = Journal { name: self.name, passages: self.way.passage.times.clone(), ..Journal::default() };
-        (journal.open, journal.gaps) = (self.watch.open, self.watch.gaps);
+        (journal.open, journal.gaps, journal.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
         self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);
         self.positions.report(&mut journal);

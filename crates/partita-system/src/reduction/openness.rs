@@ -63,6 +63,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         worst(self.dropped.iter().map(|&i| (i, (self.row_times(i, vdot) + self.b[i]) / self.row_size[i])))
     }
 
+    /// Largest |C v' + b|_i over its row's size [1/s²], and its row.
+    pub fn acceleration_gap(&self, vdot: &[f64]) -> (f64, usize) {
+        let open = velocity_residuals(self.system.pattern(), &self.c, vdot, &self.b).zip(&self.row_size);
+        worst(open.map(|(x, size)| x / size).enumerate())
+    }
+
     /// Row i of C times x.
     pub fn row_times(&self, i: usize, x: &[f64]) -> f64 {
         let pattern = self.system.pattern();
@@ -119,6 +125,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             }
         }
         whom.sort(); // drives first: they are what is easily changed
+        let whom_drives = whom.iter().any(|x| !x.0);
         let (angle, drive) = (self.system.row_is_angle(row), self.system.row_is_drive(row));
         let unit = match (angle, self.row_reach[row].is_some()) {
             (true, _) => format!("rad{unit}"),
@@ -131,7 +138,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             whom: whom.into_iter().map(|x| x.1).collect(),
             gap: off * self.row_size[row],
             unit: unit.into(),
-            drive,
+            drive: drive || whom_drives,
         }
     }
 }

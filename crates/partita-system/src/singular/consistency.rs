@@ -114,6 +114,11 @@ pub struct Watch {
 }
 
 impl Watch {
+    /// The fastest rate up to the end of the step that was looked at last [1/s].
+    pub fn fastest_yet(&self) -> f64 {
+        self.trial_fastest
+    }
+
     /// Look at the end of a step, the point last evaluated.
     pub fn look<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) {
         self.trial = (r.closure(), r.velocity_closure());

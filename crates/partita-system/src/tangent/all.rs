@@ -224,6 +224,14 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         let free = self.correction == Correction::None || r.rank() == 0 || r.tangent(f64::NAN).is_err();
         (!free).then(|| r.distance())
     }
+    fn integrates_velocities(&self) -> bool {
+        self.correction != Correction::None
+    }
+    fn distance_of_drift(&mut self) -> Option<f64> {
+        let r = &mut self.base.r;
+        let drifts = self.correction == Correction::None && r.rank() > 0;
+        (drifts && r.tangent(f64::NAN).is_ok()).then(|| r.distance().0)
+    }
     fn correction(&mut self, t: f64, q: &[f64], rule: Correction, dv: &mut [f64]) -> Result<bool> {
         let (size, r) = (self.base.r.size(), &mut self.base.r);
         if rule == Correction::MassOrthogonal || size.rows != size.holonomic {

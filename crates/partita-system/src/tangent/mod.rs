@@ -121,6 +121,15 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn margin(&mut self) -> Option<(f64, u64)> {
         None
     }
+    /// Are all velocities states of their own, from which what is open of S4 is removed after a step?
+    fn integrates_velocities(&self) -> bool {
+        false
+    }
+    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions are
+    /// left open and nothing is paced by it.
+    fn distance_of_drift(&mut self) -> Option<f64> {
+        None
+    }
     /// Tell a choice that stays from a mechanism that is singular.
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
         e

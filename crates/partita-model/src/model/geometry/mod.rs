@@ -288,8 +288,7 @@ impl Decided {
 
     /// The largest displacement (`first` 0) or turn (3) of a frame.
     fn most(&self, first: usize) -> f64 {
-        let part = |x: &[f64]| x[first..first + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
-        self.numbers.chunks(OWN / 2).map(part).fold(0.0, f64::max)
+        most(&self.numbers, first)
     }
 
     /// Take over what was changed of the k-th joint; `drawn` is that of an equal block that may stand elsewhere.
@@ -308,6 +307,12 @@ impl Decided {
             (to.child_axis, to.child_frame) = (after.child_axis, after.child_frame);
         }
     }
+}
+
+/// The largest displacement (`first` 0) or turn (3) of a frame.
+fn most(numbers: &[f64], first: usize) -> f64 {
+    let part = |x: &[f64]| x[first..first + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
+    numbers.chunks(OWN / 2).map(part).fold(0.0, f64::max)
 }
 
 /// The shape of a block by its numbers, from where it stands; `None` where more than joints and bodies matter.
@@ -437,15 +442,16 @@ impl Drawing {
             return None;
         }
         let mut numbers = self.parallel(&self.model.initial(), PLANE * tolerance);
-        let plane = self.changed_to(&numbers)?;
+        let mut plane = self.changed_to(&numbers)?;
         if !plane.model.is_planar() {
             // heights along the normal: each joint where its bodies fit
             let heights = plane.heights()?;
             numbers.iter_mut().zip(&heights).for_each(|(x, more)| *x += more);
-            let plane = self.changed_to(&numbers)?;
-            return (plane.model.is_planar() && largest(&numbers) <= CHANGED * tolerance).then_some((plane, numbers));
+            plane = self.changed_to(&numbers)?;
         }
-        (largest(&numbers) <= CHANGED * tolerance).then_some((plane, numbers))
+        // a hinge that is out of parallel is half a matter of either body
+        let most = |first: usize, limit: f64| most(&numbers, first) <= limit * tolerance;
+        (plane.model.is_planar() && most(0, CHANGED) && most(3, PLANE)).then_some((plane, numbers))
     }
 
     /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.

@@ -85,6 +85,14 @@ impl Way {
     }
 }
 
+impl Way {
+    /// Length of the step that was judged; none before the first.
+    pub(super) fn length(&self) -> Option<f64> {
+        let (from, to) = (&self.seam, &self.seam_ahead);
+        (!from.v().is_empty() && !to.v().is_empty()).then(|| (to.t() - from.t()).abs())
+    }
+}
+
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
     pub(super) fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {

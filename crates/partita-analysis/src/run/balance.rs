@@ -1,0 +1,218 @@
+//! Balances that a motion is held against: of energy over its outputs, of forces and moments at every body.
+
+use super::verdict::Finding;
+use crate::{doubtful, poses};
+use partita_model::spec::Spec;
+use partita_model::Model;
+use partita_system::equations::{derivatives, ByHand, Equations};
+use partita_system::error::six_digits;
+use partita_system::positions::turns;
+use partita_system::record::{Output, Sample};
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Newton-Euler residual of a body over the largest force: what round-off leaves of it next to the worst position that is
+/// worked in (1e-16 times a condition of 1e9), and where no digit is safe.
+const NEWTON_EULER: (f64, f64) = (1e-7, 1e-3);
+/// Conditions that are not closed on purpose drift by so many tolerances, at least and at most this far.
+const DRIFT: (f64, f64, f64) = (1e4, 1e-6, 1e-3);
+/// Tolerances that the energy may be off by besides one for each step: errors grow with the motion.
+const ENERGY: f64 = 100.0;
+/// Part of the energy exchanged that round-off explains, over the steps of a run and past singular positions.
+const ENERGY_FLOOR: f64 = 1e-8;
+/// The same of the potential itself, which may be far larger than what is exchanged: a few thousand roundings of it.
+const ROUND_OFF: f64 = 1e-12;
+/// Part of the energy exchanged that no tolerance, however loose, and no fixed step explains in silence.
+const ENERGY_TAKEN: f64 = 5e-2;
+/// Part of the energy exchanged that breaks a run; with loose tolerances, ten times what they explain.
+const ENERGY_BROKEN: f64 = 1e-2;
+/// Outputs at which the end of a run looks at energies: enough to see what was exchanged and what is off, and so few that
+/// they cost nothing beside the run.
+const LOOKS: usize = 16;
+
+/// A system whose motions can be held against more than its conditions.
+pub trait Balance: ConstrainedSystem {
+    /// Newton-Euler residual of the worst body over the largest force; none where there are no bodies.
+    ///
+    /// # Errors
+    /// What a function of the user raises.
+    fn residual(&self, at: &Sample) -> Result<Option<f64>, SystemError>;
+    /// Kinetic and potential energy at some outputs; none where no potential is known.
+    ///
+    /// # Errors
+    /// What a function of the user raises.
+    fn energies(&self, at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
+    /// Energy against which a balance is held at the least, for this absolute tolerance.
+    fn energy_floor(&self, atol: f64) -> f64;
+    /// Do functions of the user agree with each other at (t, q, v), as far as that is to be checked?
+    ///
+    /// # Errors
+    /// `Derivative`, and what the functions raise.
+    fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError>;
+    /// What is behind an error, where the whole system tells more than its equations.
+    fn cause(&self, _error: &SystemError) -> Option<String> {
+        None
+    }
+    /// Why a motion that stopped at t cannot go on to `until` as it is driven, from the closed position q shortly before.
+    fn driven_beyond(&self, _t: f64, _q: &[f64], _until: f64) -> Option<String> {
+        None
+    }
+}
+
+impl Balance for Model {
+    fn residual(&self, at: &Sample) -> Result<Option<f64>, SystemError> {
+        let mut scratch = self.scratch();
+        let found = self.reactions_of(&self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, &mut scratch)?;
+        Ok(Some(found.residual))
+    }
+
+    fn energies(&self, at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
+        let mut levels = crate::instant::Levels::new(self);
+        let one = |x: &&Output| {
+            let q: Vec<f64> = x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
+            levels.velocity(x.t, &q, &x.v)?;
+            self.energy(x.t, &q, &x.v, &levels.scratch)
+        };
+        at.iter().map(one).collect::<Result<_, _>>().map(Some)
+    }
+
+    fn energy_floor(&self, atol: f64) -> f64 {
+        energy_floor(&self.spec, atol)
+    }
+
+    fn agree(&self, _t: f64, _q: &[f64], _v: &[f64]) -> Result<(), SystemError> {
+        Ok(()) // a mechanism's derivatives are its own
+    }
+
+    fn cause(&self, error: &SystemError) -> Option<String> {
+        match error {
+            SystemError::Mass { .. } => doubtful::weightless(self),
+            // a motion that is named needs no more than the rod that spins
+            SystemError::Unfelt { .. } => doubtful::spins_unfelt(self, &doubtful::idle(self)),
+            _ => None,
+        }
+    }
+
+    fn driven_beyond(&self, t: f64, q: &[f64], until: f64) -> Option<String> {
+        poses::driven_beyond(self, t, q, until)
+    }
+}
+
+impl<E: Equations> Balance for ByHand<E> {
+    fn residual(&self, _at: &Sample) -> Result<Option<f64>, SystemError> {
+        Ok(None)
+    }
+
+    fn energies(&self, _at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
+        Ok(None)
+    }
+
+    fn energy_floor(&self, _atol: f64) -> f64 {
+        0.0
+    }
+
+    fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
+        match self.is_checked() {
+            true => derivatives::check(&self.equations, t, q, v, self.lengths()),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Energy (J) against which a balance is held at the least. That of all bodies at speeds of the absolute tolerance is below
+/// what anybody asked about; and weights that balance each other are added up with the round-off of each.
+pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
+    let mass: f64 = spec.bodies.iter().map(|b| b.mass).sum();
+    let turning: f64 = spec.bodies.iter().flat_map(|b| (0..3).map(|i| b.inertia[i][i])).sum();
+    let points = || spec.bodies.iter().map(|b| b.position).chain(spec.joints.iter().map(|j| j.point));
+    let spread = |i: usize| {
+        let of = || points().map(|p| p[i]);
+        of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
+    };
+    let extent = if points().next().is_some() { (0..3).map(|i| spread(i).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
+    let pull = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    (0.5 * (mass + turning) * atol * atol + ROUND_OFF * pull * extent * mass) / ENERGY_FLOOR
+}
+
+/// What a run was asked for, as far as its balances depend on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    /// Relative tolerance; 1 for fixed steps, of which nobody knows it.
+    pub tolerance: f64,
+    /// Are conditions left open on purpose?
+    pub drifts: bool,
+}
+
+/// What Newton-Euler residuals with the returned reactions say, each with its time; NaN where a reaction has no value.
+pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -> Option<Finding> {
+    let known = residuals.filter(|x| x.1.is_finite());
+    let (t, worst) = known.map(|(t, x)| (t, x.abs())).fold((0.0, -1.0), |m, x| if x.1 > m.1 { x } else { m });
+    let (mut doubtful, mut broken) = NEWTON_EULER;
+    if asked.drifts {
+        let (times, least, most) = DRIFT;
+        doubtful = (times * asked.tolerance).clamp(least, most);
+        broken = broken.max(10.0 * doubtful);
+    }
+    (worst > doubtful).then(|| Finding {
+        broken: worst > broken.max(10.0 * doubtful),
+        t,
+        sentence: format!(
+            "Newton-Euler with the returned reactions is off by {worst:.1e} of the largest force at t = {} s; up to \
+             {doubtful:.0e} holds",
+            six_digits(t)
+        ),
+    })
+}
+
+/// Energies at an output.
+#[derive(Clone, Copy, Debug)]
+pub struct Energy {
+    /// Time.
+    pub t: f64,
+    /// Kinetic energy (J).
+    pub kinetic: f64,
+    /// Potential energy (J).
+    pub potential: f64,
+    /// Work since the start (J).
+    pub work: f64,
+}
+
+/// What the energy balance over some outputs says, held against the energy exchanged, `least` at the least, and against
+/// what the tolerance explains over so many steps.
+pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<Finding> {
+    let first = at.first()?;
+    let most = |of: &dyn Fn(&Energy) -> f64| at.iter().fold(0.0, |m: f64, x| m.max(of(x).abs()));
+    let exchanged = most(&|x| x.kinetic).max(most(&|x| x.potential - first.potential)).max(most(&|x| x.work));
+    let scale = exchanged.max(least).max(ROUND_OFF / ENERGY_FLOOR * most(&|x| x.potential));
+    if scale <= 0.0 {
+        return None;
+    }
+    let total = |x: &Energy| x.kinetic + x.potential - x.work;
+    let off = |x: &Energy| {
+        let off = (total(x) - total(first)).abs() / scale;
+        if off.is_nan() {
+            f64::INFINITY
+        } else {
+            off
+        }
+    };
+    let (t, worst) = at.iter().map(|x| (x.t, off(x))).fold((first.t, 0.0), |m, x| if x.1 > m.1 { x } else { m });
+    let tolerance = asked.tolerance;
+    let explained = ((ENERGY + steps as f64) * tolerance).clamp(ENERGY_FLOOR, ENERGY_TAKEN);
+    (worst > explained).then(|| Finding {
+        broken: worst > ENERGY_BROKEN.max(10.0 * explained),
+        t,
+        sentence: format!(
+            "the energy balance is off by {worst:.1e} of the energy exchanged at t = {} s; the tolerance explains \
+             {explained:.0e}",
+            six_digits(t)
+        ),
+    })
+}
+
+/// A few of the outputs, the first and the last among them.
+pub(super) fn some(outputs: &[Output]) -> Vec<&Output> {
+    match outputs.len() {
+        n if n <= LOOKS => outputs.iter().collect(),
+        n => (0..LOOKS).map(|i| &outputs[i * (n - 1) / (LOOKS - 1)]).collect(),
+    }
+}

@@ -1,0 +1,206 @@
+//! From a system, a request and a state to something that marches: the one set-up of runs, steppers, timings and pages.
+
+use super::balance::Balance;
+use super::departure::{self, Departure};
+use super::inconsistent::{self, Seen};
+use super::{some, Limits, Request};
+use crate::error::AnalysisError;
+use partita_integrate::simulate::Settings;
+use partita_system::formulation::{registry, Formulation};
+use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::singular::consistency;
+use partita_system::start::{self, Start};
+use partita_system::{weight, ConstrainedSystem, SystemError};
+use std::sync::Arc;
+
+/// A formulation before it is made: by name, for a rank, with options. Runs make it to march, and again to describe outputs.
+#[derive(Clone)]
+pub struct Recipe {
+    /// The formulation, by name.
+    pub formulation: String,
+    /// Rank of the constraints.
+    pub rank: usize,
+    /// What the formulation is told.
+    pub options: FormulationOptions,
+}
+
+impl Recipe {
+    /// The formulation for `system`.
+    ///
+    /// # Errors
+    /// See [`registry::by_name`].
+    pub fn make<'s, S: ConstrainedSystem<Scratch: Send>>(
+        &self,
+        system: &'s S,
+    ) -> Result<Box<dyn Formulation + Send + 's>, SystemError> {
+        registry::by_name(&self.formulation, system, self.rank, &self.options)
+    }
+}
+
+/// A state that was looked at.
+pub struct Looked<'s, S: ConstrainedSystem> {
+    /// Rank and redundant rows.
+    pub start: Start,
+    /// The way out of a singular position.
+    pub(super) departure: Option<Departure<'s, S>>,
+    /// What the state leaves open.
+    seen: Seen,
+}
+
+impl<'s, S: ConstrainedSystem> Looked<'s, S> {
+    /// Rank, redundant rows and the way out of a singular position, up to `end` and to this tolerance. Redundant rows agree with
+    /// the others, every motion moves mass, and the state is next to one that satisfies the constraints.
+    ///
+    /// # Errors
+    /// Where one of these is not so, and where the velocities single out no branch.
+    pub fn at(
+        system: &'s S,
+        (t, q, v): (f64, &[f64], &[f64]),
+        (end, tolerance): (f64, f64),
+        longest: f64,
+    ) -> Result<Self, AnalysisError> {
+        let (start, departure) = match start::analyse(system, t, q) {
+            Err(e @ SystemError::SingularStart { .. }) => {
+                let departure = departure::depart(system, (t, q, v), (end, tolerance), e)?;
+                (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
+            }
+            found => (found?, None),
+        };
+        let given = (t, q, v);
+        let (t, q, v) = departure.as_ref().map_or(given, |x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]));
+        consistency::check(system, &start, (t, q, v), longest)?;
+        let seen = inconsistent::see(system, start.rank, given)?;
+        weight::refuse(system, t, q, start.rank)?;
+        Ok(Self { start, departure, seen })
+    }
+
+    /// Where the way out ends.
+    fn state(&self) -> Option<(f64, &[f64], &[f64])> {
+        self.departure.as_ref().map(|x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]))
+    }
+}
+
+/// What marches, where it starts, and what is known of it before.
+pub struct Prepared<'s, S: Balance> {
+    system: &'s S,
+    /// Its formulation, not yet started.
+    pub formulation: Box<dyn Formulation + Send + 's>,
+    /// How to make it again.
+    pub recipe: Recipe,
+    /// Method, steps and the end: that of the request, or where a table ends before.
+    pub settings: Settings,
+    /// How far conditions may be open.
+    pub limits: Limits,
+    /// What the user should know, in sentences.
+    pub notes: Vec<String>,
+    /// Is it a structure that nothing moves?
+    pub rigid: bool,
+    /// What ends the march before the request does, and when.
+    pub(super) ends: Option<(f64, String)>,
+    /// The first step, where the start is singular.
+    pub(super) departure: Option<Departure<'s, S>>,
+    /// What the start leaves open.
+    pub(super) seen: Seen,
+}
+
+impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
+    /// For `request`, from (q, v) at its start.
+    ///
+    /// # Errors
+    /// What was asked makes no sense, or nothing can start there.
+    pub fn new(
+        system: &'s S,
+        request: &Request,
+        tangent: Option<Arc<dyn TangentMap>>,
+        (q, v): (&[f64], &[f64]),
+    ) -> Result<Self, AnalysisError> {
+        Self::made(system, request, tangent, (q, v)).map_err(|e| explained(system, e))
+    }
+
+    fn made(
+        system: &'s S,
+        request: &Request,
+        tangent: Option<Arc<dyn TangentMap>>,
+        (q, v): (&[f64], &[f64]),
+    ) -> Result<Self, AnalysisError> {
+        let t0 = request.t0;
+        system.agree(t0, q, v)?;
+        let mut settings = request.settings()?;
+        settings.options.corners = system.corners();
+        let ends = system.horizon().filter(|(end, _)| within(*end, request));
+        if let Some((end, _)) = &ends {
+            settings.t_end = *end;
+        }
+        let options = request.formulation_options(system, tangent)?;
+        let limits = Limits::of(request);
+        let mut notes = Vec::new();
+        let unread = registry::unread(&request.formulation, &options);
+        if !unread.is_empty() {
+            notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
+        }
+        let corner = settings.options.corners.iter().copied().find(|t| *t > t0);
+        let end = corner.map_or(settings.t_end, |corner| corner.min(settings.t_end));
+        let looked = Looked::at(system, (t0, q, v), (end, request.rtol), request.t_end - t0)?;
+        let (_, q, v) = looked.state().unwrap_or((t0, q, v));
+        let found = &looked.start;
+        if !found.dropped.is_empty() {
+            notes.push(note_of_dropped(system, found));
+        }
+        let driven = (0..system.size().rows).any(|i| system.row_is_drive(i));
+        let rigid = found.rank == system.size().nv && !driven;
+        if rigid && !system.rheonomic() {
+            notes.push(CANNOT_MOVE.to_string());
+        }
+        notes.extend(system.start_notes(q, v)?);
+        let recipe = Recipe { formulation: request.formulation.clone(), rank: found.rank, options };
+        let formulation = recipe
+            .make(system)
+            .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
+        let Looked { departure, seen, .. } = looked;
+        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, departure, seen })
+    }
+
+    /// Does nothing ever move, whatever the time?
+    pub fn rests(&self) -> bool {
+        self.rigid && !self.system.rheonomic()
+    }
+}
+
+/// An error with what else is known of its cause.
+pub(super) fn explained<S: Balance>(system: &S, error: AnalysisError) -> AnalysisError {
+    match error {
+        AnalysisError::System(error) => match system.cause(&error) {
+            Some(cause) => AnalysisError::Explained { error, cause },
+            None => AnalysisError::System(error),
+        },
+        other => other,
+    }
+}
+
+/// Does what ends then end inside the run, by more than the round-off of its last step?
+fn within(end: f64, request: &Request) -> bool {
+    end > request.t0 && request.t_end - end > 1e-9 * (request.t_end - request.t0)
+}
+
+fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
+    format!(
+        "{} closing rows say nothing that the others do not and were dropped by rank ({}); the gap between kept and dropped \
+         pivots is {:.1e}",
+        found.dropped.len(),
+        some(&found.dropped, |&i| system.row_name(i)),
+        found.gap
+    )
+}
+
+/// A run of a structure: it is no motion, and no failure either.
+pub(super) const CANNOT_MOVE: &str =
+    "the mechanism cannot move: its joints make a structure of the bodies, with no degree of freedom; the run \
+     holds it where it is, and its reactions are those at rest";
+
+/// What a structure is told whose conditions are too weak for its reactions to be computed.
+pub(super) fn no_reactions() -> AnalysisError {
+    let message = "the mechanism cannot move: it is held by conditions so weak that what they carry is lost in rounding; draw its \
+                   joints exactly as they are meant, or give a larger drawing_tolerance for the play they have"
+        .to_string();
+    AnalysisError::Argument { argument: "drawing_tolerance", message }
+}

@@ -1,0 +1,120 @@
+//! What accepted steps and outputs are held against besides the closure of the conditions at the ends of steps.
+
+use super::Motion;
+use crate::positions::Positions;
+use crate::record::{Gap, Gaps, StepChecks};
+use crate::reduction::Reduction;
+use crate::singular::consistency::gaps;
+use crate::system::ConstrainedSystem;
+use crate::tangent::Tangent;
+
+/// Rates below this [1/s] move nothing in a year.
+const STANDING: f64 = 1e-10;
+
+/// Checks of the step that is judged, of those taken, and of the outputs.
+#[derive(Default)]
+pub(super) struct Checks {
+    trial: StepChecks,
+    /// Largest speed, in scales, and acceleration [1/s²] up to the end of the step that is judged, and of those taken.
+    trial_sizes: (f64, f64),
+    sizes: (f64, f64),
+    /// Velocities as they were integrated, before their remainder of S4 is removed.
+    integrated: Vec<f64>,
+    pub(super) taken: StepChecks,
+}
+
+fn in_parts(x: f64, of: f64) -> f64 {
+    if x > 0.0 {
+        x / of
+    } else {
+        0.0
+    }
+}
+
+/// Length of a velocity in scales s: nearly that in the mass metric.
+fn norm(s: &[f64], v: impl Fn(usize) -> f64) -> f64 {
+    s.iter().enumerate().map(|(i, s)| (v(i) / s).powi(2)).sum::<f64>().sqrt()
+}
+
+impl Checks {
+    /// Velocities as they come out of a step.
+    pub(super) fn integrated(&mut self, v: &[f64]) {
+        self.integrated.clear();
+        self.integrated.extend_from_slice(v);
+    }
+
+    /// The end of a step, the point last evaluated, with accelerations `vdot`. `open` and `distance`: of a motion that
+    /// drifts, how far its positions stand open, in parts, and how far it is from a singular position.
+    pub(super) fn look<S: ConstrainedSystem>(
+        &mut self,
+        t: f64,
+        r: &Reduction<S>,
+        vdot: &[f64],
+        drift: Option<(f64, f64)>,
+    ) {
+        let s = r.scales();
+        let (speed, strongest) = (norm(s, |i| r.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
+        self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
+        let (open, row) = r.acceleration_gap(vdot);
+        self.trial.acceleration = Gap { part: in_parts(open, self.trial_sizes.1), t, row };
+        self.trial.jump = self.jump(t, r);
+        let part = drift.map_or(0.0, |(open, distance)| in_parts(open, distance * distance));
+        self.trial.branch = Gap { part, t, row: 0 };
+    }
+
+    /// How far velocities are from what was integrated, in parts of the speed.
+    fn jump<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) -> Gap {
+        let s = r.scales();
+        let part = match self.integrated.len() == r.v.len() {
+            true => {
+                let speed = self.trial_sizes.0.max(norm(s, |i| r.v[i]));
+                in_parts(norm(s, |i| r.v[i] - self.integrated[i]), speed)
+            }
+            false => 0.0,
+        };
+        self.integrated.clear();
+        Gap { part, t, row: 0 }
+    }
+
+    /// The step that was looked at is taken.
+    pub(super) fn accept(&mut self) {
+        self.sizes = self.trial_sizes;
+        self.taken.raise(&self.trial);
+    }
+
+    /// An output, the point last evaluated.
+    pub(super) fn output<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>, outputs: Gaps, explained: f64) {
+        let jump = self.jump(t, r);
+        let surge = Gap { part: in_parts(r.fastest(), explained), t, row: 0 };
+        self.taken.raise(&StepChecks { outputs, jump, surge, ..StepChecks::default() });
+    }
+
+    /// Count from here on.
+    pub(super) fn forget(&mut self) {
+        self.taken = StepChecks::default();
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
+    /// Hold the end of a step, the point last evaluated, against what was before it.
+    pub(super) fn check_step(&mut self, t: f64) {
+        let distance = self.tangent.distance_of_drift();
+        let r = self.tangent.seen();
+        let drift = distance.map(|distance| (r.gap().0, distance));
+        self.checks.look(t, r, &self.vdot, drift);
+    }
+
+    /// Hold an output, the point last evaluated, against its conditions.
+    pub(super) fn check_output(&mut self, t: f64) {
+        let r = self.tangent.seen();
+        let mut gaps = gaps(t, r);
+        let fastest = self.watch.fastest_yet();
+        gaps.in_parts_of(fastest.max(r.fastest()));
+        // before the first step nothing is known of the speed
+        let explained = match self.way.length() {
+            Some(h) => fastest + h * self.checks.trial_sizes.1 + STANDING,
+            None => f64::INFINITY,
+        };
+        self.checks.output(t, r, gaps, explained);
+    }
+}
