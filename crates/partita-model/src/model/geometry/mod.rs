@@ -460,7 +460,7 @@ impl Drawing {
         let mut home = self.model.initial();
         let mut kernel = Kernel::new(&self.model, 0.0);
         let near = kernel.close(&mut home, Cut::Level(coarsest))?.map(|x| x.open);
-        if near.is_none_or(|open| open > CHANGED * tolerance) {
+        if near.is_none_or(|open| open > tolerance) {
             // what no change within the tolerance closes here may close elsewhere: then lengths are those there
             let mut far = self.model.initial();
             match kernel.close(&mut far, Cut::Level(FINEST))? {
