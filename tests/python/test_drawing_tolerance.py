@@ -354,8 +354,8 @@ def test_what_joints_share_balances_within_the_misfit(coordinates: str) -> None:
 
 @pytest.mark.parametrize("coordinates", BOTH)
 def test_a_misfit_beyond_a_fine_tolerance_is_no_self_stress(coordinates: str) -> None:
-    """Too weak for the rank at one position, but a condition: what holds is not shared as if it were redundant. What rounding
-    hides is refused, with the cure."""
+    """Too weak for the rank at one position, but a condition: what holds is not shared as if it were redundant. What
+    rounding hides is refused, with the cure."""
     m = hinged_delta(1e-5, drawing_tolerance=1e-9)
     assert m.compile(coordinates=coordinates).mobility == 2
     run = m.simulate(0.2, coordinates=coordinates, t_eval=np.linspace(0.0, 0.2, 9))

@@ -75,7 +75,8 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
     let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
     if kept < wanted && finite.hidden {
-        return Err(SystemError::argument("drawing_tolerance", HIDDEN.into()));
+        let who: Vec<String> = start.dropped.iter().take(3).map(|&i| system.row_owner(i)).collect();
+        return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({})", who.join(", "))));
     }
     if kept < wanted {
         return Err(singular(system, (t, q), &start, start.rank + wanted - kept)?);

@@ -66,8 +66,8 @@ class Certificate:
     """Smallest squared sine between a condition that counts and the others, and when: 0 in a singular position."""
     margin_t: float = float("nan")
     misfit: float = 0.0
-    """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it fits.
-    `notes` say what does not."""
+    """Largest change of a joint frame (rad, parts of the loop's length) by which the drawing was repaired; 0 where it
+    fits. `notes` say what does not."""
     findings: tuple[Finding, ...] = ()
     """What stands against the run: broken or doubtful, when [s], and a sentence. Those of its steps and ends decided
     its `success`; those of all outputs are told here and leave it as it is."""

@@ -16,7 +16,6 @@ from .energy import EnergyResult
 HOLDS, DOUBTFUL, BROKEN = "holds", "doubtful", "broken"
 
 
-
 class Finding(NamedTuple):
     """One thing that stands against a run: is it broken or doubtful by it, when [s], and a sentence."""
 

@@ -14,7 +14,7 @@ from drawings import EVERY, G, four_bar, pendulum, swing
 
 import partita as pt
 
-from .case import Case, Held, done, doubtful, no_success, refused, right
+from .case import Case, Held, done, doubtful, no_success, right
 from .contradictions import rocker
 from .in_the_plane import double_known
 

@@ -12,7 +12,7 @@ use partita_math::elimination::SparseRoom;
 
 /// Rows are exchanged where the volume of those kept grows by more than this: long before rounding suffers, and seldom, as
 /// distances from a singular position by other rows do not compare and foretell nothing together.
-const GAIN: f64 = 3.3;
+const GAIN: f64 = 2.5;
 /// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone: closings
 /// kept close the positions, and what drives prescribe is told apart from what the mechanism can do. A drive takes the place
 /// of a closing only where closings lose rank that the drive holds.

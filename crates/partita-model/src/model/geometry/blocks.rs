@@ -163,7 +163,7 @@ fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
     lines
 }
 
-/// Half of all that bodies measure between their joints belongs to bodies of this diameter or more, as they stand: what slides reaches from one end
+/// Half of all that bodies measure belongs to bodies of this diameter or more, as they stand: what slides reaches from one end
 /// of its rail to the other, and what is fixed to each other is one body. A beam between two small carriages is as long as
 /// their way, which the median of three would not see.
 fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) -> Moved) -> Option<f64> {
@@ -176,6 +176,10 @@ fn length(spec: &Spec, is_rigid: impl Fn(usize) -> bool, moved: impl Fn(&str) ->
         first.iter_mut().filter(|x| **x == a.max(b)).for_each(|x| *x = a.min(b));
     }
     let mut points: Vec<Vec<Vec3<f64>>> = vec![Vec::new(); first.len()];
+    for (body, &own) in spec.bodies.iter().zip(&first[1..]) {
+        let com = Vec3(body.position) + Mat3(body.orientation).apply(Vec3(body.com));
+        points[own].push(moved(&body.name).of(com));
+    }
     for j in &spec.joints {
         let ends = [moved(&j.parent).of(Vec3(j.point)), moved(&j.child).of(Vec3(j.child_point.unwrap_or(j.point)))];
         let sides = BTreeSet::from([first[node(&j.parent)], first[node(&j.child)]]);

@@ -166,16 +166,20 @@ impl Drawing {
 
     /// With the frames of the joints changed by so much; in a plane it stays the plane.
     pub(super) fn changed(&self, change: &[f64]) -> Option<Self> {
-        self.changed_to(change).filter(|new| new.model.is_planar() == self.model.is_planar())
+        self.made(change, self.model.is_planar()).filter(|new| new.model.is_planar() == self.model.is_planar())
     }
 
     /// The same, whatever plane that makes.
     pub(super) fn changed_to(&self, change: &[f64]) -> Option<Self> {
+        self.made(change, true)
+    }
+
+    fn made(&self, change: &[f64], allow_plane: bool) -> Option<Self> {
         let mut spec: Spec = (*self.model.spec).clone();
         for (joint, x) in spec.joints.iter_mut().zip(change.chunks(OWN)) {
             set(joint, x, self.length, self.normal());
         }
-        Self::new(spec, self.model.functions(), Some(self.length))
+        Self::new(spec, self.model.functions(), Some(self.length), allow_plane)
     }
 
     /// The change by which joints whose axes are parallel sit at one height along them on both of their bodies.

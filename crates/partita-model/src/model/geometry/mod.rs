@@ -149,12 +149,14 @@ struct Fit {
     most: f64,
     joints: Vec<Joint>,
     folds: bool,
+    /// Do conditions hold it that are weak at generic positions too?
+    weak: bool,
 }
 
 impl Drawing {
     /// Compiled; measured in `length`, or in that of the drawing.
-    fn new(spec: Spec, functions: Arc<dyn Functions>, length: Option<f64>) -> Option<Self> {
-        let mut model = Model::compiled(spec, functions, (Coordinates::Absolute, true), true).ok()?;
+    fn new(spec: Spec, functions: Arc<dyn Functions>, length: Option<f64>, allow_plane: bool) -> Option<Self> {
+        let mut model = Model::compiled(spec, functions, (Coordinates::Absolute, allow_plane), true).ok()?;
         let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.placed.size);
         model.measure_in(known);
         Some(Self { model, length: known })
@@ -356,7 +358,7 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
 /// One block.
 fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f64) -> Decided {
     let undecided = || Decided::plain(Verdict::Undecided, None);
-    let Some(drawing) = Drawing::new(spec.clone(), functions, None) else { return undecided() };
+    let Some(drawing) = Drawing::new(spec.clone(), functions, None, true) else { return undecided() };
     if !drawing.is_holonomic() {
         return undecided();
     }
@@ -415,8 +417,8 @@ impl Drawing {
                 let verdict = match () {
                     () if fit.freedoms < fit.kernel => Verdict::Shaky,
                     () if fit.change.is_some() => Verdict::Repaired,
-                    () if seen.coarse > fit.kernel && seen.fine <= fit.kernel => Verdict::Conditions,
-                    () if seen.fine > fit.kernel => Verdict::SingularHere,
+                    () if fit.weak => Verdict::Conditions,
+                    () if seen.coarse > fit.kernel => Verdict::SingularHere,
                     () => Verdict::Redundant,
                 };
                 Some(Decided {
@@ -468,7 +470,8 @@ impl Drawing {
                     let length = self.model.length_at(&far).unwrap_or(self.length);
                     if length > LONGER * self.length {
                         let spec = (*self.model.spec).clone();
-                        let Some(there) = Self::new(spec, self.model.functions(), Some(length)) else {
+                        let Some(there) = Self::new(spec, self.model.functions(), Some(length), self.model.is_planar())
+                        else {
                             return Ok(None);
                         };
                         return there.levels_at(far, tolerance);
@@ -497,6 +500,7 @@ impl Drawing {
                 most: 0.0,
                 joints: self.model.spec.joints.clone(),
                 folds: false,
+                weak: false,
             };
             return Ok(Some(((seen.coarse > 0).then_some(fit), seen)));
         }
@@ -541,7 +545,9 @@ impl Drawing {
             return Ok(None);
         }
         let Some(branch) = kernel.branch(&there, cut)? else { return Ok(None) };
+        let weak = self.is_weak(&mut kernel, &branch)?;
         let fit = |change: Option<Vec<f64>>, joints: &[Joint]| Fit {
+            weak,
             freedoms: branch.freedoms,
             kernel: branch.kernel,
             most: change.as_deref().map_or(0.0, largest),
@@ -565,7 +571,7 @@ impl Drawing {
         };
         let begun = plain.as_ref().map_or(nothing.as_slice(), |x| &x.numbers);
         let alike = self.alike_too(begun, &there, tolerance);
-        let small = |x: &Change| largest(&x.numbers) <= CHANGED * tolerance;
+        let small = |x: &Change| largest(&x.numbers) <= CHANGED * tolerance && !self.folds_all(&x.numbers, tolerance);
         let with = match &alike {
             // what opens had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
@@ -580,6 +586,18 @@ impl Drawing {
             }
         }
         Ok((open < FITS).then(|| fit(None, &self.model.spec.joints)))
+    }
+
+    /// Are values small at most of some generic positions, beside those that are null?
+    fn is_weak(&self, kernel: &mut Kernel<Model>, branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
+        let n = self.model.size().nv;
+        let (mut weak, mut asked) = (0, 0);
+        for place in branch.places.iter().step_by((branch.places.len() / ASKED).max(1)).take(ASKED) {
+            let small = n - Cut::Level(WEAK).count(&kernel.values(&place.q)?);
+            weak += usize::from(small > branch.kernel);
+            asked += 1;
+        }
+        Ok(2 * weak > asked)
     }
 
     /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the branch?
@@ -614,8 +632,18 @@ impl Drawing {
         let (before, after) = (self.lengths(), changed.lengths());
         before.iter().zip(&after).any(|(d, now)| *d > LENGTH * self.length && *now < 0.5 * d)
     }
+
+    /// Does it fold away a length that is no misfit beside the others?
+    fn folds_all(&self, numbers: &[f64], tolerance: f64) -> bool {
+        let Some(changed) = self.changed(numbers) else { return true };
+        let (before, after) = (self.lengths(), changed.lengths());
+        let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
+        before.iter().zip(&after).any(|(d, now)| *d > PLANE * tolerance * longest && *now < 0.5 * d)
+    }
 }
 
+/// Generic positions that are asked for weak conditions.
+const ASKED: usize = 5;
 /// Steps of the path on which a change is checked: one radian.
 const CHECKED: usize = 10;
 
