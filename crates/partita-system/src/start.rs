@@ -81,7 +81,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     if kept < wanted {
         return Err(singular(system, (t, q), &start, start.rank + wanted - kept)?);
     }
-    if start.dropped.iter().any(|i| is_drive(i)) && start.rank < system.size().nv {
+    if start.dropped.iter().any(is_drive) && start.rank < system.size().nv {
         check_neighbour(system, t, q, &start)?;
     }
     Ok(start)

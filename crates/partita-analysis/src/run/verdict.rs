@@ -273,7 +273,7 @@ mod tests {
         let m = model(four_bar([Revolute; 4]));
         let gap = |part: f64| Gap { part, t: 0.5, row: 1 };
         let mut found = Vec::new();
-        let gaps = Gaps { position: gap(position), velocity: gap(velocity), ..Gaps::default() };
+        let gaps = Gaps { position: gap(position), velocity: gap(velocity) };
         Limits::of(request).judge(&m, &gaps, "the output", &mut found);
         match (found.iter().any(|f| f.broken), found.is_empty()) {
             (true, _) => "broken",

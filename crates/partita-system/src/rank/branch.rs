@@ -51,6 +51,9 @@ pub struct Branch {
     pub places: Vec<Place>,
 }
 
+/// Takes steps from the start, the position, what stays open there, and the motions from there; false ends the path.
+pub type Visit<'v> = &'v mut dyn FnMut(usize, &[f64], f64, &Motions) -> bool;
+
 /// Small numbers without a pattern, always the same.
 fn irregular(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -87,7 +90,7 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         direction: &[f64],
         cut: Cut,
         steps: usize,
-        visit: &mut dyn FnMut(usize, &[f64], f64, &Motions) -> bool,
+        visit: Visit,
     ) -> Result<(), SystemError> {
         let mut q = home.to_vec();
         let Some(mut along) = self.unit(direction) else { return Ok(()) };
