@@ -220,7 +220,8 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     let singular = found.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky));
     if joints.is_none() && !singular {
         let weakest = weakest_of(model, drawn.as_deref(), found.freedoms);
-        (found.weak, found.hidden) = (weakest < WEAK * WEAK, weakest <= EXACT);
+        let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
+        (found.weak, found.hidden) = (conditions || weakest < WEAK * WEAK, weakest <= EXACT);
     }
     (found, joints)
 }
