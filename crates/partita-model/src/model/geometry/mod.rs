@@ -25,8 +25,6 @@ const COARSEST: f64 = 10.0;
 const WIDEST: f64 = 3e-2;
 /// Levels below it.
 const LEVELS: [f64; 2] = [1e-5, 1e-7];
-/// Tried besides where the drawing may stand in a singular position.
-const HALVES: [f64; 3] = [3e-4, 1e-4, 3e-5];
 /// Conditions below this are told from none by the verdict alone, not by pivots at a position.
 const WEAK: f64 = 1e-3;
 /// Below this values are rounding.
@@ -518,20 +516,13 @@ impl Drawing {
         // a lock of order four is thrown back to where openings are rounding by this level alone
         levels.push(FINEST);
         let mut fits: Vec<Fit> = Vec::new();
-        let mut may_be_singular = false;
         for (i, &level) in levels.iter().enumerate() {
             let next = levels.get(i + 1).map_or(seen.fine, |x| null(*x));
             let Some(fit) = self.at_level(&home, level, tolerance)? else { continue };
-            may_be_singular |= fit.kernel < null(level);
             let ends = fit.freedoms >= next && (fit.change.is_none() || seen.fine < fit.freedoms);
             fits.push(fit);
             if ends {
                 break;
-            }
-        }
-        if fits.is_empty() && may_be_singular {
-            for level in HALVES.into_iter().filter(|x| *x < coarsest) {
-                fits.extend(self.at_level(&home, level, tolerance)?);
             }
         }
         Ok(Some((chosen(fits), seen)))
