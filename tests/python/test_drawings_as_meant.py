@@ -261,3 +261,49 @@ def test_a_delta_robot_that_was_rounded(digits: int, coordinates: str) -> None:
     assert np.abs(run.body("platform").position - moved).max() < 30.0 * off
     turned = run.body("platform").rotation @ np.swapaxes(run.body("platform").rotation[:1], 1, 2)
     assert np.abs(turned - np.eye(3)).max() < 30.0 * off
+
+
+def drawn_apart(off: float, quarter: float = 1.0) -> pt.Mechanism:
+    """Five bars hanging straight down, closed by a weld whose halves are drawn apart and turned.
+
+    A right angle apart, dot products of the weld's axes vanish turned over as well as they do where it fits.
+    """
+    m = pt.Mechanism("five bars", gravity=(0, 0, -9.81))
+    foot, length = 0.15, 0.46
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        axis = np.array([1.0, -sign * off, off])
+        ends = [np.array([0.0, sign * foot, -k * length]) for k in range(3)]
+        bar(m, f"upper {side}", ends[0], ends[1], 1.0)
+        bar(m, f"lower {side}", ends[1], ends[2], 1.0)
+        m.add_body(f"pin {side}", mass=0.1, inertia=3 * (1e-4,), position=ends[2])
+        m.add_revolute(f"hip {side}", m.ground, f"upper {side}", point=ends[0], axis=axis)
+        m.add_revolute(f"knee {side}", f"upper {side}", f"lower {side}", point=ends[1], axis=axis)
+        m.add_revolute(f"ankle {side}", f"lower {side}", f"pin {side}", point=ends[2], axis=axis)
+    angle = quarter * np.pi / 2
+    c, s = np.cos(angle), np.sin(angle)
+    left, right = ((0.0, sign * foot, -2 * length) for sign in (-1.0, 1.0))
+    turned = [[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]
+    m.add_fixed("weld", "pin left", "pin right", left, child_point=right, child_frame=turned)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", BOTH)
+@pytest.mark.parametrize("quarter", [1.0, 0.5])
+def test_what_is_drawn_far_from_closed_is_mended_where_it_closes(quarter: float, coordinates: str) -> None:
+    exact = drawn_apart(0.0, quarter)
+    at = {"hip left": 0.05, "hip right": -0.1, "ankle left": 0.0}
+
+    def run_of(m: pt.Mechanism) -> pt.Result:
+        start = m.assemble(at, coordinates=coordinates)
+        return m.simulate(0.3, initial=start, coordinates=coordinates, t_eval=[0.0, 0.1, 0.3])
+
+    meant = run_of(exact)
+    assert holds(meant)
+    for off in (3e-7, 3e-6, 3e-5):
+        m = drawn_apart(off, quarter)
+        assert m.compile(coordinates=coordinates).mobility == exact.compile(coordinates=coordinates).mobility == 3
+        run = run_of(m)
+        assert holds(run)
+        assert 0.1 * off < run.summary["repaired"] < 10 * off
+        for name in ("lower left", "lower right"):
+            np.testing.assert_allclose(run.body(name).position, meant.body(name).position, atol=30 * off)

@@ -101,27 +101,45 @@ impl Model {
         let drawn = Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
         let arm = x.rotation.apply(Vec3(b.com));
         let inside = &self.placed.basis;
-        let moved = inside.apply(x.position + arm - drawn);
+        let turn = x.rotation.mul(&Mat3(b.orientation).transpose());
+        self.stand_floating(body, x.position + arm - drawn, &turn, turned[from.placed.bodies[body].link], q);
         let rate = inside.apply(x.velocity + x.angular_velocity.cross(arm));
-        let turn = inside.mul(&x.rotation.mul(&Mat3(b.orientation).transpose())).mul(&inside.transpose());
+        let turn = inside.mul(&turn).mul(&inside.transpose());
         let spin = inside.apply(x.angular_velocity);
         let mut link = self.placed.bodies[body].link;
         while link != 0 {
             let l = &self.placed.links[link];
             match l.motion {
-                Motion::Ball => {
-                    q[l.q..l.q + 4].copy_from_slice(&Quaternion::from_matrix(&turn).0);
-                    v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0);
-                }
+                Motion::Ball => v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0),
+                Motion::Turn(_) => v[l.v] = spin.0[2],
+                Motion::Slide(a) => v[l.v] = a.dot(rate),
+            }
+            link = l.parent;
+        }
+    }
+
+    /// Coordinates of a floating body whose centre of mass was displaced from the drawing, and that was turned; in a plane by the
+    /// angle nearest to the one that was `counted`.
+    pub(crate) fn stand_floating(
+        &self,
+        body: usize,
+        displaced: Vec3<f64>,
+        turn: &Mat3<f64>,
+        counted: f64,
+        q: &mut [f64],
+    ) {
+        let inside = &self.placed.basis;
+        let (moved, turn) = (inside.apply(displaced), inside.mul(turn).mul(&inside.transpose()));
+        let mut link = self.placed.bodies[body].link;
+        while link != 0 {
+            let l = &self.placed.links[link];
+            match l.motion {
+                Motion::Ball => q[l.q..l.q + 4].copy_from_slice(&Quaternion::from_matrix(&turn).0),
                 Motion::Turn(_) => {
-                    let (angle, counted) = (turn.0[1][0].atan2(turn.0[0][0]), turned[from.placed.bodies[body].link]);
+                    let angle = turn.0[1][0].atan2(turn.0[0][0]);
                     q[l.q] = angle + ((counted - angle) / TAU).round() * TAU;
-                    v[l.v] = spin.0[2];
                 }
-                Motion::Slide(a) => {
-                    q[l.q] = a.dot(moved);
-                    v[l.v] = a.dot(rate);
-                }
+                Motion::Slide(a) => q[l.q] = a.dot(moved),
             }
             link = l.parent;
         }

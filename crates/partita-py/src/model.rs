@@ -78,7 +78,7 @@ impl Model {
     fn structure(&self) -> &Structure {
         self.structure.get_or_init(|| {
             let mut q = self.inner.initial();
-            let closed = assembly::close(&*self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
+            let closed = analysis::poses::closed(&self.inner, 0.0, &mut q, assembly::CLOSED, &[]);
             // where the loops stay open nothing follows from how the rows stand to each other
             if let Err(e) = closed {
                 let note = format!("mobility is that of an assembled position, and there is none: {e}");

@@ -1,5 +1,6 @@
 //! Positions for goals: coordinates of any joint, places of points, met from a given state on its branch.
 
+mod closed;
 mod driven;
 mod explain;
 mod field;
@@ -11,6 +12,7 @@ mod rates;
 mod way;
 mod words;
 
+pub use closed::closed;
 pub use driven::driven_beyond;
 pub use goal::{Goal, Target};
 pub use many::{many, Outcome, Poses};

@@ -1,5 +1,6 @@
 //! One position: closed from a drawing or a guess, held where it is to be held, brought to its targets in their order.
 
+use super::closed::closed;
 use super::explain;
 use super::field::Duty;
 use super::goal::Target;
@@ -64,8 +65,8 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
     let held = held(model, &found.q, &ask.fixed);
     let locked: Vec<usize> = ask.fixed.iter().filter_map(|x| x.own().map(|own| own.1)).collect();
     let drawn = found.q.clone();
-    let closed = assembly::close(model, t, &mut found.q, ask.tolerance, &locked)
-        .map_err(|e| explain::held(model, t, &drawn, ask, e))?;
+    let closed =
+        closed(model, t, &mut found.q, ask.tolerance, &locked).map_err(|e| explain::held(model, t, &drawn, ask, e))?;
     (found.iterations, found.residual) = (closed.iterations, closed.residual);
     let (required, lower) = ask.levels.split_first().map_or((&[][..], &[][..]), |(a, b)| (&a[..], b));
     let mut wanted: Vec<(Target, f64)> = held;

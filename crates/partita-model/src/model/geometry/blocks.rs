@@ -15,7 +15,7 @@ use std::collections::{BTreeSet, HashMap};
 
 /// Where a body has gone from where it was drawn: x becomes `turn` x + `shift`.
 #[derive(Clone, Copy)]
-struct Moved {
+pub(super) struct Moved {
     turn: Mat3<f64>,
     shift: Vec3<f64>,
 }
@@ -28,6 +28,27 @@ impl Moved {
     fn of(&self, point: Vec3<f64>) -> Vec3<f64> {
         self.turn.apply(point) + self.shift
     }
+
+    /// The same as seen from a body that has gone there itself.
+    fn seen_from(&self, base: &Self) -> Self {
+        let back = base.turn.transpose();
+        Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
+    }
+}
+
+/// Where all bodies have gone, by name.
+pub(super) struct Pose(HashMap<String, Moved>);
+
+impl Pose {
+    fn of(&self, body: &str) -> Moved {
+        self.0.get(body).copied().unwrap_or(Moved::nowhere())
+    }
+
+    /// As seen from a body.
+    pub(super) fn seen_from(&self, body: Option<&str>) -> Self {
+        let base = body.map_or(Moved::nowhere(), |x| self.of(x));
+        Self(self.0.iter().map(|(name, x)| (name.clone(), x.seen_from(&base))).collect())
+    }
 }
 
 /// Loops that share more than a body, as free bodies between joints.
@@ -36,8 +57,10 @@ pub(super) struct Block {
     pub(super) joints: Vec<usize>,
     /// The mechanism of these loops alone.
     pub(super) spec: Spec,
-    /// Degrees of freedom that it has as a whole: it is not seen from any of its bodies.
+    /// Has it degrees of freedom as a whole? Then it is not seen from any of its bodies.
     pub(super) floats: bool,
+    /// The body that it is seen from, if that is not the ground.
+    pub(super) base: Option<String>,
 }
 
 /// A mechanism, taken apart.
@@ -95,7 +118,8 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
                 }
             }
         }
-        found.blocks.push(Block { joints, spec: drawn, floats: base.is_none() });
+        let from = base.filter(|x| *x > 0).map(|x| spec.bodies[x - 1].name.clone());
+        found.blocks.push(Block { joints, spec: drawn, floats: base.is_none(), base: from });
     }
     found
 }
@@ -108,8 +132,8 @@ pub(super) fn joints_of_blocks(spec: &Spec) -> Vec<Vec<usize>> {
 }
 
 impl Model {
-    /// Where every body has gone, by name.
-    fn moved(&self, q: &[f64]) -> HashMap<&str, Moved> {
+    /// Where every body has gone.
+    pub(super) fn pose(&self, q: &[f64]) -> Pose {
         let mut s = self.full.scratch();
         self.full.poses(q, &mut s);
         let out = self.placed.basis;
@@ -120,9 +144,20 @@ impl Model {
             let com = self.full.place(own.link, &s) + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
             let turn = turned.mul(&rot.transpose());
             let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
-            all.insert(body.name.as_str(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
+            all.insert(body.name.clone(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
         }
-        all
+        Pose(all)
+    }
+
+    /// Coordinates of these free bodies in a pose.
+    pub(super) fn standing(&self, pose: &Pose) -> Vec<f64> {
+        let mut q = self.initial();
+        for (body, drawn) in self.spec.bodies.iter().enumerate() {
+            let moved = pose.of(&drawn.name);
+            let com = Vec3(drawn.position) + Mat3(drawn.orientation).apply(Vec3(drawn.com));
+            self.stand_floating(body, moved.of(com) - com, &moved.turn, 0.0, &mut q);
+        }
+        q
     }
 
     /// The length of this block where it stands at q; that of the whole where conditions are no matter of bodies.
@@ -131,8 +166,8 @@ impl Model {
             return None;
         }
         let is_rigid = |i: usize| self.placed.joints[i].shape.freedoms() == 0;
-        let moved = self.moved(q);
-        length(&self.spec, is_rigid, |name| moved.get(name).copied().unwrap_or(Moved::nowhere()))
+        let pose = self.pose(q);
+        length(&self.spec, is_rigid, |name| pose.of(name))
     }
 
     /// Count displacements in parts of this length.

@@ -12,10 +12,12 @@ use super::Model;
 use crate::place::Coordinates;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
+use blocks::Pose;
 use change::{is_sought, largest, Change, OWN};
 use partita_system::kinematics::assembly;
 use partita_system::rank::{exact, weakest, Cut, Exact, Kernel, EXACT};
 use partita_system::{ConstrainedSystem, SystemError};
+use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -41,8 +43,6 @@ const CHANGED: f64 = 2.0;
 const PLANE: f64 = 4.0;
 /// The part of the bodies' lengths by which the drawing of a block may be open for its decision to mean anything.
 const NEAR: f64 = 0.5;
-/// A block that closes where it is so many times as long is measured there.
-const LONGER: f64 = 3.0;
 /// Finer levels with a change this much smaller are taken where a coarse one folds a length away.
 const FOLDED: f64 = 0.1;
 /// Lengths above this (in parts of the block's) are lengths.
@@ -186,13 +186,22 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     let mut found = Geometry { freedoms: Some(of_free + floating * parts.afloat), ..Geometry::default() };
     let mut joints: Option<Vec<Joint>> = None;
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
+    let closed: OnceCell<Option<Pose>> = OnceCell::new();
     for block in parts.blocks {
         let key = shape(&block.spec);
         let decided = match key.as_ref().and_then(|k| known.get(k)) {
             Some(decided) => decided.clone(),
             None => {
-                let decided = judged(&block.spec, model.functions(), block.floats, tolerance);
-                key.map(|k| known.insert(k, decided.clone()));
+                let asked = OnceCell::new();
+                let pose = || {
+                    let all = closed.get_or_init(|| assembled(model, tolerance)).as_ref();
+                    asked.get_or_init(|| all.map(|x| x.seen_from(block.base.as_deref()))).as_ref()
+                };
+                let decided = judged(&block.spec, model.functions(), block.floats, (tolerance, &pose));
+                // elsewhere an equal one may close in another way
+                if asked.get().is_none() {
+                    key.map(|k| known.insert(k, decided.clone()));
+                }
                 decided
             }
         };
@@ -237,7 +246,17 @@ fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
         return assembly::close(model, 0.0, &mut q, assembly::CLOSED, &[]).ok().map(|_| q);
     }
     let closed = kernel.close(&mut q, Cut::Level(level)).ok().flatten()?;
-    (closed.open < DRAWN).then_some(q)
+    (closed.open < DRAWN && model.turned_over(&q).is_empty()).then_some(q)
+}
+
+/// Where the loops close to the drawing tolerance, or come nearest to it, drives released.
+fn assembled(model: &Model, tolerance: f64) -> Option<Pose> {
+    let spec = Spec { drives: Vec::new(), ..(*model.spec).clone() };
+    let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
+    let mut q = model.initial();
+    // what stays open is no matter of other loops
+    let _ = assembly::close(&model, 0.0, &mut q, tolerance, &[]);
+    q.iter().all(|x| x.is_finite()).then(|| model.pose(&q))
 }
 
 /// What pivots and a short motion settle at a closed position.
@@ -354,8 +373,11 @@ fn shape(spec: &Spec) -> Option<Vec<i64>> {
     Some(key)
 }
 
+/// The drawing tolerance, and where a block closes if it does not where it is drawn.
+type Wanted<'p> = (f64, &'p dyn Fn() -> Option<&'p Pose>);
+
 /// One block.
-fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f64) -> Decided {
+fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, pose): Wanted) -> Decided {
     let undecided = || Decided::plain(Verdict::Undecided, None);
     let Some(drawing) = Drawing::new(spec.clone(), functions, None, true) else { return undecided() };
     if !drawing.is_holonomic() {
@@ -371,12 +393,12 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, tolerance: f
     // what was meant to be plane is made so first: there three numbers of a body are all there is
     if let Some((plane, numbers)) = drawing.flattened(tolerance) {
         let own = plane.afloat(floats);
-        let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, tolerance));
+        let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
         if let Some(decided) = decided.filter(|x| x.freedoms.is_some_and(|k| k > 0)) {
             return Decided { length: plane.length, ..decided.after(numbers, spec, &plane.model.spec.joints) };
         }
     }
-    drawing.decided(own, tolerance).unwrap_or_else(undecided)
+    drawing.decided(own, (tolerance, pose)).unwrap_or_else(undecided)
 }
 
 /// Null directions of a drawing at the finest and the coarsest level.
@@ -408,8 +430,8 @@ impl Drawing {
     }
 
     /// What finite motions decide; None where they do not.
-    fn decided(&self, own: usize, tolerance: f64) -> Option<Decided> {
-        let (fit, seen) = self.levels(tolerance).ok().flatten()?;
+    fn decided(&self, own: usize, wanted: Wanted) -> Option<Decided> {
+        let (fit, seen) = self.levels(wanted).ok().flatten()?;
         let drawn = &self.model.spec.joints;
         match fit {
             Some(fit) => {
@@ -456,29 +478,28 @@ impl Drawing {
     }
 
     /// What fits at the levels, coarsest first, and the null directions of the drawing. `None` where it does not close.
-    fn levels(&self, tolerance: f64) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
-        let coarsest = coarsest(tolerance);
+    fn levels(&self, (tolerance, pose): Wanted) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+        let near = Cut::Level(coarsest(tolerance));
         let mut home = self.model.initial();
-        let mut kernel = Kernel::new(&self.model, 0.0);
-        let near = kernel.close(&mut home, Cut::Level(coarsest))?.map(|x| x.open);
-        if near.is_none_or(|open| open > tolerance) {
-            // what no change within the tolerance closes here may close elsewhere: then lengths are those there
-            let mut far = self.model.initial();
-            match kernel.close(&mut far, Cut::Level(FINEST))? {
-                Some(closed) if closed.open < FITS => {
-                    let length = self.model.length_at(&far).unwrap_or(self.length);
-                    if length > LONGER * self.length {
-                        let spec = (*self.model.spec).clone();
-                        let Some(there) = Self::new(spec, self.model.functions(), Some(length), self.model.is_planar())
-                        else {
-                            return Ok(None);
-                        };
-                        return there.levels_at(far, tolerance);
-                    }
+        let closed = Kernel::new(&self.model, 0.0).close(&mut home, near)?;
+        // what closes the wrong way round is another mechanism
+        let open = closed.filter(|_| self.model.turned_over(&home).is_empty()).map(|x| x.open);
+        let there = if open.is_none_or(|x| x > tolerance) { pose() } else { None };
+        if let Some(pose) = there {
+            // what no change within the tolerance closes here closes elsewhere: then lengths are those there
+            let mut q = self.model.standing(pose);
+            let (spec, length) = ((*self.model.spec).clone(), self.model.length_at(&q));
+            let there = Self::new(spec, self.model.functions(), length, self.model.is_planar());
+            if let Some(there) = there.filter(|x| x.model.is_planar() == self.model.is_planar()) {
+                let closed = Kernel::new(&there.model, 0.0).close(&mut q, near)?;
+                let fits = there.model.turned_over(&q).is_empty();
+                if fits && closed.is_some_and(|x| open.is_none_or(|open| x.open < open)) {
+                    return there.levels_at(q, tolerance);
                 }
-                _ if near.is_none_or(|open| open > NEAR) => return Ok(None),
-                _ => {}
             }
+        }
+        if open.is_none_or(|open| open > NEAR) {
+            return Ok(None);
         }
         self.levels_at(home, tolerance)
     }

@@ -21,13 +21,17 @@ pub(super) fn open<S: ConstrainedSystem>(
     tolerance: f64,
     advice: &str,
 ) -> SystemError {
-    SystemError::Assembly {
-        iterations: report.iterations,
-        residual: d.scaled.residual(),
-        tolerance,
-        loops: open_rows(d, tolerance),
-        advice: advice.into(),
-    }
+    stopped(d, report, tolerance, (open_rows(d, tolerance), advice))
+}
+
+fn stopped<S: ConstrainedSystem>(
+    d: &LeastChange<S>,
+    report: &Assembly,
+    tolerance: f64,
+    (loops, advice): (String, &str),
+) -> SystemError {
+    let (iterations, residual) = (report.iterations, d.scaled.residual());
+    SystemError::Assembly { iterations, residual, tolerance, loops, advice: advice.into() }
 }
 
 /// Why the best position found, the one last evaluated, is not closed.
@@ -52,7 +56,10 @@ pub(super) fn refused<S: ConstrainedSystem>(
             report.restarts + 1,
             closed_loop(d, row)
         );
-        return open(d, report, tolerance, &advice);
+        let over = turned.iter().map(|&i| format!("{} the wrong way round", s.system.row_words(i)));
+        let mut loops: Vec<String> = over.collect();
+        loops.extend(Some(open_rows(d, tolerance)).filter(|x| !x.is_empty()));
+        return stopped(d, report, tolerance, (some(&loops), &advice));
     }
     let Some(row) = of(Ending::AtRest) else {
         let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| closed_loop(d, i));
