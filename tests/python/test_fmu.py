@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_study import misdrawn
 
 import partita as pt
 from partita.io import fmu as archive
@@ -124,6 +125,29 @@ def test_fmpy_finds_nothing_and_runs_it(tmp_path: Path) -> None:
     assert set(wanted) == set(names)
     for name, values in wanted.items():
         assert np.abs(found[name] - values).max() < 1e-8 * max(1.0, np.abs(values).max()), name
+
+
+@pytest.mark.parametrize("seed", [0, 2, 10, 18, 26, 34, 42])
+def test_a_misdrawn_mechanism_is_the_same_one_in_an_fmu(seed: int, tmp_path: Path, opened: Any) -> None:
+    """Run, stepper and FMU of what was repaired end in one position."""
+    case = misdrawn.case(seed)
+    m = case.drawn.mechanism("it")
+    start = m.assemble(rates=case.rates or None)
+    steps = 4
+    times = np.linspace(0.0, 0.25 * case.span, steps + 1)
+    run = m.simulate(times[-1], t_eval=times, initial=start, rtol=1e-11, atol=1e-13)
+    assert run.success and run.summary["repaired"] > 0
+    stepper = m.stepper(times[1] / 50, initial=start)
+    for _ in range(50 * steps):
+        stepper.step()
+    hinges = [j.name for j in case.drawn.joints if j.kind == "revolute"]
+    one = opened(written(m, tmp_path, outputs=hinges, initial=start))
+    one.begin()
+    for t in times[:-1]:
+        assert one.step(float(t), float(times[1])) == 0, one.said
+    for i, hinge in enumerate(hinges):
+        position = [float(x.joint(hinge).position[-1, 0]) for x in (run, stepper.result())]
+        assert np.abs(np.array(position) - one.get(2 * i)).max() < 1e-7, hinge
 
 
 def test_inputs_that_change_act_over_their_steps(tmp_path: Path, opened: Any) -> None:
