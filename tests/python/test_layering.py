@@ -1,7 +1,7 @@
 """Imports go down, never up or sideways.
 
     python/partita
-    partita-py | partita-fmu
+    partita-py | partita-fmu | partita (the face of the crates)
     partita-analysis
     partita-integrate | partita-model
     partita-system
@@ -31,6 +31,7 @@ FLOOR = {
     "analysis": 3,
     "py": 4,
     "fmu": 4,
+    "face": 4,
     "tests": 4,
     "tests-hand": 4,
 }
@@ -58,15 +59,20 @@ SOLVERS = {"solve", "inv", "pinv", "lstsq", "qr", "cholesky", "matrix_rank"}
 """Names of numpy.linalg that solve equations. Norms, nearest rotations and planes of best fit are geometry."""
 
 
+def folder(crate: str) -> Path:
+    return CRATES / ("partita" if crate == "face" else f"partita-{crate}")
+
+
 def crate_names() -> list[str]:
-    return sorted(path.parent.name.removeprefix("partita-") for path in CRATES.glob("*/Cargo.toml"))
+    names = (path.parent.name for path in CRATES.glob("*/Cargo.toml"))
+    return sorted("face" if name == "partita" else name.removeprefix("partita-") for name in names)
 
 
 def dependencies(crate: str) -> set[str]:
     """Names under every dependency table of a crate's manifest, tests' and targets' included."""
     names: set[str] = set()
     inside = False
-    for line in (CRATES / f"partita-{crate}" / "Cargo.toml").read_text("utf-8").splitlines():
+    for line in (folder(crate) / "Cargo.toml").read_text("utf-8").splitlines():
         if line.startswith("["):
             table = line.strip().strip("[]")
             inside = table.endswith("dependencies")
@@ -78,7 +84,7 @@ def dependencies(crate: str) -> set[str]:
 
 
 def rust_sources(crate: str) -> list[Path]:
-    return sorted((CRATES / f"partita-{crate}").rglob("*.rs"))
+    return sorted(folder(crate).rglob("*.rs"))
 
 
 def without_comments(source: str) -> str:

@@ -91,6 +91,29 @@ fn places<'n, S: ConstrainedSystem>(
 }
 
 impl Request {
+    /// A run from t0 to `t_end` with everything else as usual: projective, by DOP853, 1e-8 relative and 1e-10 absolute.
+    pub fn over(t0: f64, t_end: f64) -> Self {
+        Self {
+            t0,
+            t_end,
+            rtol: 1e-8,
+            atol: 1e-10,
+            method: "dop853".into(),
+            formulation: "projective".into(),
+            step: None,
+            max_step: None,
+            correction: "partition".into(),
+            exchange: 1.25,
+            max_steps: 10_000_000,
+            independent: None,
+            selection: "collective".into(),
+            weights: None,
+            window: None,
+            baumgarte: None,
+            renew: Renewal::Part(0.5),
+        }
+    }
+
     /// Method, tolerances and end.
     ///
     /// # Errors

@@ -1,0 +1,220 @@
+//! A compiled mechanism and its states.
+
+use crate::error::Error;
+use crate::run::{Run, Simulation};
+use partita_analysis::poses::{self, Ask, Goal, Target};
+use partita_analysis::{Mobility, mobility};
+use partita_system::ConstrainedSystem;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// Residual at which loops count as closed, relative.
+const CLOSED: f64 = 1e-10;
+
+/// A compiled mechanism. It never changes; clones share it, also among threads.
+///
+/// ```
+/// use partita::{GROUND, Mechanism};
+///
+/// let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+/// let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+/// assert_eq!(model.joints(), ["pin"]);
+/// # Ok::<(), partita::Error>(())
+/// ```
+#[derive(Clone)]
+pub struct Model {
+    pub(crate) inner: Arc<partita_model::Model>,
+}
+
+/// A state of a model: everything that a run starts from.
+///
+/// ```
+/// # use partita::{GROUND, Mechanism};
+/// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+/// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+/// let state = model.assemble(&[("pin", 0.5)])?;
+/// assert_eq!((state.t, state.q[0], state.v[0]), (0.0, 0.5, 0.0));
+/// # Ok::<(), partita::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Time (s).
+    pub t: f64,
+    /// Coordinates (nq).
+    pub q: Vec<f64>,
+    /// Velocities (nv).
+    pub v: Vec<f64>,
+}
+
+impl Model {
+    pub(crate) fn of(inner: partita_model::Model) -> Self {
+        Self { inner: Arc::new(inner) }
+    }
+
+    /// The model behind this face: rows, recursions, the contract of a constrained system.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// use partita::system::ConstrainedSystem;
+    ///
+    /// assert_eq!(model.inner().size().nv, 1);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn inner(&self) -> &partita_model::Model {
+        &self.inner
+    }
+
+    /// Names of the joints, in the order of the description.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// assert_eq!(model.joints(), ["pin"]);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn joints(&self) -> Vec<&str> {
+        self.inner.spec.joints.iter().map(|j| j.name.as_str()).collect()
+    }
+
+    /// Names of the bodies, in the order of the description.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// assert_eq!(model.bodies(), ["rod"]);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn bodies(&self) -> Vec<&str> {
+        self.inner.spec.bodies.iter().map(|b| b.name.as_str()).collect()
+    }
+
+    /// Degrees of freedom, and which conditions of the joints are redundant and why, at the assembled drawing.
+    ///
+    /// # Errors
+    /// `Analysis` where the loops do not close or the position is singular.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// assert_eq!(model.mobility()?.mobility, 1);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn mobility(&self) -> Result<Mobility, Error> {
+        let state = self.assemble(&[])?;
+        Ok(mobility(&self.inner, state.t, &state.q)?)
+    }
+
+    /// Close the loops at t = 0, at rest but for drives, with these joint coordinates met; the others move as little as
+    /// they can. A joint of several coordinates is met in its first.
+    ///
+    /// # Errors
+    /// `Unknown` joints; `Analysis` where the loops do not close or the targets cannot be met, with what is missing.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// assert_eq!(model.assemble(&[("pin", -1.0)])?.q, [-1.0]);
+    /// assert!(model.assemble(&[("hinge", -1.0)]).unwrap_err().to_string().contains("known: pin"));
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn assemble(&self, targets: &[(&str, f64)]) -> Result<State, Error> {
+        let ask = Ask { levels: vec![self.targets(targets)?], tolerance: CLOSED, ..Ask::default() };
+        let found = poses::one(&self.inner, 0.0, &self.inner.initial(), &ask)?;
+        let rest = vec![0.0; self.inner.size().nv];
+        let v = match self.inner.rheonomic() {
+            true => poses::with_rates(&self.inner, 0.0, &found.q, &rest, &[], &[])?,
+            false => rest,
+        };
+        Ok(State { t: 0.0, q: found.q, v })
+    }
+
+    /// The same position with these joint rates met; the other velocities are the nearest ones in the mass metric.
+    ///
+    /// # Errors
+    /// `Unknown` joints; `Analysis` where the rates cannot hold together.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// let start = model.with_rates(&model.assemble(&[])?, &[("pin", 6.0)])?;
+    /// assert!((start.v[0] - 6.0).abs() < 1e-12);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn with_rates(&self, state: &State, rates: &[(&str, f64)]) -> Result<State, Error> {
+        let rates = self.targets(rates)?;
+        let v = poses::with_rates(&self.inner, state.t, &state.q, &state.v, &[], &rates)?;
+        Ok(State { v, ..state.clone() })
+    }
+
+    /// Simulate from a state. A run that ends early is a run, with what was computed and why it ended.
+    ///
+    /// # Errors
+    /// `Analysis` where options make no sense or nothing can start.
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism, Simulation};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0).gravity([0.0, -9.81, 0.0]);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// let run = model.simulate(&model.assemble(&[])?, &Simulation::new(1.0))?;
+    /// assert!(run.is_success());
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn simulate(&self, start: &State, simulation: &Simulation) -> Result<Run, Error> {
+        self.simulate_while(start, simulation, &mut |_| true)
+    }
+
+    /// The same, as long as `go_on` says so, which is asked after every step with its time.
+    ///
+    /// # Errors
+    /// As [`simulate`](Self::simulate).
+    ///
+    /// ```
+    /// # use partita::{GROUND, Mechanism, Simulation};
+    /// # let m = Mechanism::new("pendulum").rod("rod", [0.0; 3], [1.0, 0.0, 0.0], 1.0).gravity([0.0, -9.81, 0.0]);
+    /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
+    /// let run = model.simulate_while(&model.assemble(&[])?, &Simulation::new(10.0), &mut |t| t < 0.5)?;
+    /// assert!(!run.is_success() && run.times().last().unwrap() < &10.0);
+    /// # Ok::<(), partita::Error>(())
+    /// ```
+    pub fn simulate_while(
+        &self,
+        start: &State,
+        simulation: &Simulation,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Run, Error> {
+        let request = simulation.request(start.t);
+        let times = simulation.times(start.t);
+        let mut watch = |t: f64| if go_on(t) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let state = (&start.q[..], &start.v[..]);
+        let found = partita_analysis::run::run(&*self.inner, &request, None, &times, state, &mut watch)?;
+        Ok(Run::of(self.clone(), found))
+    }
+
+    fn targets(&self, named: &[(&str, f64)]) -> Result<Vec<(Target, f64)>, Error> {
+        let all = named.iter().map(|(name, value)| {
+            let joint = self.joint(name)?;
+            Ok((Target::new(&self.inner, &Goal::Joint { joint, coordinate: 0 }, name)?, *value))
+        });
+        all.collect()
+    }
+
+    pub(crate) fn joint(&self, name: &str) -> Result<usize, Error> {
+        place("joint", name, &self.joints())
+    }
+
+    pub(crate) fn body(&self, name: &str) -> Result<usize, Error> {
+        place("body", name, &self.bodies())
+    }
+}
+
+fn place(kind: &'static str, name: &str, known: &[&str]) -> Result<usize, Error> {
+    let unknown = || Error::Unknown { kind, name: name.into(), known: known.join(", ") };
+    known.iter().position(|x| *x == name).ok_or_else(unknown)
+}

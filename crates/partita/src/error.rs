@@ -1,0 +1,42 @@
+//! What can go wrong.
+
+use partita_analysis::AnalysisError;
+use partita_model::DescriptionError;
+use partita_system::SystemError;
+
+/// Why there is no answer: a sentence that names the joint, body or loop, gives the numbers and says what to try.
+///
+/// ```
+/// use partita::{Error, Mechanism};
+///
+/// let e = Mechanism::new("nothing").compile().err().unwrap();
+/// assert!(matches!(e, Error::Description(_)));
+/// ```
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The description is not that of a mechanism.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+    /// A position, a state or a run could not be had.
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+    /// A text is not that of a description.
+    #[error("the description could not be read: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A name that the mechanism does not have.
+    #[error("there is no {kind} \"{name}\"; known: {known}")]
+    Unknown {
+        /// Joint or body.
+        kind: &'static str,
+        /// The name.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+}
+
+impl From<SystemError> for Error {
+    fn from(e: SystemError) -> Self {
+        Self::Analysis(e.into())
+    }
+}
