@@ -7,7 +7,7 @@ use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
-/// Resists the rate of a joint coordinate: see [`Slide`](super::resistance).
+/// Resists the rate of a joint coordinate: see `Slide` in `resistance.rs`.
 #[derive(Clone, Debug)]
 pub struct Friction<G: Space> {
     /// Name, for messages.

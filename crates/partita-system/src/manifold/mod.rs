@@ -1,4 +1,4 @@
-//! The manifold of closed positions: getting onto it ([`close`]) and along it ([`follow`]).
+//! The manifold of closed positions: getting onto it ([`close()`]) and along it ([`follow()`]).
 //!
 //! Whoever needs a closed position says which rows close it and how a linear step is found ([`Linearization`]); whoever
 //! needs a path of them says which way it goes ([`Curve`]). The loops, their tests and what they report are here, and
