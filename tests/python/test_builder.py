@@ -147,6 +147,20 @@ BAD_JOINTS: list[tuple[Callable[[pt.Mechanism], Any], str]] = [
 ]
 
 
+def test_axes_of_a_universal_joint_are_parallel_for_all_or_for_none() -> None:
+    """What is refused as parallel is refused where it is said, and what is taken compiles."""
+    for angle, taken in ((1e-3, False), (1.9e-3, False), (2.1e-3, True), (1e-2, True)):
+        m = pt.Mechanism("shaft")
+        m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        axes = {"axis1": (0.0, 1.0, 0.0), "axis2": (0.0, np.cos(angle), np.sin(angle))}
+        if taken:
+            m.add_universal("U", m.ground, "rod", point=(0, 0, 0), **axes)
+            assert m.compile().mobility == 2
+        else:
+            with pytest.raises(pt.errors.DescriptionError, match="are parallel"):
+                m.add_universal("U", m.ground, "rod", point=(0, 0, 0), **axes)
+
+
 @pytest.mark.parametrize(("add", "words"), BAD_JOINTS)
 def test_bad_joint_is_refused(add: Callable[[pt.Mechanism], Any], words: str) -> None:
     m = pendulum()

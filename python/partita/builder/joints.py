@@ -30,7 +30,7 @@ BodyLike = Body | str
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 CUTS = ("auto", "always", "never")
 # Below this sine two axes act as one, and the two turns could not be told apart.
-_PARALLEL = 1e-6
+_PARALLEL = 2e-3
 _SPEEDS = {
     "revolute": 1,
     "prismatic": 1,
