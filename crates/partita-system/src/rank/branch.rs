@@ -20,7 +20,11 @@ const PATHS: usize = 24;
 const TUBE: f64 = 100.0;
 /// Half differences of probes above this part of the longest are motions; in the tube of a lock they are shorter.
 const MOVES: f64 = 0.25;
-/// Ends at which probes are tried.
+/// Off a projection by so much, probes tell nothing clearly: curvature takes a twentieth of a long one.
+const BENT: f64 = 0.1;
+/// Lengths of probes at the most, each half the one before.
+const PROBES: usize = 4;
+/// Positions at which probes have to say clearly what moves.
 const TRIED: usize = 4;
 /// A path this short (in steps) says nothing.
 const SHORTEST: usize = 3;
@@ -158,36 +162,106 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         }
         let Some(kernel) = agreed(&ends.iter().map(|&i| places[i].kernel).collect::<Vec<_>>()) else { return Ok(None) };
         let agrees = |place: &Place| place.kernel.0 <= kernel && kernel <= place.kernel.1;
-        let mut freedoms = 0;
-        for &end in ends.iter().filter(|&&i| agrees(&places[i])).take(TRIED) {
-            freedoms = freedoms.max(self.probed(&places[end].q.clone(), cut)?);
-        }
         places.retain(agrees);
+        let mut freedoms = Freedoms::default();
+        for place in tried(&places) {
+            freedoms.add(self.probed(&place.q, cut)?);
+            if freedoms.clear >= TRIED {
+                break;
+            }
+        }
+        let freedoms = freedoms.most;
         Ok((freedoms > 0).then_some(Branch { kernel, freedoms, places }))
     }
 
-    /// How many of the null directions at q are tangents of motions: half the differences of probes to both sides; what is
-    /// even in them is curvature.
-    fn probed(&mut self, q: &[f64], cut: Cut) -> Result<usize, SystemError> {
-        let motions = self.motions(q, cut)?.motions;
-        let mut halves = Matrix::new(motions.len(), self.velocities());
-        for (i, motion) in motions.iter().enumerate() {
-            let Some(along) = self.unit(motion) else { continue };
+    /// How many of the null directions at q are tangents of motions, and whether probes say so clearly.
+    ///
+    /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is thrown from one onto
+    /// another: then shorter ones are asked, and what is thrown back at any length is no motion. A crossing that is nearer
+    /// than the shortest probe leaves it open.
+    fn probed(&mut self, q: &[f64], cut: Cut) -> Result<(usize, bool), SystemError> {
+        let directions = mixed(&self.motions(q, cut)?.motions);
+        let (mut freedoms, mut length) = (directions.len(), STEP);
+        for _ in 0..PROBES {
+            let kept = self.kept(q, cut, &directions, length)?;
+            let Ok(f) = svd(&kept) else { return Ok((0, false)) };
+            let longest = f.s.first().copied().unwrap_or(0.0).max(MOVES);
+            freedoms = freedoms.min(f.s.iter().filter(|s| **s > MOVES * longest).count());
+            if is_projection(&kept) {
+                return Ok((freedoms, true));
+            }
+            length *= 0.5;
+        }
+        Ok((freedoms, false))
+    }
+
+    /// Half the differences of probes to both sides along these orthonormal directions, in parts of the probes and by their
+    /// components along the same: what is even in a probe is curvature.
+    fn kept(&mut self, q: &[f64], cut: Cut, directions: &[Vec<f64>], length: f64) -> Result<Matrix, SystemError> {
+        let k = directions.len();
+        let mut kept = Matrix::new(k, k);
+        for (i, direction) in directions.iter().enumerate() {
+            let Some(along) = self.unit(direction) else { continue };
+            let scale = 0.5 / (length * dot(&along, &along).sqrt());
             for sign in [1.0, -1.0] {
-                let by: Vec<f64> = along.iter().map(|x| sign * STEP * x).collect();
+                let by: Vec<f64> = along.iter().map(|x| sign * length * x).collect();
                 let mut there = q.to_vec();
                 self.step(&mut there, &by);
                 let Some(closed) = self.close(&mut there, cut)? else { continue };
-                let half = by.iter().zip(&closed.moved).map(|(x, y)| 0.5 * sign * (x + y) / STEP);
-                halves.row_mut(i).iter_mut().zip(half).for_each(|(h, x)| *h += x);
+                let total: Vec<f64> = by.iter().zip(&closed.moved).map(|(x, y)| sign * scale * (x + y)).collect();
+                kept.row_mut(i).iter_mut().zip(directions).for_each(|(x, other)| *x += dot(&total, other));
             }
-            let scale = dot(motion, motion).sqrt() / dot(&along, &along).sqrt();
-            halves.row_mut(i).iter_mut().for_each(|x| *x *= scale);
         }
-        let Ok(f) = svd(&halves) else { return Ok(0) };
-        let longest = f.s.first().copied().unwrap_or(0.0);
-        Ok(f.s.iter().filter(|s| **s > MOVES * longest.max(MOVES)).count())
+        Ok(kept)
     }
+}
+
+/// Is what is kept of probes A = A², as on one branch?
+fn is_projection(kept: &Matrix) -> bool {
+    let mut off = kept.matmul(kept);
+    off.data_mut().iter_mut().zip(kept.data()).for_each(|(x, a)| *x -= a);
+    svd(&off).is_ok_and(|f| f.s.iter().all(|s| *s <= BENT))
+}
+
+/// Finite motions as positions tell them: those where they are clear alone, of several branches the most.
+#[derive(Default)]
+struct Freedoms {
+    most: usize,
+    clear: usize,
+}
+
+impl Freedoms {
+    fn add(&mut self, (freedoms, is_clear): (usize, bool)) {
+        self.most = match (is_clear, self.clear) {
+            (false, 0) if self.most > 0 => self.most.min(freedoms),
+            (false, 1..) => self.most,
+            (true, 1..) => self.most.max(freedoms),
+            _ => freedoms,
+        };
+        self.clear += usize::from(is_clear);
+    }
+}
+
+/// Positions at which probes are tried: the ends of the paths, then what lies half-way.
+fn tried(places: &[Place]) -> impl Iterator<Item = &Place> {
+    let is_last = |i: usize| places.get(i + 1).is_none_or(|next| next.path != places[i].path);
+    let ends = (0..places.len()).filter(move |&i| is_last(i) && places[i].steps >= SHORTEST);
+    let halfway = places.iter().filter(|x| x.steps == FAR / 2);
+    ends.map(|i| &places[i]).chain(halfway)
+}
+
+/// The same space by directions that each mix all of it: along the axes of branches that cross, each by itself would go.
+fn mixed(motions: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut seed = 1;
+    let weights: Vec<f64> = motions.iter().map(|_| irregular(&mut seed)).collect();
+    let square = dot(&weights, &weights);
+    let mut sum = vec![0.0; motions.first().map_or(0, Vec::len)];
+    for (weight, motion) in weights.iter().zip(motions) {
+        sum.iter_mut().zip(motion).for_each(|(y, x)| *y += 2.0 * weight / square * x);
+    }
+    let reflected =
+        |(weight, motion): (&f64, &Vec<f64>)| motion.iter().zip(&sum).map(|(x, y)| x - weight * y).collect();
+    weights.iter().zip(motions).map(reflected).collect()
 }
 
 /// The kernel on which most ends agree; of two the larger.

@@ -6,6 +6,8 @@
 pub mod branch;
 pub mod exact;
 pub mod kernel;
+#[cfg(test)]
+mod tests;
 
 pub use branch::{Branch, Place};
 pub use exact::{exact, weakest, Exact, EXACT};
