@@ -7,7 +7,8 @@
 
 pub mod ways;
 
-use crate::manifold::truncated::{Along, Truncated};
+use crate::manifold::scaled;
+use crate::manifold::truncated::{Along, Cut, Truncated};
 use crate::manifold::{leap, End, Visit};
 use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -154,7 +155,8 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
 
 /// The position [`MOVE`] along `w`, closed by all rows looked at; none where it does not close next to there.
 fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> Result<Option<Vec<f64>>, SystemError> {
-    let mut rows = Truncated::new(x.system, t, q, NONE)?;
+    let scaled = scaled::Scaled::new(x.system, t, q, &[])?;
+    let mut rows = Truncated::new(scaled, t, Cut::Level(NONE));
     rows.scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = !x.rows.contains(&i));
     let mut there = q.to_vec();
     let end = leap(&mut Along::new(rows, CLOSED), &mut there, w, (0.0, MOVE), MOVE, &mut |_, _| Ok(Visit::On))?;

@@ -94,6 +94,8 @@ pub trait Linearization {
     fn scale(&mut self, part: usize, by: f64);
     /// q moved by the step.
     fn advance(&mut self, q: &mut [f64]);
+    /// The step of a part was taken.
+    fn take(&mut self, _part: usize) {}
     /// Number of parts.
     fn parts(&self) -> usize {
         1
@@ -136,8 +138,12 @@ pub struct Rule {
     /// ... and each next one no longer than this part of the one before: else they lead to another solution, or to
     /// none.
     pub shrink: f64,
-    /// Where rows stay open: a step no longer than this is the last.
+    /// Where rows stay open: a step no longer than this is the last, ...
     pub rest: f64,
+    /// ... and one no longer than this that is no shorter than half the one before.
+    pub rounding: f64,
+    /// Steps are taken whether or not they lower |Φ|²; so many that are shortened do not count as iterations.
+    pub undamped: Option<usize>,
 }
 
 impl Rule {
@@ -151,6 +157,8 @@ impl Rule {
             first: f64::INFINITY,
             shrink: f64::INFINITY,
             rest: 0.0,
+            rounding: 0.0,
+            undamped: None,
         }
     }
 
@@ -167,6 +175,12 @@ impl Rule {
     /// Rows may stay open: steps that become as short as this have found the least of |Φ|².
     pub const fn to_rest(self, rest: f64) -> Self {
         Self { rest, ..self }
+    }
+
+    /// Every step is taken: for linear steps that leave weak rows as they are, what these open by says nothing. They end
+    /// where steps below `rounding` become no shorter; up to `far` shortened ones come on top of the iterations.
+    pub const fn undamped(self, rounding: f64, far: usize) -> Self {
+        Self { rounding, undamped: Some(far), ..self }
     }
 }
 
@@ -203,6 +217,8 @@ pub struct Part {
     taken: f64,
     promised: f64,
     idle: usize,
+    /// Steps that were shortened to the longest.
+    far: usize,
 }
 
 impl Part {
@@ -266,6 +282,7 @@ impl Room {
             taken: 0.0,
             promised: 0.0,
             idle: 0,
+            far: 0,
         }));
     }
 
@@ -306,6 +323,7 @@ impl Room {
             let mut fraction = p.fraction;
             if fraction * p.length > rule.longest {
                 fraction = rule.longest / p.length;
+                p.far += 1;
             }
             if fraction < 1.0 {
                 l.scale(i, fraction);
@@ -316,16 +334,18 @@ impl Room {
     }
 
     /// Take the steps to where last evaluated, or refuse them; true if one was refused.
-    fn judge<L: Linearization + ?Sized>(&mut self, l: &L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
+    fn judge<L: Linearization + ?Sized>(&mut self, l: &mut L, q: &mut [f64], rule: &Rule, finite: bool) -> bool {
         let mut refused = false;
         for (i, p) in self.parts.iter_mut().enumerate().filter(|(_, p)| p.is_active()) {
             let now = l.open(i);
             let gain = if finite && now.square.is_finite() { p.open.square - now.square } else { f64::NEG_INFINITY };
             let flat = rule.rest > 0.0 && gain.abs() <= FLAT * p.open.square;
             let shorter = p.length <= SHORTER * p.before;
-            if gain > GAINS * p.promised && gain > 0.0 || flat && shorter {
+            let takes = rule.undamped.is_some() && gain.is_finite();
+            if gain > GAINS * p.promised && gain > 0.0 || flat && shorter || takes {
+                l.take(i);
                 p.damping *= match gain {
-                    _ if flat => 1.0,
+                    _ if flat || takes => 1.0,
                     x if x > GOOD.0 * p.promised => GOOD.1,
                     x if x < POOR.0 * p.promised => POOR.1,
                     _ => 1.0,
@@ -333,7 +353,8 @@ impl Room {
                 // where rows stay open their least is told by the length of steps
                 p.idle = if rule.rest > 0.0 || gain > GAIN * p.open.square { 0 } else { p.idle + 1 };
                 let stalls = now.worst > STALLED * p.open.worst && now.worst <= rule.accepted;
-                let last = p.length <= rule.rest && p.fraction == 1.0;
+                let rounding = p.length <= rule.rounding && p.length >= STALLED * p.before;
+                let last = (p.length <= rule.rest || rounding) && p.fraction == 1.0;
                 // while the rule is graded lengths do not compare
                 (p.open, p.before) = (now, if l.is_settled() { p.length } else { f64::INFINITY });
                 p.fraction = (p.fraction / REFUSED.1).min(1.0);
@@ -388,7 +409,8 @@ pub fn close<L: Linearization + ?Sized>(l: &mut L, q: &mut [f64], rule: &Rule, r
         if !room.is_active() {
             break;
         }
-        let gains = iterations < rule.iterations && l.solve(q, &room.parts)?;
+        let far = room.parts.iter().map(|p| p.far).max().unwrap_or(0).min(rule.undamped.unwrap_or(0));
+        let gains = iterations < rule.iterations + far && l.solve(q, &room.parts)?;
         if !gains {
             room.parts.iter_mut().filter(|p| p.is_active()).for_each(|p| p.stall(rule, Ending::Unfinished));
             break;

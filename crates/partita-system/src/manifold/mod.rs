@@ -3,7 +3,7 @@
 //! Whoever needs a closed position says which rows close it and how a linear step is found ([`Linearization`]); whoever
 //! needs a path of them says which way it goes ([`Curve`]). The loops, their tests and what they report are here, and
 //! with them the linear steps: `kept_rows` by dependent coordinates (34) or in the mass metric (33), `least_change` in
-//! a diagonal metric, damped and of any rank, `truncated` by singular values.
+//! a diagonal metric, damped and of any rank, `truncated` by the pivots above a level.
 
 pub mod close;
 pub mod follow;

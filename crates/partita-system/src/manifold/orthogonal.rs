@@ -77,14 +77,3 @@ pub fn orthogonal_step<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[
     let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
     Ok(p.correction(&x))
 }
-
-/// One such step.
-pub fn correct_orthogonally<S: ConstrainedSystem>(
-    r: &mut Reduction<S>,
-    t: f64,
-    q: &mut [f64],
-) -> Result<(), SystemError> {
-    let step = orthogonal_step(r, t, q)?;
-    r.system.step(q, &step);
-    Ok(())
-}

@@ -10,8 +10,10 @@ pub struct Scaled<'s, S: ConstrainedSystem> {
     /// The system.
     pub system: &'s S,
     scratch: S::Scratch,
-    raw_phi: Vec<f64>,
-    raw_c: Vec<f64>,
+    /// Φ, not scaled.
+    pub raw_phi: Vec<f64>,
+    /// C of all rows, not scaled, in the order of the system's pattern.
+    pub raw_c: Vec<f64>,
     raw_a: Vec<f64>,
     /// Large move of each velocity.
     pub reach: Vec<f64>,
@@ -35,6 +37,20 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     /// # Errors
     /// Where nothing can be evaluated at (t, q).
     pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self, SystemError> {
+        let mut scaled = Self::known(system, targets);
+        scaled.evaluate(t, q)?;
+        for i in (0..system.size().holonomic).filter(|&i| system.row_reach(i).is_none()) {
+            // a coordinate far larger than 1 says itself how large moves are
+            let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.reach[v], f64::max);
+            let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
+            let length = scaled.pattern.row(i).fold(0.0, widest);
+            scaled.length[i] = if length > 0.0 { length } else { 1.0 };
+        }
+        Ok(scaled)
+    }
+
+    /// The same with 1 for scales that the system does not know.
+    pub fn known(system: &'s S, targets: &[usize]) -> Self {
         let (size, all) = (system.size(), system.pattern());
         let entries = all.row_ptr[size.holonomic];
         let mut row_ptr = all.row_ptr[..=size.holonomic].to_vec();
@@ -45,35 +61,20 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         }
         let pattern = Pattern::new(size.holonomic + targets.len(), size.nv, row_ptr, col_idx);
         let reach: Vec<f64> = (0..size.nv).map(|i| system.reach(i)).collect();
-        let mut scaled = Self {
+        Self {
             system,
             scratch: system.scratch(),
             raw_phi: vec![0.0; size.holonomic],
             raw_c: vec![0.0; all.nnz()],
             raw_a: vec![0.0; size.rows],
-            length: vec![1.0; size.holonomic],
+            length: (0..size.holonomic).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
             locked: vec![false; size.nv],
             idle: vec![false; size.holonomic],
             phi: vec![0.0; pattern.rows],
             c: vec![0.0; pattern.nnz()],
             reach,
             pattern,
-        };
-        scaled.evaluate(t, q)?;
-        for i in 0..size.holonomic {
-            scaled.length[i] = system.row_reach(i).unwrap_or_else(|| {
-                // a coordinate far larger than 1 says itself how large moves are
-                let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.reach[v], f64::max);
-                let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
-                let length = scaled.pattern.row(i).fold(0.0, widest);
-                if length > 0.0 {
-                    length
-                } else {
-                    1.0
-                }
-            });
         }
-        Ok(scaled)
     }
 
     /// Φ and C at (t, q).
@@ -121,13 +122,19 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
 }
 
 impl<S: ConstrainedSystem> Scaled<'_, S> {
-    /// C as a dense matrix.
-    pub fn dense(&self) -> Matrix {
-        let mut m = Matrix::new(self.pattern.rows, self.pattern.cols);
-        for i in 0..self.pattern.rows {
-            self.pattern.row(i).for_each(|e| m[(i, self.pattern.col_idx[e])] = self.c[e]);
+    /// Rows that are not idle.
+    pub fn active(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.pattern.rows).filter(|&i| !self.idle.get(i).is_some_and(|idle| *idle))
+    }
+
+    /// Φ and C of the rows that are not idle, C as a dense matrix.
+    pub fn dense(&self) -> (Vec<f64>, Matrix) {
+        let rows: Vec<usize> = self.active().collect();
+        let mut m = Matrix::new(rows.len(), self.pattern.cols);
+        for (place, &i) in rows.iter().enumerate() {
+            self.pattern.row(i).for_each(|e| m[(place, self.pattern.col_idx[e])] = self.c[e]);
         }
-        m
+        (rows.iter().map(|&i| self.phi[i]).collect(), m)
     }
 
     /// q moved by `by` times a move in reaches.

@@ -2,13 +2,14 @@
 
 use super::kept_rows::{KeptRows, TO_ROUND_OFF};
 use super::least_change::{from_afar, LeastChange};
-use super::truncated::{Along, Truncated, TO_REST};
+use super::scaled::Scaled;
+use super::truncated::{Along, Cut, Truncated, TO_REST};
 use super::*;
 use crate::equations::{ByHand, Equations};
 use crate::error::Result;
 use crate::record::Correction;
 use crate::reduction::Reduction;
-use crate::system::SystemError;
+use crate::system::{ConstrainedSystem, SystemError};
 use std::f64::consts::{PI, TAU};
 
 /// Chains of links with their directions as coordinates, each from a pivot at the origin to one at (base, 0).
@@ -99,6 +100,11 @@ fn open<E: Equations>(system: &ByHand<E>, q: &[f64]) -> f64 {
     phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
+/// By what counts above the level, scales as at q.
+fn truncated<'s, S: ConstrainedSystem>(system: &'s S, q: &[f64], level: f64) -> Truncated<'s, S> {
+    Truncated::new(Scaled::new(system, 0.0, q, &[]).unwrap(), 0.0, Cut::Level(level))
+}
+
 /// Every way to find a linear step, from a start off by `far`; positions as they closed.
 fn every_step(system: &ByHand<Chains>, closed: &[f64; 3], far: f64) -> Vec<(&'static str, [f64; 3], Closed)> {
     let start = [closed[0] + far, closed[1] - 0.7 * far, closed[2] + 0.4 * far];
@@ -117,7 +123,7 @@ fn every_step(system: &ByHand<Chains>, closed: &[f64; 3], far: f64) -> Vec<(&'st
     let done = close(&mut rows, &mut q, &from_afar(1e-12), &mut room).unwrap();
     found.push(("least change", q, done));
     let mut q = start;
-    let done = Truncated::new(system, 0.0, &start, 1e-7).unwrap().close(&mut q, &TO_REST, &mut room).unwrap();
+    let done = truncated(system, &start, 1e-7).close(&mut q, &mut room).unwrap();
     found.push(("truncated", q, done));
     found
 }
@@ -216,9 +222,7 @@ fn convergence_is_of_second_order() {
     let mut least = Noted { of: LeastChange::new(&system, 0.0, &start, &[]).unwrap(), open: Vec::new() };
     close(&mut least, &mut start.clone(), &from_afar(1e-12), &mut room).unwrap();
     assert!((order(&least.open) - 2.0).abs() < 0.3, "least change: {:?}", least.open);
-    let mut truncated = Truncated::new(&system, 0.0, &start, 1e-7).unwrap();
-    truncated.graded = false;
-    let mut truncated = Noted { of: truncated, open: Vec::new() };
+    let mut truncated = Noted { of: truncated(&system, &start, 1e-7), open: Vec::new() };
     close(&mut truncated, &mut start.clone(), &TO_REST, &mut room).unwrap();
     assert!((order(&truncated.open) - 2.0).abs() < 0.3, "truncated: {:?}", truncated.open);
 }
@@ -290,8 +294,8 @@ fn rows_that_contradict_each_other_rest_half_way_and_are_followed_there() {
     for e in [1e-3, 1e-5, 1e-8] {
         let system = ByHand::new(TwoCircles(e));
         let mut q = [1.1, 0.2];
-        let mut rows = Truncated::new(&system, 0.0, &q, 1e-3).unwrap();
-        let done = rows.close(&mut q, &TO_REST, &mut Room::default()).unwrap();
+        let mut rows = truncated(&system, &q, 1e-3);
+        let done = rows.close(&mut q, &mut Room::default()).unwrap();
         assert_eq!(done.ending, Ending::AtRest);
         let half = |q: &[f64]| 0.5 * (q[0] * q[0] + q[1] * q[1] - 1.0) - 0.5 * e;
         // in natural scales: a large move from x = 1.1 opens the rows by its square
@@ -430,7 +434,7 @@ fn a_four_bar_is_followed_over_full_turns_on_its_branch() {
     let system = Chains::one(&lengths, base);
     let start = four_bar(0.3);
     for sign in [1.0, -1.0] {
-        let rows = Truncated::new(&system, 0.0, &start, 1e-7).unwrap();
+        let rows = truncated(&system, &start, 1e-7);
         let mut curve = Along::new(rows, 1e-12);
         let mut q = start;
         // three turns: the crank is the fastest link most of the time
@@ -441,8 +445,7 @@ fn a_four_bar_is_followed_over_full_turns_on_its_branch() {
             assert!(open(&system, at.q) < 1e-12);
             // the elbow keeps its side
             assert!((at.q[2] - at.q[1]).sin() * (start[2] - start[1]).sin() > 0.0);
-            let f = curve.spectrum.as_ref().unwrap();
-            least = least.min(f.s[1]);
+            least = least.min(curve.free.as_ref().unwrap().pivots[1]);
             let through = (at.q[0] - start[0]) * sign;
             Ok(if through > 3.0 * TAU { Visit::Stop } else { Visit::On })
         })
@@ -459,7 +462,7 @@ fn halving_steps_lead_to_the_same_positions() {
     let mut ends = Vec::new();
     for longest in [0.3, 0.1, 0.01] {
         let mut q = four_bar(0.3);
-        let rows = Truncated::new(&system, 0.0, &q, 1e-7).unwrap();
+        let rows = truncated(&system, &q, 1e-7);
         let pace = Pace { longest, shortest: 1e-6, steps: 10_000 };
         let done =
             follow(&mut Along::new(rows, 1e-12), &mut q, &[1.0, 0.0, 0.0], 1.5, &pace, &mut |_, _| Ok(Visit::On));
@@ -479,20 +482,20 @@ fn curves_end_with_their_reason() {
     // three links in one line, as long as the base: free for an instant only
     let line = Chains::one(&[1.0, 1.5, 0.5], 3.0);
     let mut q = [0.0; 3];
-    let mut curve = Along::new(Truncated::new(&line, 0.0, &q, 1e-7).unwrap(), 1e-12);
+    let mut curve = Along::new(truncated(&line, &q, 1e-7), 1e-12);
     let done = follow(&mut curve, &mut q, &[1.0, -1.0, 1.0], 1.0, &pace, &mut { on }).unwrap();
     assert_eq!(done.end, End::ThrownBack);
     assert!(done.s < 1e-2 && q.iter().all(|x| x.abs() < 1e-2), "{done:?} {q:?}");
     // nothing to go along: two links and a base that is a triangle
     let triangle = Chains::one(&[1.0, 1.0], 1.0);
     let mut q = [PI / 3.0, -PI / 3.0];
-    let mut curve = Along::new(Truncated::new(&triangle, 0.0, &q, 1e-7).unwrap(), 1e-12);
+    let mut curve = Along::new(truncated(&triangle, &q, 1e-7), 1e-12);
     let done = follow(&mut curve, &mut q, &[1.0, 1.0], 1.0, &pace, &mut { on }).unwrap();
     assert!(done.end == End::Limit && done.steps == 0);
     // a visitor that stops, one that refuses, and more steps than allowed
     let (lengths, base) = CRANK_ROCKER;
     let system = Chains::one(&lengths, base);
-    let begin = || (four_bar(0.3), Along::new(Truncated::new(&system, 0.0, &four_bar(0.3), 1e-7).unwrap(), 1e-12));
+    let begin = || (four_bar(0.3), Along::new(truncated(&system, &four_bar(0.3), 1e-7), 1e-12));
     let (mut q, mut curve) = begin();
     let direction = [1.0, 0.0, 0.0];
     let done = follow(&mut curve, &mut q, &direction, 9.0, &pace, &mut |_, _| Ok(Visit::Stop)).unwrap();

@@ -1,95 +1,162 @@
-//! Rows closed by the pseudo-inverse of C without its small singular values, and curves along what these leave free.
+//! Rows closed by the pseudo-inverse of C without what is weak in it, and curves along what that leaves free.
 //!
 //! ```text
-//! dq = -C_s⁺ Φ,   C_s = Σ_{σ_i > s} u_i σ_i v_iᵀ
+//! dq = -C_s⁺ Φ,   C_s = C without its pivots up to the level s
 //! ```
 //!
-//! Singular values up to the level s count as null: rows that are weaker are left open, where they are. From afar the
-//! level is graded, strong rows first, else steps jump off along weak ones.                                      (11.9)
+//! Pivots (or singular values) up to the level s count as null: rows that are weaker are left open, where they are. From
+//! afar the level is graded, strong rows first, else steps jump off along weak ones.                            (11.9)
 
 use super::close::{close, Closed, Ending, Linearization, Open, Part, Room, Rule};
 use super::follow::Curve;
 use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::factor::{svd, svd_full, Svd};
+use partita_math::dense::Matrix;
+use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 
-/// Levels of the first iterations: from this, ...
+/// First grade of the level.
 const COARSE: f64 = 0.03;
-/// ... a tenth of it every so many.
-const EVERY: usize = 2;
+/// Ratio between grades.
+const GRADE: f64 = 0.1;
+/// Moves below this (in reaches), or this part of the grade, are the end of it.
+const STILL: (f64, f64) = (1e-9, 1e-2);
 /// Longest step, in reaches.
 const LONGEST: f64 = 0.3;
+/// Longest steps at the most: guides that are out of parallel meet far away.
+const FARTHEST: usize = 400;
+/// Iterations besides: three or four of Newton's method for each grade.
+const ITERATIONS: usize = 60;
 /// A step this short is the last.
-const REST: f64 = 1e-13;
+const REST: f64 = 1e-14;
+/// Steps that become no shorter are rounding where they are shorter than this.
+const ROUNDING: f64 = 1e-11;
+/// Rows open by less are closed.
+const CLOSED: f64 = 2e-15;
+/// Rows open by less that close no further are closed.
+const ACCEPTED: f64 = 1e-14;
 /// A direction that loses more than this part of itself from one position to the next does not go on.
 const GOES_ON: f64 = 0.5;
 
-/// To the least of |Φ| in the rows above the level: what stays open is [`Ending::AtRest`].
-pub const TO_REST: Rule = Rule::new(100, f64::EPSILON, 1e-13).cut(LONGEST).to_rest(REST);
+/// To where the rows that count are closed: what stays open then no motion of the level closes.
+pub const TO_REST: Rule =
+    Rule::new(ITERATIONS, CLOSED, ACCEPTED).cut(LONGEST).to_rest(REST).undamped(ROUNDING, FARTHEST);
+
+/// Which pivots or singular values of C count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cut {
+    /// Those above a level; the others are null.
+    Level(f64),
+    /// So many of the largest.
+    Rank(usize),
+}
+
+impl Cut {
+    /// How many of these values count.
+    pub fn count(self, values: &[f64]) -> usize {
+        match self {
+            Self::Level(level) => values.iter().filter(|s| **s > level).count(),
+            Self::Rank(rank) => rank.min(values.len()),
+        }
+    }
+
+    /// With its level no finer than a grade.
+    fn graded(self, grade: f64) -> Self {
+        match self {
+            Self::Level(level) => Self::Level(level.max(grade)),
+            Self::Rank(_) => self,
+        }
+    }
+}
+
+/// Null space of C at one position.
+#[derive(Clone, Debug)]
+pub struct Motions {
+    /// Pivots, descending.
+    pub pivots: Vec<f64>,
+    /// Motions that no row opposes, in reaches.
+    pub motions: Vec<Vec<f64>>,
+}
 
 /// All rows of a system but the idle ones, dense.
 pub struct Truncated<'s, S: ConstrainedSystem> {
     /// The rows in natural scales.
     pub scaled: Scaled<'s, S>,
-    /// Singular values up to this are null.
-    pub level: f64,
-    /// Is the level graded over the iterations?
-    pub graded: bool,
+    /// What counts.
+    pub cut: Cut,
+    /// The move, in reaches, summed over the iterations.
+    pub moved: Vec<f64>,
     t: f64,
-    iteration: usize,
-    cut: f64,
+    grade: f64,
     open: Open,
-    /// Σ Φ² of what the step takes back.
-    within: f64,
     y: Vec<f64>,
     dv: Vec<f64>,
+    /// Length of the step last found.
+    length: f64,
 }
 
 impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
-    /// At the time t; scales as at q.
-    ///
-    /// # Errors
-    /// Where nothing can be evaluated at (t, q).
-    pub fn new(system: &'s S, t: f64, q: &[f64], level: f64) -> Result<Self> {
-        let n = system.size().nv;
-        Ok(Self {
-            scaled: Scaled::new(system, t, q, &[])?,
-            level,
-            graded: true,
+    /// At the time t.
+    pub fn new(scaled: Scaled<'s, S>, t: f64, cut: Cut) -> Self {
+        let n = scaled.reach.len();
+        Self {
+            scaled,
+            cut,
+            moved: vec![0.0; n],
             t,
-            iteration: 0,
-            cut: level,
+            grade: COARSE,
             open: Open::default(),
-            within: 0.0,
             y: vec![0.0; n],
             dv: vec![0.0; n],
-        })
+            length: f64::INFINITY,
+        }
     }
 
-    /// Close q by this rule, the level graded from the start.
+    /// Close q as far as it closes, the level graded from the start.
     ///
     /// # Errors
     /// As [`close`].
-    pub fn close(&mut self, q: &mut [f64], rule: &Rule, room: &mut Room) -> Result<Closed> {
-        self.iteration = 0;
-        close(self, q, rule, room)
+    pub fn close(&mut self, q: &mut [f64], room: &mut Room) -> Result<Closed> {
+        (self.grade, self.length) = (COARSE, f64::INFINITY);
+        self.moved.fill(0.0);
+        close(self, q, &TO_REST, room)
     }
 
-    /// C at q by its singular values, with full bases on both sides.
+    /// Φ and C of the rows at q, dense.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
-    pub fn spectrum(&mut self, q: &[f64]) -> Result<Svd> {
+    pub fn look(&mut self, q: &[f64]) -> Result<(Vec<f64>, Matrix)> {
         self.scaled.evaluate(self.t, q)?;
-        svd_full(&self.scaled.dense()).map_err(|_| self.not_finite())
+        Ok(self.scaled.dense())
     }
 
-    /// Directions (in reaches) whose singular values are null.
-    pub fn null(&self, f: &Svd) -> Vec<Vec<f64>> {
-        let n = f.v.rows();
-        let first = f.s.iter().filter(|s| **s > self.level).count();
-        (first..n).map(|j| (0..n).map(|i| f.v[(i, j)]).collect()).collect()
+    /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the other.
+    ///
+    /// # Errors
+    /// Where nothing can be evaluated at q.
+    pub fn motions(&mut self, q: &[f64]) -> Result<Motions> {
+        let (_, c) = self.look(q)?;
+        let (n, cut) = (c.cols(), self.cut);
+        let mut pivots = Vec::new();
+        let found = qr_null_space_by(&c, |all| {
+            pivots = all.to_vec();
+            cut.count(all)
+        });
+        let f = found.map_err(|_| self.not_finite())?;
+        let column = |j: usize| (0..n).map(|i| f.null[(i, j)]).collect::<Vec<f64>>();
+        Ok(Motions { motions: (0..f.null.cols()).map(column).collect(), pivots })
+    }
+
+    /// How far a move (in reaches) goes: the fastest coordinate, or what stands for it whatever the axes.
+    pub fn travel(&self, y: &[f64]) -> f64 {
+        let v: Vec<f64> = y.iter().zip(&self.scaled.reach).map(|(y, reach)| y * reach).collect();
+        self.scaled.system.travel(&v)
+    }
+
+    /// q moved by `by` times a move in reaches.
+    pub fn step(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
+        self.scaled.advance(q, by, y, &mut self.dv);
     }
 
     fn not_finite(&self) -> SystemError {
@@ -107,33 +174,31 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
         self.open
     }
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool> {
-        let f = svd(&self.scaled.dense()).map_err(|_| self.not_finite())?;
-        let graded = COARSE * 0.1f64.powi((self.iteration / EVERY) as i32);
-        self.cut = if self.graded { self.level.max(graded) } else { self.level };
-        self.iteration += 1;
-        self.y.fill(0.0);
-        self.within = 0.0;
-        for (k, s) in f.s.iter().enumerate().filter(|x| *x.1 > self.cut) {
-            let part: f64 = self.scaled.phi.iter().enumerate().map(|(i, x)| f.u[(i, k)] * x).sum();
-            self.within += part * part;
-            self.y.iter_mut().enumerate().for_each(|(j, y)| *y -= part / s * f.v[(j, k)]);
+        if !self.is_settled() && self.length < STILL.0.max(STILL.1 * self.grade) {
+            self.grade *= GRADE;
         }
+        let (mut phi, c) = self.scaled.dense();
+        phi.iter_mut().for_each(|x| *x = -*x);
+        let cut = self.cut.graded(self.grade);
+        (self.y, _) = pivoted_least_norm(&c, &phi, |pivots| cut.count(pivots)).map_err(|_| self.not_finite())?;
+        self.length = self.travel(&self.y);
         Ok(true)
     }
     fn length(&self, _part: usize) -> f64 {
-        largest(&self.y)
+        self.length
     }
     fn scale(&mut self, _part: usize, by: f64) {
         self.y.iter_mut().for_each(|y| *y *= by);
+        self.length *= by;
     }
     fn advance(&mut self, q: &mut [f64]) {
         self.scaled.advance(q, 1.0, &self.y, &mut self.dv);
     }
-    fn left(&self, _part: usize, fraction: f64) -> f64 {
-        self.open.square - fraction * (2.0 - fraction) * self.within
+    fn take(&mut self, _part: usize) {
+        self.moved.iter_mut().zip(&self.y).for_each(|(m, y)| *m += y);
     }
     fn is_settled(&self) -> bool {
-        self.cut <= self.level
+        self.cut.graded(self.grade) == self.cut
     }
 }
 
@@ -141,8 +206,8 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
 pub struct Along<'s, S: ConstrainedSystem> {
     /// The rows.
     pub rows: Truncated<'s, S>,
-    /// C at the position last closed.
-    pub spectrum: Option<Svd>,
+    /// What is free at the position last closed.
+    pub free: Option<Motions>,
     /// Rows may stay open by this.
     open: f64,
     room: Room,
@@ -151,30 +216,30 @@ pub struct Along<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Along<'s, S> {
     /// Along what these rows leave free; they may stay open by `open`, where they rest.
     pub fn new(rows: Truncated<'s, S>, open: f64) -> Self {
-        Self { rows, spectrum: None, open, room: Room::default() }
+        Self { rows, free: None, open, room: Room::default() }
     }
 }
 
 impl<S: ConstrainedSystem> Curve for Along<'_, S> {
     /// The projection of the direction before on what is free now, its fastest move 1.
     fn direct(&mut self, q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool> {
-        let f = self.rows.spectrum(q)?;
+        let found = self.rows.motions(q)?;
         let before = norm(tangent);
         let mut on = vec![0.0; tangent.len()];
-        for free in self.rows.null(&f) {
+        for free in &found.motions {
             let part: f64 = free.iter().zip(tangent.iter()).map(|(a, b)| a * b).sum();
-            on.iter_mut().zip(&free).for_each(|(x, d)| *x += part * d);
+            on.iter_mut().zip(free).for_each(|(x, d)| *x += part * d);
         }
-        self.spectrum = Some(f);
+        self.free = Some(found);
         let (after, fastest) = (norm(&on), largest(&on));
         tangent.iter_mut().zip(&on).for_each(|(t, x)| *t = x / fastest);
         Ok(after > GOES_ON * before && before > 0.0)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
-        self.rows.scaled.advance(q, ds, tangent, &mut self.rows.dv);
+        self.rows.step(q, ds, tangent);
     }
     fn close(&mut self, q: &mut [f64], _s: f64) -> Result<Closed> {
-        self.rows.close(q, &TO_REST, &mut self.room)
+        self.rows.close(q, &mut self.room)
     }
     fn accepts(&self, closed: &Closed) -> bool {
         closed.ending <= Ending::AtRest && closed.open.worst <= self.open

@@ -1,6 +1,6 @@
 //! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its freedoms.
 
-use super::kernel::{Cut, Kernel, Motions};
+use super::{Cut, Kernel, Motions};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;

@@ -3,6 +3,7 @@
 //! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the others
 //! open by nothing but rounding, or something else is the matter, which is not decided here.
 
+use crate::manifold::kept_rows::close_kept;
 use crate::reduction::openness::CLOSED;
 use crate::reduction::{largest, Reduction, FITS};
 use crate::system::{ConstrainedSystem, SystemError};
@@ -164,20 +165,11 @@ fn moved<S: ConstrainedSystem>(
     Ok(true)
 }
 
-/// Close the rows kept near q; leaves the levels there. False where they do not close.
+/// Close the rows kept near q; leaves the position level there. False where they do not close.
 fn closed<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<bool, SystemError> {
-    for _ in 0..8 {
-        r.position(t, q)?;
-        if r.factor(t).is_err() {
-            return Ok(false);
-        }
-        if r.gap_of_kept() < 0.01 * FITS {
-            return Ok(true);
-        }
-        if !r.correct_dependent(q) {
-            break;
-        }
+    match close_kept(r, t, q) {
+        Ok(closed) => Ok(closed.is_closed() || r.gap_of_kept() < CLOSED),
+        Err(SystemError::Singular { .. }) => Ok(false),
+        Err(e) => Err(e),
     }
-    r.position(t, q)?;
-    Ok(r.factor(t).is_ok() && r.gap_of_kept() < CLOSED)
 }

@@ -9,6 +9,7 @@ pub mod kernel;
 #[cfg(test)]
 mod tests;
 
+pub use crate::manifold::truncated::{Cut, Motions};
 pub use branch::{Branch, Place};
 pub use exact::{exact, weakest, Exact, EXACT};
-pub use kernel::{Closed, Cut, Kernel, Motions, Nulls};
+pub use kernel::{Closed, Kernel, Nulls};

@@ -441,21 +441,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         Ok(())
     }
 
-    /// One Newton step of the dependent coordinates with the current factors, `q_D ← q_D − C_D⁻¹ Φ`.  (34)
-    ///
-    /// Needs `position` and `factor` at q, and all rows holonomic. Next to a singular position the step amplifies the
-    /// round-off of Φ without bounds; one that does so more than [`LARGEST_AMPLIFICATION`] times is left for a later
-    /// step, when the mechanism has passed. True if q moved.
-    pub fn correct_dependent(&mut self, q: &mut [f64]) -> bool {
-        if self.dependent_step().is_round_off() {
-            return false;
-        }
-        self.move_dependent(q);
-        true
-    }
-
-    /// The step that [`Reduction::correct_dependent`] left for later: for those who must close here and see that more
-    /// than round-off is open.
+    /// The step of the dependent coordinates last found, `q_D ← q_D − C_D⁻¹ Φ`.                        (34)
     pub fn move_dependent(&mut self, q: &mut [f64]) {
         self.residual.fill(0.0);
         for (x, &i) in self.work.iter().zip(&self.partition.dependent) {

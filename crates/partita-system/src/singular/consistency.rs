@@ -4,7 +4,7 @@
 //! in its value, its rates and over a short motion, and after every step. Where it does not, the conditions contradict each
 //! other: no motion keeps them all.
 
-use crate::manifold::orthogonal::correct_orthogonally;
+use crate::manifold::kept_rows::close_kept;
 use crate::record::{Gap, Gaps};
 use crate::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
 use crate::reduction::Reduction;
@@ -77,18 +77,7 @@ pub fn check<S: ConstrainedSystem>(
 
 /// Close the kept rows to round-off near q; leaves the factors there.
 fn close<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-    let size = r.size();
-    for _ in 0..6 {
-        r.position(t, q)?;
-        r.factor(t)?;
-        match size.rows == size.holonomic {
-            true => {
-                r.correct_dependent(q);
-            }
-            false => correct_orthogonally(r, t, q)?,
-        }
-    }
-    r.position(t, q)?;
+    close_kept(r, t, q)?;
     r.factor(t)
 }
 

@@ -148,9 +148,9 @@ impl Drawing {
                 let mut row = vec![0.0; columns];
                 let weights = stress.iter().zip(&kernel.sizes).map(|(x, size)| x / size);
                 let weighed: Vec<(usize, f64)> = kernel.rows.iter().copied().zip(weights).collect();
-                self.slope(&weighed, &kernel.c, &s, &mut row);
+                self.slope(&weighed, kernel.raw_c(), &s, &mut row);
                 rows.extend(row);
-                open.push(weighed.iter().map(|(i, w)| w * kernel.phi[*i]).sum());
+                open.push(weighed.iter().map(|(i, w)| w * kernel.raw_phi()[*i]).sum());
             }
             still.push(q);
         }
