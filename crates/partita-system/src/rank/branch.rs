@@ -22,6 +22,8 @@ const TUBE: f64 = 100.0;
 const MOVES: f64 = 0.25;
 /// Off a projection by so much, probes tell nothing clearly: curvature takes a twentieth of a long one.
 const BENT: f64 = 0.1;
+/// Sums of probes that are compared with the sum of what is kept of each.
+const SUMS: usize = 2;
 /// Lengths of probes at the most, each half the one before.
 const PROBES: usize = 4;
 /// Positions at which probes have to say clearly what moves.
@@ -65,10 +67,14 @@ fn irregular(seed: &mut u64) -> f64 {
 }
 
 fn combined(motions: &[Vec<f64>], seed: &mut u64) -> Vec<f64> {
+    let weights: Vec<f64> = motions.iter().map(|_| irregular(seed)).collect();
+    sum(motions, &weights)
+}
+
+fn sum(motions: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; motions.first().map_or(0, Vec::len)];
-    for motion in motions {
-        let part = irregular(seed);
-        y.iter_mut().zip(motion).for_each(|(y, x)| *y += part * x);
+    for (motion, weight) in motions.iter().zip(weights) {
+        y.iter_mut().zip(motion).for_each(|(y, x)| *y += weight * x);
     }
     y
 }
@@ -178,41 +184,71 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
     ///
     /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is thrown from one onto
     /// another: then shorter ones are asked, and what is thrown back at any length is no motion. A crossing that is nearer
-    /// than the shortest probe leaves it open.
-    fn probed(&mut self, q: &[f64], cut: Cut) -> Result<(usize, bool), SystemError> {
+    /// than the shortest probe leaves it open. `None` where probes do not close.
+    fn probed(&mut self, q: &[f64], cut: Cut) -> Result<Option<(usize, bool)>, SystemError> {
         let directions = mixed(&self.motions(q, cut)?.motions);
-        let (mut freedoms, mut length) = (directions.len(), STEP);
-        for _ in 0..PROBES {
-            let kept = self.kept(q, cut, &directions, length)?;
-            let Ok(f) = svd(&kept) else { return Ok((0, false)) };
-            let longest = f.s.first().copied().unwrap_or(0.0).max(MOVES);
-            freedoms = freedoms.min(f.s.iter().filter(|s| **s > MOVES * longest).count());
-            if is_projection(&kept) {
-                return Ok((freedoms, true));
+        let (mut found, mut length) = (None, STEP);
+        for probe in 1..=PROBES {
+            if let Some(kept) = self.kept(q, cut, (&directions, &directions), length)? {
+                let Ok(f) = svd(&kept) else { return Ok(None) };
+                let longest = f.s.first().copied().unwrap_or(0.0).max(MOVES);
+                let moves = f.s.iter().filter(|s| **s > MOVES * longest).count();
+                let freedoms = found.map_or(moves, |before: usize| before.min(moves));
+                if is_projection(&kept) || probe == PROBES && self.is_linear(q, cut, (&directions, &kept), length)? {
+                    return Ok(Some((freedoms, true)));
+                }
+                found = Some(freedoms);
             }
             length *= 0.5;
         }
-        Ok((freedoms, false))
+        Ok(found.map(|freedoms| (freedoms, false)))
     }
 
-    /// Half the differences of probes to both sides along these orthonormal directions, in parts of the probes and by their
-    /// components along the same: what is even in a probe is curvature.
-    fn kept(&mut self, q: &[f64], cut: Cut, directions: &[Vec<f64>], length: f64) -> Result<Matrix, SystemError> {
+    /// Are sums of probes kept as the sums of what is kept? So it is on one branch also where weak rows make it no projection.
+    fn is_linear(
+        &mut self,
+        q: &[f64],
+        cut: Cut,
+        (directions, kept): (&[Vec<f64>], &Matrix),
+        length: f64,
+    ) -> Result<bool, SystemError> {
         let k = directions.len();
-        let mut kept = Matrix::new(k, k);
+        let (mut seed, mut weights) = (2, Matrix::new(SUMS, k));
+        for i in 0..SUMS {
+            let row = weights.row_mut(i);
+            row.iter_mut().for_each(|x| *x = irregular(&mut seed));
+            let size = dot(row, row).sqrt();
+            row.iter_mut().for_each(|x| *x /= size);
+        }
+        let sums: Vec<Vec<f64>> = (0..SUMS).map(|i| sum(directions, weights.row(i))).collect();
+        let Some(of_sums) = self.kept(q, cut, (&sums, directions), length)? else { return Ok(false) };
+        let expected = weights.matmul(kept);
+        Ok(of_sums.data().iter().zip(expected.data()).all(|(x, y)| (x - y).abs() <= BENT))
+    }
+
+    /// Half the differences of probes to both sides along unit directions, in parts of the probes and by their components
+    /// in an orthonormal frame: what is even in a probe is curvature. `None` where one does not close.
+    fn kept(
+        &mut self,
+        q: &[f64],
+        cut: Cut,
+        (directions, frame): (&[Vec<f64>], &[Vec<f64>]),
+        length: f64,
+    ) -> Result<Option<Matrix>, SystemError> {
+        let mut kept = Matrix::new(directions.len(), frame.len());
         for (i, direction) in directions.iter().enumerate() {
-            let Some(along) = self.unit(direction) else { continue };
+            let Some(along) = self.unit(direction) else { return Ok(None) };
             let scale = 0.5 / (length * dot(&along, &along).sqrt());
             for sign in [1.0, -1.0] {
                 let by: Vec<f64> = along.iter().map(|x| sign * length * x).collect();
                 let mut there = q.to_vec();
                 self.step(&mut there, &by);
-                let Some(closed) = self.close(&mut there, cut)? else { continue };
+                let Some(closed) = self.close(&mut there, cut)? else { return Ok(None) };
                 let total: Vec<f64> = by.iter().zip(&closed.moved).map(|(x, y)| sign * scale * (x + y)).collect();
-                kept.row_mut(i).iter_mut().zip(directions).for_each(|(x, other)| *x += dot(&total, other));
+                kept.row_mut(i).iter_mut().zip(frame).for_each(|(x, other)| *x += dot(&total, other));
             }
         }
-        Ok(kept)
+        Ok(Some(kept))
     }
 }
 
@@ -231,7 +267,8 @@ struct Freedoms {
 }
 
 impl Freedoms {
-    fn add(&mut self, (freedoms, is_clear): (usize, bool)) {
+    fn add(&mut self, probed: Option<(usize, bool)>) {
+        let Some((freedoms, is_clear)) = probed else { return };
         self.most = match (is_clear, self.clear) {
             (false, 0) if self.most > 0 => self.most.min(freedoms),
             (false, 1..) => self.most,
@@ -254,11 +291,8 @@ fn tried(places: &[Place]) -> impl Iterator<Item = &Place> {
 fn mixed(motions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut seed = 1;
     let weights: Vec<f64> = motions.iter().map(|_| irregular(&mut seed)).collect();
-    let square = dot(&weights, &weights);
-    let mut sum = vec![0.0; motions.first().map_or(0, Vec::len)];
-    for (weight, motion) in weights.iter().zip(motions) {
-        sum.iter_mut().zip(motion).for_each(|(y, x)| *y += 2.0 * weight / square * x);
-    }
+    let twice: Vec<f64> = weights.iter().map(|x| 2.0 * x / dot(&weights, &weights)).collect();
+    let sum = sum(motions, &twice);
     let reflected =
         |(weight, motion): (&f64, &Vec<f64>)| motion.iter().zip(&sum).map(|(x, y)| x - weight * y).collect();
     weights.iter().zip(motions).map(reflected).collect()
