@@ -66,6 +66,8 @@ def _holds_quantity(values: Any) -> bool:
 
 def real(value: Any) -> float:
     """One real number; TypeError for anything else, arrays of several numbers included."""
+    if type(value) is float:
+        return value
     if isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{type(value).__name__} {value!r}")
     array = floats(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -137,6 +138,8 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
         times = floats(given)
     except TypeError as error:
         raise ArgumentError(f"t_eval must be an array of times, not {shown(t_eval)}", argument="t_eval") from error
+    if times.ndim == 1 and times.size and t0 <= times[0] and times[-1] <= t_end and (times[1:] > times[:-1]).all():
+        return times
     if times.ndim != 1 or times.size == 0:
         raise ArgumentError(
             f"t_eval has shape {times.shape}; it must be a flat array of times such as "
@@ -192,14 +195,14 @@ def positive(what: str, value: Any, unit: SI = "") -> float:
         number = real(given)
     except TypeError as error:
         raise ArgumentError(f"{what} must be a number, not {shown(value)}", argument=what) from error
-    if not np.isfinite(number) or number <= 0.0:
+    if not math.isfinite(number) or number <= 0.0:
         raise ArgumentError(f"{what} is {number:g}; it must be finite and greater than zero", argument=what)
     return number
 
 
 def one_of(what: str, value: Any, known: Iterable[str]) -> str:
     """One of the known words."""
-    words = list(known)
+    words = known if isinstance(known, tuple) else list(known)
     if not isinstance(value, str) or value not in words:
         close = difflib.get_close_matches(shown(value).strip("'").lower(), words, n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(map(repr, words))}"

@@ -10,6 +10,7 @@
 
 mod blocks;
 mod choice;
+mod layout;
 mod pattern;
 mod plan;
 mod program;

@@ -144,14 +144,15 @@ impl<S: Scalar> Evaluator<S> {
         Ok((Self { engine, full, placed, drives, numbers, callers, following: None }, [rows, full_rows]))
     }
 
-    /// New scratch.
+    /// New scratch. Of a planar mechanism that in space is taken by the first [`look`](Self::look): evaluations need none.
     pub fn scratch(&self) -> Scratch<S> {
+        let (flat, full) = match &self.engine {
+            Engine::Flat(tree) => (Some(tree.scratch()), TreeScratch::empty()),
+            Engine::Full => (None, self.full.scratch()),
+        };
         Scratch {
-            flat: match &self.engine {
-                Engine::Flat(tree) => Some(tree.scratch()),
-                Engine::Full => None,
-            },
-            full: self.full.scratch(),
+            flat,
+            full,
             room: Vec::new(),
             flat_forces: Room::default(),
             full_forces: Room::default(),
@@ -399,6 +400,7 @@ impl<S: Scalar> Evaluator<S> {
 
     /// Poses and twists in space at (q, v), for outputs and reactions; positions also of the plane's.
     pub fn look(&self, q: &[S], v: &[S], s: &mut Scratch<S>) {
+        self.full.fit(&mut s.full);
         self.full.poses(q, &mut s.full);
         self.full.inertias(&mut s.full);
         self.full.twists(v, &mut s.full);

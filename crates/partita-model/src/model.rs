@@ -16,6 +16,7 @@ use crate::light;
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
+use crate::part::Part;
 use crate::place::{Coordinates, Placed};
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
@@ -77,6 +78,8 @@ pub struct Model {
     mass_layout: OnceLock<MassLayout>,
     /// Curves with knots, found when they are first asked for.
     curves: OnceLock<Curves>,
+    /// What all answers together depend on, found when it is first asked for.
+    whole: OnceLock<Part>,
     clusters: Clusters,
     preference: Preference,
     has_power: bool,
@@ -318,6 +321,7 @@ impl Model {
             pattern,
             mass_layout: OnceLock::new(),
             curves: OnceLock::new(),
+            whole: OnceLock::new(),
             clusters,
             preference: Preference::default(),
             has_power,
@@ -408,6 +412,11 @@ impl Model {
             Engine::Flat(tree) => MassLayout::new(tree),
             Engine::Full => MassLayout::new(&self.own.full),
         })
+    }
+
+    /// What all answers together depend on: everything.
+    pub fn whole(&self) -> &Part {
+        self.whole.get_or_init(|| self.own.whole())
     }
 
     fn curves(&self) -> &Curves {

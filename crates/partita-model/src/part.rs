@@ -150,6 +150,7 @@ impl<S: Scalar> Evaluator<S> {
 
     /// Poses and twists at (q, v) of the links of `part`, in space and in the plane of the engine.
     pub fn look_at(&self, part: &Part, q: &[S], v: &[S], s: &mut Scratch<S>) {
+        self.full.fit(&mut s.full);
         for &i in &part.links {
             self.full.pose(i, q, &mut s.full);
             self.full.twist(i, v, &mut s.full);

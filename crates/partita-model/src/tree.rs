@@ -227,17 +227,33 @@ pub struct TreeScratch<G: Space> {
     pub clusters: crate::memory::ClusterScratch<G::S>,
 }
 
-impl<G: Space> Tree<G> {
-    /// New scratch.
-    pub fn scratch(&self) -> TreeScratch<G> {
-        TreeScratch {
-            links: vec![LinkState::rest(); self.links.len()],
-            effort: vec![G::S::zero(); self.nv],
+impl<G: Space> TreeScratch<G> {
+    /// Of no links.
+    pub(crate) fn empty() -> Self {
+        Self {
+            links: Vec::new(),
+            effort: Vec::new(),
             partial: Vec::new(),
-            moves: vec![false; self.links.len()],
+            moves: Vec::new(),
             articulated: crate::memory::Articulated::default(),
             clusters: crate::memory::ClusterScratch::default(),
         }
+    }
+}
+
+impl<G: Space> Tree<G> {
+    /// New scratch.
+    pub fn scratch(&self) -> TreeScratch<G> {
+        let mut new = TreeScratch::empty();
+        self.fit(&mut new);
+        new
+    }
+
+    /// Take the memory, where a scratch has none yet.
+    pub(crate) fn fit(&self, s: &mut TreeScratch<G>) {
+        s.links.resize_with(self.links.len(), LinkState::rest);
+        s.effort.resize(self.nv, G::S::zero());
+        s.moves.resize(self.links.len(), false);
     }
 
     /// Poses of all links at q.

@@ -12,6 +12,7 @@ use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::{ConstrainedSystem, SystemError};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::ops::ControlFlow;
@@ -146,8 +147,8 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     }
     let d = dictionary(py, &*system, &found)?;
     let kept = Kept { system, journal: found.journal, shared };
-    d.set_item("error", cause.map(|e| e.into_value(py)))?;
-    d.set_item("journal", Account(Box::new(kept)).into_pyobject(py)?)?;
+    d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
+    d.set_item(intern!(py, "journal"), Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
 }
 
@@ -159,8 +160,8 @@ pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let d = dictionary(py, &**system, &found)?;
     let kept = Kept { system: system.clone(), journal: found.journal, shared: false };
-    d.set_item("error", py.None())?;
-    d.set_item("journal", Account(Box::new(kept)).into_pyobject(py)?)?;
+    d.set_item(intern!(py, "error"), py.None())?;
+    d.set_item(intern!(py, "journal"), Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
 }
 
@@ -244,54 +245,57 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     let (size, outputs) = (system.size(), &run.journal.outputs);
     let nt = outputs.len();
     let d = PyDict::new(py);
-    d.set_item("t", array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
+    d.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
     let q = outputs.iter().flat_map(|x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))).collect();
-    d.set_item("q", array(py, &[nt, size.nq], q))?;
-    d.set_item("v", array(py, &[nt, size.nv], outputs.iter().flat_map(|x| x.v.iter().copied()).collect()))?;
-    d.set_item("work", array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
+    d.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
+    d.set_item(
+        intern!(py, "v"),
+        array(py, &[nt, size.nv], outputs.iter().flat_map(|x| x.v.iter().copied()).collect()),
+    )?;
+    d.set_item(intern!(py, "work"), array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
     let partitions = PyList::empty(py);
     for e in &run.journal.events {
         let p = PyDict::new(py);
-        p.set_item("t", e.t)?;
-        p.set_item("independent", &e.independent)?;
-        p.set_item("dependent", &e.dependent)?;
+        p.set_item(intern!(py, "t"), e.t)?;
+        p.set_item(intern!(py, "independent"), &e.independent)?;
+        p.set_item(intern!(py, "dependent"), &e.dependent)?;
         let first = partitions.is_empty();
-        p.set_item("entering", if first { Vec::new() } else { e.entering.clone() })?;
-        p.set_item("leaving", &e.leaving)?;
-        p.set_item("reason", &e.reason)?;
-        p.set_item("sigma", e.quality.sigma)?;
-        p.set_item("sqrt_mu", e.quality.sqrt_mu)?;
+        p.set_item(intern!(py, "entering"), if first { Vec::new() } else { e.entering.clone() })?;
+        p.set_item(intern!(py, "leaving"), &e.leaving)?;
+        p.set_item(intern!(py, "reason"), &e.reason)?;
+        p.set_item(intern!(py, "sigma"), e.quality.sigma)?;
+        p.set_item(intern!(py, "sqrt_mu"), e.quality.sqrt_mu)?;
         partitions.append(p)?;
     }
-    d.set_item("partitions", partitions)?;
-    d.set_item("notes", &run.notes)?;
-    d.set_item("kept_rows", &run.rows)?;
-    d.set_item("steps_open", run.open)?;
-    d.set_item("gaps", (run.gaps.position.part, run.gaps.velocity.part))?;
-    d.set_item("findings", told(&run.findings))?;
+    d.set_item(intern!(py, "partitions"), partitions)?;
+    d.set_item(intern!(py, "notes"), &run.notes)?;
+    d.set_item(intern!(py, "kept_rows"), &run.rows)?;
+    d.set_item(intern!(py, "steps_open"), run.open)?;
+    d.set_item(intern!(py, "gaps"), (run.gaps.position.part, run.gaps.velocity.part))?;
+    d.set_item(intern!(py, "findings"), told(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);
     for (name, value) in [
-        ("steps", c.steps),
-        ("rejected", c.rejected),
-        ("retries", c.retries),
-        ("lenient", c.lenient),
-        ("evaluations", c.evaluations),
-        ("dense_evaluations", c.dense_evaluations),
-        ("factorisations", f.factorisations),
-        ("plans", f.plans),
-        ("exchanges", f.exchanges),
-        ("corrections", f.corrections),
-        ("renewals", f.renewals),
-        ("newton_iterations", f.newton_iterations),
-        ("proximal_iterations", f.proximal_iterations),
+        (intern!(py, "steps"), c.steps),
+        (intern!(py, "rejected"), c.rejected),
+        (intern!(py, "retries"), c.retries),
+        (intern!(py, "lenient"), c.lenient),
+        (intern!(py, "evaluations"), c.evaluations),
+        (intern!(py, "dense_evaluations"), c.dense_evaluations),
+        (intern!(py, "factorisations"), f.factorisations),
+        (intern!(py, "plans"), f.plans),
+        (intern!(py, "exchanges"), f.exchanges),
+        (intern!(py, "corrections"), f.corrections),
+        (intern!(py, "renewals"), f.renewals),
+        (intern!(py, "newton_iterations"), f.newton_iterations),
+        (intern!(py, "proximal_iterations"), f.proximal_iterations),
     ] {
         counters.set_item(name, value)?;
     }
-    d.set_item("counters", counters)?;
-    d.set_item("status", run.outcome.status.word())?;
-    d.set_item("success", run.outcome.status == Status::Finished)?;
-    d.set_item("message", &run.outcome.message)?;
-    d.set_item("ended", run.outcome.t)?;
+    d.set_item(intern!(py, "counters"), counters)?;
+    d.set_item(intern!(py, "status"), run.outcome.status.word())?;
+    d.set_item(intern!(py, "success"), run.outcome.status == Status::Finished)?;
+    d.set_item(intern!(py, "message"), &run.outcome.message)?;
+    d.set_item(intern!(py, "ended"), run.outcome.t)?;
     Ok(d)
 }

@@ -59,8 +59,17 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 /// # Errors
 /// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only, everywhere.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    analyse_with(&mut Reduction::new(system, 0), t, q)
+}
+
+/// The same with the levels of any reduction of rank 0.
+///
+/// # Errors
+/// See [`analyse`].
+pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    let system = probe.system;
     let Some(finite) = system.finite() else {
-        let (start, largest_dropped) = ranked(system, t, q)?;
+        let (start, largest_dropped) = ranked(probe, t, q)?;
         if !start.dropped.is_empty() {
             persists(system, (t, q), &start, largest_dropped)?;
         }
@@ -69,7 +78,7 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
     if finite.instantaneous > 0 {
         return Err(shaky(t, finite, &system.instantaneous()));
     }
-    let start = counted(system, t, q, finite)?;
+    let start = counted(probe, t, q, finite)?;
     let wanted = system.size().nv.saturating_sub(finite.freedoms);
     let is_drive = |i: &usize| system.row_is_drive(*i);
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
@@ -109,14 +118,20 @@ fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
 
 /// Of the closings that the verdict counts those that are strongest at a position, and drives besides. Where the position is
 /// singular there are fewer.
-fn counted<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], finite: Finite) -> Result<Start, SystemError> {
+fn counted<S: ConstrainedSystem>(
+    probe: &mut Reduction<S>,
+    t: f64,
+    q: &[f64],
+    finite: Finite,
+) -> Result<Start, SystemError> {
+    let system = probe.system;
     let limit = if finite.weak { EXACT } else { REDUNDANT };
     let drive = |i: usize| system.row_is_drive(i);
-    let mut probe = Reduction::geometric(system, 0);
+    probe.weigh_reaches(true);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
     let wanted = system.size().nv.saturating_sub(finite.freedoms);
-    let found = by_sizes(&probe, 0.0, (0.0, &drive));
+    let found = by_sizes(probe, 0.0, (0.0, &drive));
     let of_closings: Vec<(usize, f64)> =
         found.kept.iter().copied().zip(found.pivots.iter().copied()).filter(|x| !drive(x.0)).collect();
     let kept = of_closings.iter().take(wanted).filter(|x| x.1 > limit).count();
@@ -131,7 +146,7 @@ fn counted<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], finite: Finite) 
     if (0..is_kept.len()).any(drive) {
         let pattern = system.pattern();
         (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.c[pattern.row(i)].fill(0.0));
-        let with_drives = by_sizes(&probe, REDUNDANT, (0.0, &drive));
+        let with_drives = by_sizes(probe, REDUNDANT, (0.0, &drive));
         with_drives.kept.iter().zip(&with_drives.pivots).filter(|x| drive(*x.0)).for_each(|(&i, &pivot)| {
             is_kept[i] = true;
             start.smallest = start.smallest.min(pivot);
@@ -186,18 +201,19 @@ fn persists<S: ConstrainedSystem>(
 /// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused: a
 /// singular position has a rank of its own.
 pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
+    let mut probe = Reduction::new(system, 0);
     match system.finite() {
-        Some(finite) => counted(system, t, q, finite),
-        None => Ok(ranked(system, t, q)?.0),
+        Some(finite) => counted(&mut probe, t, q, finite),
+        None => Ok(ranked(&mut probe, t, q)?.0),
     }
 }
 
 /// The rank at a position, and the largest squared sine of a row dropped.
-fn ranked<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<(Start, f64), SystemError> {
-    let mut probe = Reduction::new(system, 0);
+fn ranked<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<(Start, f64), SystemError> {
+    probe.weigh_reaches(false);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
-    let here = rank_at_last(&probe);
+    let here = rank_at_last(probe);
     let smallest = here.pivots.iter().copied().fold(1.0, f64::min);
     let mut dropped = here.dropped.clone();
     dropped.sort_unstable();

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -75,7 +76,7 @@ class Record:
             gaps=_pair(raw.get("gaps")),
             misfit=float(summary.get("repaired") or 0.0),
             findings=findings_of(raw.get("findings", ())),
-            options=read_exact(exact(options)),  # as a file gives them back
+            options=plain(options, lambda number: number),  # as a file gives them back
             error=raw.get("error"),
             description=description,
             version=core_version(),
@@ -113,6 +114,11 @@ def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
 def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> Any:
     """`value` out of what JSON knows: arrays become lists, NumPy numbers numbers, other objects words; what is not
     finite becomes null, or what `unfit` makes of it."""
+    kind = type(value)
+    if value is None or kind in _AS_IT_IS:
+        return value
+    if kind is float:
+        return value if math.isfinite(value) else unfit(value)
     if isinstance(value, Mapping):
         return {str(key): plain(item, unfit) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -129,6 +135,7 @@ def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> An
     return str(value)
 
 
+_AS_IT_IS = frozenset({bool, int, str})
 NOT_FINITE = "not finite"
 
 

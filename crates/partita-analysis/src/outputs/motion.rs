@@ -19,7 +19,7 @@ pub const JOINT_POINT: usize = 3;
 fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part {
     match which {
         [i] => one(*i),
-        _ => model.whole(),
+        _ => model.whole().clone(),
     }
 }
 

@@ -53,7 +53,7 @@ pub fn reaction<E: Send + From<SystemError> + From<AnalysisError>>(
 ) -> Result<Vec<Vec<f64>>, E> {
     let freedoms = model.placed.joints[j].shape.freedoms();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
-        let part = if rule.is_some() { model.whole() } else { model.part_of_reaction(j) };
+        let part = if rule.is_some() { model.whole().clone() } else { model.part_of_reaction(j) };
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut drives = model.drive_of(j, lambda);

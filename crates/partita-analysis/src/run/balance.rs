@@ -35,12 +35,12 @@ pub trait Balance: ConstrainedSystem {
     ///
     /// # Errors
     /// What a function of the user raises.
-    fn residual(&self, at: &Sample) -> Result<Option<f64>, SystemError>;
+    fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError>;
     /// Kinetic and potential energy at some outputs; none where no potential is known.
     ///
     /// # Errors
     /// What a function of the user raises.
-    fn energies(&self, at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
+    fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
     /// Energy against which a balance is held at the least, for this absolute tolerance.
     fn energy_floor(&self, atol: f64) -> f64;
     /// Do functions of the user agree with each other at (t, q, v), as far as that is to be checked?
@@ -59,18 +59,18 @@ pub trait Balance: ConstrainedSystem {
 }
 
 impl Balance for Model {
-    fn residual(&self, at: &Sample) -> Result<Option<f64>, SystemError> {
-        let mut scratch = self.scratch();
-        let found = self.reactions_of(&self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, &mut scratch)?;
+    fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
+        let found = self.reactions_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch)?;
         Ok(Some(found.residual))
     }
 
-    fn energies(&self, at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
-        let mut levels = crate::instant::Levels::new(self);
+    fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
+        let mut q = Vec::new();
         let one = |x: &&Output| {
-            let q: Vec<f64> = x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
-            levels.velocity(x.t, &q, &x.v)?;
-            self.energy(x.t, &q, &x.v, &levels.scratch)
+            q.clear();
+            q.extend(x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)));
+            self.look(&q, &x.v, scratch);
+            self.energy(x.t, &q, &x.v, scratch)
         };
         at.iter().map(one).collect::<Result<_, _>>().map(Some)
     }
@@ -98,11 +98,11 @@ impl Balance for Model {
 }
 
 impl<E: Equations> Balance for ByHand<E> {
-    fn residual(&self, _at: &Sample) -> Result<Option<f64>, SystemError> {
+    fn residual(&self, _at: &Sample, _scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
         Ok(None)
     }
 
-    fn energies(&self, _at: &[&Output]) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
+    fn energies(&self, _at: &[&Output], _scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
         Ok(None)
     }
 

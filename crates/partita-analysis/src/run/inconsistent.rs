@@ -25,16 +25,16 @@ pub struct Seen {
     open: bool,
 }
 
-/// Look at a start, and refuse one that is not next to one that satisfies the constraints.
+/// Look at a start, and refuse one that is not next to one that satisfies the constraints; `r` lends its levels.
 ///
 /// # Errors
 /// `Argument`, and where the system cannot be evaluated there.
 pub(super) fn see<S: ConstrainedSystem>(
-    system: &S,
-    rank: usize,
+    r: &mut Reduction<S>,
     (t, q, v): (f64, &[f64], &[f64]),
 ) -> Result<Seen, AnalysisError> {
-    let mut r = Reduction::new(system, rank);
+    let system = r.system;
+    r.weigh_reaches(false);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (open, row) = r.openness();

@@ -8,6 +8,7 @@ use crate::error::AnalysisError;
 use partita_integrate::simulate::Settings;
 use partita_system::formulation::{registry, Formulation};
 use partita_system::options::{FormulationOptions, TangentMap};
+use partita_system::reduction::Reduction;
 use partita_system::singular::consistency;
 use partita_system::start::{self, Start};
 use partita_system::{weight, ConstrainedSystem, SystemError};
@@ -59,7 +60,8 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
         (end, tolerance): (f64, f64),
         longest: f64,
     ) -> Result<Self, AnalysisError> {
-        let (start, departure) = match start::analyse(system, t, q) {
+        let mut probe = Reduction::new(system, 0);
+        let (start, departure) = match start::analyse_with(&mut probe, t, q) {
             Err(e @ SystemError::SingularStart { .. }) => {
                 let departure = departure::depart(system, (t, q, v), (end, tolerance), e)?;
                 (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
@@ -69,7 +71,7 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
         let given = (t, q, v);
         let (t, q, v) = departure.as_ref().map_or(given, |x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]));
         consistency::check(system, &start, (t, q, v), longest)?;
-        let seen = inconsistent::see(system, start.rank, given)?;
+        let seen = inconsistent::see(&mut probe, given)?;
         weight::refuse(system, t, q, start.rank)?;
         Ok(Self { start, departure, seen })
     }

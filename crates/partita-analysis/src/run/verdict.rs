@@ -177,8 +177,9 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
         (outcome.t, outcome.error) = (t, Some(error));
         return;
     }
-    found.extend(of_ends(system, formulation, journal));
-    found.extend(of_energies(system, journal, outcome.counters.steps));
+    let mut scratch = system.scratch();
+    found.extend(of_ends(system, formulation, journal, &mut scratch));
+    found.extend(of_energies(system, journal, outcome.counters.steps, &mut scratch));
     if let Some(broken) = found.iter().find(|x| x.broken) {
         outcome.status = Status::Broken;
         outcome.message = format!("{}, but the result is broken: {}", outcome.message, broken.sentence);
@@ -196,7 +197,12 @@ fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemE
 }
 
 /// The first and the last output that have accelerations: are these and the multipliers finite, and in balance at all bodies?
-fn of_ends<S: Balance, F: Formulation + ?Sized>(system: &S, formulation: &mut F, journal: &Journal) -> Option<Finding> {
+fn of_ends<S: Balance, F: Formulation + ?Sized>(
+    system: &S,
+    formulation: &mut F,
+    journal: &Journal,
+    scratch: &mut S::Scratch,
+) -> Option<Finding> {
     let (limits, outputs) = (&journal.limits, &journal.outputs);
     let ends = [outputs.first(), outputs.last().filter(|_| outputs.len() > 1)];
     let mut residuals = Vec::with_capacity(2);
@@ -215,7 +221,7 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(system: &S, formulation: &mut F,
             Err(_) => continue, // what fails there is told to whoever asks for it
         }
         sample.q.iter_mut().zip(&x.turns).for_each(|(q, n)| *q = partita_system::positions::turns::whole(*q, *n));
-        if let Ok(Some(residual)) = system.residual(&sample) {
+        if let Ok(Some(residual)) = system.residual(&sample, scratch) {
             residuals.push((x.t, residual));
         }
     }
@@ -223,12 +229,12 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(system: &S, formulation: &mut F,
 }
 
 /// The energy over some outputs.
-fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64) -> Option<Finding> {
+fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64, scratch: &mut S::Scratch) -> Option<Finding> {
     let some = balance::some(&journal.outputs);
     if some.len() < 2 {
         return None; // a balance is between two
     }
-    let energies = system.energies(&some).ok().flatten()?;
+    let energies = system.energies(&some, scratch).ok().flatten()?;
     let at =
         some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
     let at: Vec<Energy> = at.collect();

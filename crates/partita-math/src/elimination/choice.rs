@@ -41,12 +41,10 @@ pub(super) fn choose(
 ) -> Result<Vec<Step>, PlanError> {
     let mut rest = Remainder::new(pattern, options.threshold, rank > FULL_SEARCH);
     for i in (0..pattern.rows).filter(|&i| eligible_rows[i]) {
-        let row = pattern
-            .row(i)
-            .map(|place| (pattern.col_idx[place], values[place]))
-            .filter(|&(j, _)| eligible_cols[j])
-            .map(|(j, c)| (j, row_scale[i] * c * col_scale[j]))
-            .collect();
+        let places = pattern.row(i).map(|place| (pattern.col_idx[place], values[place]));
+        let eligible = places.filter(|&(j, _)| eligible_cols[j]);
+        let mut row = Vec::with_capacity(pattern.row(i).len());
+        row.extend(eligible.map(|(j, c)| (j, row_scale[i] * c * col_scale[j])));
         rest.load(i, row)?;
     }
     rest.queue_everything();

@@ -1,5 +1,6 @@
 //! Where a sparse matrix may be nonzero.
 
+use super::layout::Layouts;
 use std::ops::Range;
 
 /// The sparsity of a `rows`×`cols` matrix, row by row (CSR).
@@ -16,6 +17,8 @@ pub struct Pattern {
     pub row_ptr: Vec<usize>,
     /// The column of each entry.
     pub col_idx: Vec<usize>,
+    /// Eliminations laid out before.
+    pub(super) layouts: Layouts,
 }
 
 impl Pattern {
@@ -36,7 +39,7 @@ impl Pattern {
                 last_row[j] = i;
             }
         }
-        Self { rows, cols, row_ptr, col_idx }
+        Self { rows, cols, row_ptr, col_idx, layouts: Layouts::default() }
     }
 
     /// Every place of a `rows`×`cols` matrix, so that its values are those of the dense row-major matrix.
@@ -46,6 +49,7 @@ impl Pattern {
             cols,
             row_ptr: (0..=rows).map(|i| i * cols).collect(),
             col_idx: (0..rows).flat_map(|_| 0..cols).collect(),
+            layouts: Layouts::default(),
         }
     }
 

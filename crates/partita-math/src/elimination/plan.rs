@@ -1,11 +1,12 @@
 //! The plan as others see it: made once, then [`factor`](Plan::factor) and [`solve`](Plan::solve).
 
-use super::blocks::Blocks;
 use super::choice;
-use super::program::{sparse::SparseRoom, Program};
+use super::layout::Layout;
+use super::program::sparse::SparseRoom;
 use super::Pattern;
 use crate::scalar::{Real, Scalar};
 use std::convert::Infallible;
+use std::sync::Arc;
 
 /// How pivots are chosen and watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,15 +66,11 @@ pub struct PivotShrunk {
 /// allocation or branches other than the guard. Rows that depend on others are passed over while anything better is left.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    pivot_rows: Vec<usize>,
-    pivot_cols: Vec<usize>,
+    layout: Arc<Layout>,
     smallest_pivot: f64,
-    program: Program,
     /// Pivot magnitudes when the plan was made, and the least allowed.
     references: Vec<f64>,
     guards: Vec<f64>,
-    /// Diagonal block of each step, and what the order of its steps does to the sign of its determinant.
-    blocks: Blocks,
 }
 
 impl Plan {
@@ -105,47 +102,43 @@ impl Plan {
         assert_eq!(col_scale.len(), pattern.cols, "one scale per column");
         let steps =
             choice::choose(pattern, values, eligible_rows, eligible_cols, row_scale, col_scale, rank, &options)?;
-        let program = Program::new(pattern, &steps);
+        let layout = pattern.layouts.of(pattern, &steps);
+        let program = &layout.program;
         let mut work = vec![0.0; program.len()];
         let deficient = |(found, best)| PlanError::RankDeficient { found, wanted: rank, best };
         program.factor(values, &mut work, |k, pivot: f64| above(f64::MIN_POSITIVE, k, pivot)).map_err(deficient)?;
         let references: Vec<f64> = (0..rank).map(|k| 1.0 / work[program.pivot_place(k)].abs()).collect();
-        let pivot_rows: Vec<usize> = steps.iter().map(|s| s.row).collect();
-        let pivot_cols: Vec<usize> = steps.iter().map(|s| s.col).collect();
         Ok(Plan {
-            blocks: Blocks::new(pattern, &pivot_rows, &pivot_cols),
-            pivot_rows,
-            pivot_cols,
             smallest_pivot: steps.iter().fold(f64::INFINITY, |m, s| m.min(s.size)),
             guards: references.iter().map(|r| options.guard * r).collect(),
             references,
-            program,
+            layout,
         })
     }
 
     /// Number of pivots.
     pub fn rank(&self) -> usize {
-        self.pivot_rows.len()
+        self.layout.pivot_rows.len()
     }
 
     /// The row of C each step uses (`rank`).
     pub fn pivot_rows(&self) -> &[usize] {
-        &self.pivot_rows
+        &self.layout.pivot_rows
     }
 
     /// The column of C each step uses (`rank`): the dependent coordinates, in the order of the unknowns.
     pub fn pivot_cols(&self) -> &[usize] {
-        &self.pivot_cols
+        &self.layout.pivot_cols
     }
 
     /// Length of the memory that [`factor`](Plan::factor) fills.
     pub fn factor_len(&self) -> usize {
-        self.program.len()
+        self.layout.program.len()
     }
 
     /// Number of entries in both factors, the pivots counted once.
     pub fn nnz_factors(&self) -> usize {
-        self.program.len()
+        self.layout.program.len()
     }
 
     /// Smallest scaled pivot magnitude met when the plan was made; infinite for rank 0.
@@ -155,7 +148,7 @@ impl Plan {
 
     /// Magnitude of the pivot of step `k` in the factors of the last [`factor`](Self::factor).
     pub fn pivot<T: Scalar>(&self, work: &[T], k: usize) -> T {
-        T::one() / work[self.program.pivot_place(k)].abs()
+        T::one() / work[self.layout.program.pivot_place(k)].abs()
     }
 
     /// Signs of the determinants of the diagonal blocks of `C_D` and last that of all of it, true for negative, rows and columns
@@ -163,15 +156,15 @@ impl Plan {
     /// blocks, a sign that changes tells that `C_D` was singular in between; of the same rows and columns, the last does.
     pub fn signs(&self, work: &[f64], out: &mut Vec<bool>) -> u64 {
         out.clear();
-        out.extend_from_slice(&self.blocks.odd);
-        let mut all = self.blocks.all_odd;
-        for (k, &block) in self.blocks.of_step.iter().enumerate() {
-            let negative = work[self.program.pivot_place(k)] < 0.0;
+        out.extend_from_slice(&self.layout.blocks.odd);
+        let mut all = self.layout.blocks.all_odd;
+        for (k, &block) in self.layout.blocks.of_step.iter().enumerate() {
+            let negative = work[self.layout.program.pivot_place(k)] < 0.0;
             out[block] ^= negative;
             all ^= negative;
         }
         out.push(all);
-        self.blocks.signature
+        self.layout.blocks.signature
     }
 
     /// Factors `C_D` from the values of C (in the order of the pattern) into `work` (`factor_len()`).
@@ -181,7 +174,7 @@ impl Plan {
     #[inline]
     pub fn factor<T: Real>(&self, values: &[T], work: &mut [T]) -> Result<(), PivotShrunk> {
         let guarded = |k: usize, pivot: T| above(self.guards[k], k, pivot.value());
-        self.program.factor(values, work, guarded).map_err(|(step, pivot)| self.shrunk(step, pivot))
+        self.layout.program.factor(values, work, guarded).map_err(|(step, pivot)| self.shrunk(step, pivot))
     }
 
     /// The same without a look at the pivots, for numbers that have none to look at: straight through, whatever comes.
@@ -189,7 +182,7 @@ impl Plan {
     #[inline]
     pub fn eliminate<T: Scalar>(&self, values: &[T], work: &mut [T]) {
         let all = |_: usize, _: T| Ok::<(), Infallible>(());
-        match self.program.factor(values, work, all) {
+        match self.layout.program.factor(values, work, all) {
             Ok(()) => {}
             Err(never) => match never {},
         }
@@ -197,7 +190,7 @@ impl Plan {
 
     /// Do the pivots of the last [`eliminate`](Self::eliminate) hold against their guards?
     pub fn check<T: Real>(&self, work: &[T]) -> Result<(), PivotShrunk> {
-        let pivot = |k: usize| 1.0 / work[self.program.pivot_place(k)].value();
+        let pivot = |k: usize| 1.0 / work[self.layout.program.pivot_place(k)].value();
         let failed = (0..self.rank()).find_map(|k| above(self.guards[k], k, pivot(k)).err());
         failed.map_or(Ok(()), |(step, pivot)| Err(self.shrunk(step, pivot)))
     }
@@ -215,11 +208,11 @@ impl Plan {
     pub fn solve<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         match nrhs {
             0 => {}
-            1 => self.program.solve_fixed::<T, 1>(work, b),
-            2 => self.program.solve_fixed::<T, 2>(work, b),
-            3 => self.program.solve_fixed::<T, 3>(work, b),
-            4 => self.program.solve_fixed::<T, 4>(work, b),
-            _ => self.program.solve_many(work, b, nrhs),
+            1 => self.layout.program.solve_fixed::<T, 1>(work, b),
+            2 => self.layout.program.solve_fixed::<T, 2>(work, b),
+            3 => self.layout.program.solve_fixed::<T, 3>(work, b),
+            4 => self.layout.program.solve_fixed::<T, 4>(work, b),
+            _ => self.layout.program.solve_many(work, b, nrhs),
         }
     }
 
@@ -231,11 +224,11 @@ impl Plan {
     pub fn solve_transposed<T: Scalar>(&self, work: &[T], b: &mut [T], nrhs: usize) {
         match nrhs {
             0 => {}
-            1 => self.program.solve_transposed_fixed::<T, 1>(work, b),
-            2 => self.program.solve_transposed_fixed::<T, 2>(work, b),
-            3 => self.program.solve_transposed_fixed::<T, 3>(work, b),
-            4 => self.program.solve_transposed_fixed::<T, 4>(work, b),
-            _ => self.program.solve_transposed_many(work, b, nrhs),
+            1 => self.layout.program.solve_transposed_fixed::<T, 1>(work, b),
+            2 => self.layout.program.solve_transposed_fixed::<T, 2>(work, b),
+            3 => self.layout.program.solve_transposed_fixed::<T, 3>(work, b),
+            4 => self.layout.program.solve_transposed_fixed::<T, 4>(work, b),
+            _ => self.layout.program.solve_transposed_many(work, b, nrhs),
         }
     }
 
@@ -250,7 +243,7 @@ impl Plan {
         room: &mut SparseRoom,
         found: &mut Vec<(usize, f64)>,
     ) {
-        self.program.solve_transposed_sparse(work, b, room, found);
+        self.layout.program.solve_transposed_sparse(work, b, room, found);
     }
 }
 

@@ -29,7 +29,7 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
-        let Known { mut joints, needed, own, .. } = self.known(&self.whole(), t, q, v, vdot, lambda, s)?;
+        let Known { mut joints, needed, own, .. } = self.known(self.whole(), t, q, v, vdot, lambda, s)?;
         for (place, e) in self.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(place);

@@ -129,18 +129,22 @@ fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
 
 /// `w` with its components along the free axes of a joint replaced by those wanted of each.
 fn with_along<S: Scalar>(axes: &[(bool, Vec3<S>)], w: &Wrench<S>, wanted: impl Fn(usize) -> S) -> Wrench<S> {
-    let of = |turns: bool| -> (Vec<Vec3<S>>, Vec<S>) {
-        axes.iter().enumerate().filter(|(_, a)| a.0 == turns).map(|(i, a)| (a.1, wanted(i))).unzip()
+    let along = |x: Vec3<S>, turns: bool| {
+        let (mut lines, mut efforts, mut n) = ([Vec3::zero(); 3], [S::zero(); 3], 0);
+        for (i, a) in axes.iter().enumerate().filter(|(_, a)| a.0 == turns) {
+            (lines[n], efforts[n]) = (a.1, wanted(i));
+            n += 1;
+        }
+        replace(x, &lines[..n], &efforts[..n])
     };
-    let ((ta, tw), (sa, sw)) = (of(true), of(false));
-    Wrench { moment: replace(w.moment, &ta, &tw), force: replace(w.force, &sa, &sw) }
+    Wrench { moment: along(w.moment, true), force: along(w.force, false) }
 }
 
 impl<S: Scalar> Evaluator<S> {
     /// Free axes of a joint now (turns, slides), mechanism axes, in the order of its velocities.
     fn free_axes(&self, j: usize, s: &Scratch<S>) -> Vec<(bool, Vec3<S>)> {
         let p = &self.placed.joints[j];
-        let mut axes = Vec::new();
+        let mut axes = Vec::with_capacity(p.shape.freedoms());
         match &p.links {
             Some(links) => {
                 for (m, &link) in p.shape.motions.iter().zip(links) {

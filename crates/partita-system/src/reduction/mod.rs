@@ -165,10 +165,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// Room for a system whose constraints have rank `rank`; no partition yet. With many freedoms the accelerations come
     /// from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are packed by cluster.
     pub fn new(system: &'s S, rank: usize) -> Self {
-        let mut new = Self::dense(system, rank);
-        new.clusters = system.clusters();
-        new.dense_only = false;
-        new
+        Self::room(system, rank, Some(system.clusters()))
     }
 
     /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
@@ -182,6 +179,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self
     }
 
+    /// Weigh velocities by their reaches, or by masses, from the next scales on.
+    pub fn weigh_reaches(&mut self, reaches: bool) {
+        self.weighs_reaches = reaches;
+    }
+
     /// The same with `dt` in full.
     pub fn geometric_dense(system: &'s S, rank: usize) -> Self {
         let mut new = Self::dense(system, rank);
@@ -191,12 +193,17 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many freedoms there are.
     pub fn dense(system: &'s S, rank: usize) -> Self {
+        Self::room(system, rank, None)
+    }
+
+    /// Without clusters `dt` and M_d are held in full.
+    fn room(system: &'s S, rank: usize, clusters: Option<Clusters>) -> Self {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Self {
-            clusters: Clusters::one(n, size.rows),
+            dense_only: clusters.is_none(),
+            clusters: clusters.unwrap_or_else(|| Clusters::one(n, size.rows)),
             recursion: None,
-            dense_only: true,
             planned_rows: None,
             columns: 0,
             column_of: Vec::new(),

@@ -15,25 +15,25 @@ pub struct Past {
     pub turns: Vec<i32>,
 }
 
-impl Past {
-    /// What is kept of a state besides its time.
-    pub fn set(&mut self, q: &[f64], v: &[f64], work: f64, turns: &[i32]) {
-        self.q.clear();
-        self.q.extend_from_slice(q);
-        self.v.clear();
-        self.v.extend_from_slice(v);
-        self.turns.clear();
-        self.turns.extend_from_slice(turns);
-        self.work = work;
-    }
+/// When a state was, its work, and its place in the memory of a trail.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    t: f64,
+    work: f64,
+    place: usize,
 }
 
 /// Some states since the last singular position, to go back to where a march came too close to the next one to cross it.
 #[derive(Clone, Debug)]
 pub struct Trail {
-    states: Vec<Past>,
+    nq: usize,
+    nv: usize,
+    marks: [Mark; Trail::LENGTH],
     /// How many of them count; the latest first.
     count: usize,
+    /// Coordinates and velocities of each.
+    numbers: Vec<f64>,
+    turns: Vec<i32>,
 }
 
 impl Trail {
@@ -42,9 +42,9 @@ impl Trail {
 
     /// Room for states of nq coordinates and nv velocities.
     pub fn new(nq: usize, nv: usize) -> Self {
-        let room = |n| Vec::with_capacity(n);
-        let past = || Past { t: 0.0, q: room(nq), v: room(nv), work: 0.0, turns: vec![0; nq] };
-        Self { states: (0..Self::LENGTH).map(|_| past()).collect(), count: 0 }
+        let marks = std::array::from_fn(|place| Mark { t: 0.0, work: 0.0, place });
+        let (numbers, turns) = (vec![0.0; Self::LENGTH * (nq + nv)], vec![0; Self::LENGTH * nq]);
+        Self { nq, nv, marks, count: 0, numbers, turns }
     }
 
     /// Forget all.
@@ -52,24 +52,31 @@ impl Trail {
         self.count = 0;
     }
 
-    /// A state at t, unless the latest is younger than `apart`; `fill` writes it.
-    pub fn push(&mut self, t: f64, apart: f64, fill: impl FnOnce(&mut Past)) {
-        if self.count > 0 && t - self.states[0].t < apart {
+    /// A state at t, unless the latest is younger than `apart`.
+    pub fn push(&mut self, t: f64, apart: f64, (q, v): (&[f64], &[f64]), work: f64, turns: &[i32]) {
+        if self.count > 0 && t - self.marks[0].t < apart {
             return;
         }
-        self.states.rotate_right(1);
-        self.count = (self.count + 1).min(self.states.len());
-        self.states[0].t = t;
-        fill(&mut self.states[0]);
+        self.marks.rotate_right(1);
+        self.count = (self.count + 1).min(Self::LENGTH);
+        let place = self.marks[0].place;
+        self.marks[0] = Mark { t, work, place };
+        let (of_q, of_v) = self.numbers[place * (self.nq + self.nv)..].split_at_mut(self.nq);
+        of_q.copy_from_slice(q);
+        of_v[..self.nv].copy_from_slice(v);
+        self.turns[place * self.nq..(place + 1) * self.nq].copy_from_slice(turns);
     }
 
     /// The latest state that is not after t; those after it are forgotten.
-    pub fn back_to(&mut self, t: f64) -> Option<&Past> {
-        while self.count > 0 && self.states[0].t > t {
-            self.states[..self.count].rotate_left(1);
+    pub fn back_to(&mut self, t: f64) -> Option<Past> {
+        while self.count > 0 && self.marks[0].t > t {
+            self.marks[..self.count].rotate_left(1);
             self.count -= 1;
         }
-        self.states[..self.count].first()
+        let &Mark { t, work, place } = self.marks[..self.count].first()?;
+        let (q, v) = self.numbers[place * (self.nq + self.nv)..(place + 1) * (self.nq + self.nv)].split_at(self.nq);
+        let turns = self.turns[place * self.nq..(place + 1) * self.nq].to_vec();
+        Some(Past { t, q: q.to_vec(), v: v.to_vec(), work, turns })
     }
 }
 
@@ -77,9 +84,10 @@ impl Trail {
 #[derive(Clone, Debug)]
 pub struct Seam {
     t: f64,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    vdot: Vec<f64>,
+    nq: usize,
+    nv: usize,
+    /// q, v, v'; nothing before a step begins.
+    all: Vec<f64>,
 }
 
 impl Seam {
@@ -91,17 +99,14 @@ impl Seam {
 
     /// Room for nq coordinates and n velocities.
     pub fn new(nq: usize, n: usize) -> Self {
-        let room = Vec::with_capacity;
-        Self { t: 0.0, q: room(nq), v: room(n), vdot: room(n) }
+        Self { t: 0.0, nq, nv: n, all: Vec::with_capacity(nq + 2 * n) }
     }
 
     /// A step begins here.
     pub fn start(&mut self, t: f64, q: &[f64], v: &[f64], vdot: &[f64]) {
         self.t = t;
-        for (to, from) in [(&mut self.q, q), (&mut self.v, v), (&mut self.vdot, vdot)] {
-            to.clear();
-            to.extend_from_slice(from);
-        }
+        self.all.clear();
+        [q, v, vdot].into_iter().for_each(|x| self.all.extend_from_slice(x));
     }
 
     /// When it began.
@@ -111,34 +116,39 @@ impl Seam {
 
     /// Position there.
     pub fn q(&self) -> &[f64] {
-        &self.q
+        self.all.get(..self.nq).unwrap_or_default()
     }
 
     /// Velocities there.
     pub fn v(&self) -> &[f64] {
-        &self.v
+        self.all.get(self.nq..self.nq + self.nv).unwrap_or_default()
+    }
+
+    fn vdot(&self) -> &[f64] {
+        self.all.get(self.nq + self.nv..).unwrap_or_default()
     }
 
     /// Displacement, in velocities, from here to half-way to `end`, as far as velocities at both tell.
     pub fn half_way(&self, end: &Self) -> Vec<f64> {
         let h = end.t - self.t;
-        self.v.iter().zip(&end.v).map(|(a, b)| 0.5 * h * (0.75 * a + 0.25 * b)).collect()
+        self.v().iter().zip(end.v()).map(|(a, b)| 0.5 * h * (0.75 * a + 0.25 * b)).collect()
     }
 
     /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their scales s, so
     /// that the sum is nearly the mass metric's.
     pub fn holds(&self, end: &Self, s: &[f64]) -> bool {
-        if self.v.len() != end.v.len() {
+        if self.all.len() != end.all.len() {
             return true; // no step began yet
         }
-        let (h, v) = (end.t - self.t, &end.v);
+        let (h, v, end_vdot) = (end.t - self.t, end.v(), end.vdot());
+        let (from, vdot) = (self.v(), self.vdot());
         let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();
-        let missed = |i: usize| v[i] - self.v[i] - 0.5 * h * (self.vdot[i] + end.vdot[i]);
-        let speed = 0.5 * (norm(&|i| self.v[i]) + norm(&|i| v[i]));
-        let fastest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(self.v[i].abs()) / s[i]));
+        let missed = |i: usize| v[i] - from[i] - 0.5 * h * (vdot[i] + end_vdot[i]);
+        let speed = 0.5 * (norm(&|i| from[i]) + norm(&|i| v[i]));
+        let fastest = (0..s.len()).fold(0.0, |m: f64, i| m.max(v[i].abs().max(from[i].abs()) / s[i]));
         let (unexplained, visible) = Self::ONE;
         let jumps = |i: usize| {
-            let change = (v[i] - self.v[i]).abs();
+            let change = (v[i] - from[i]).abs();
             change / s[i] > visible * fastest && missed(i).abs() > unexplained * change
         };
         // NaN does not hold
@@ -179,10 +189,10 @@ mod tests {
         assert!(trail.back_to(1.0).is_none());
         for i in 0..20 {
             let t = 0.1 * f64::from(i);
-            trail.push(t, 0.15, |past| past.set(&[t], &[-t], 2.0 * t, &[i]));
+            trail.push(t, 0.15, (&[t], &[-t]), 2.0 * t, &[i]);
         }
         // every second state is far enough from the one before, and eight are kept
-        let past = trail.back_to(1.45).cloned().unwrap();
+        let past = trail.back_to(1.45).unwrap();
         assert!((past.t - 1.4).abs() < 1e-12 && past.q == [past.t] && past.v == [-past.t] && past.turns == [14]);
         assert!(trail.back_to(0.3).is_none(), "older ones were given up");
         trail.clear();

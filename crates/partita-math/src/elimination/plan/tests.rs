@@ -437,8 +437,9 @@ fn signs_are_those_of_the_determinants_of_the_blocks() {
         let count = signs.len() - 1;
         several += usize::from(count > 2);
         for (block, sign) in signs[..count].iter().enumerate() {
-            let own = |of: &[usize]| (0..n).filter(|&k| made.blocks.of_step[k] == block).map(|k| of[k]).collect();
-            let wanted = negative_block(&pattern, &values, own(&made.pivot_rows), own(&made.pivot_cols));
+            let own =
+                |of: &[usize]| (0..n).filter(|&k| made.layout.blocks.of_step[k] == block).map(|k| of[k]).collect();
+            let wanted = negative_block(&pattern, &values, own(made.pivot_rows()), own(made.pivot_cols()));
             assert_eq!(*sign, wanted, "block {block} of {count}");
         }
         assert_eq!(signs[count], negative_block(&pattern, &values, rows, cols));

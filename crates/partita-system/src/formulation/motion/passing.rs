@@ -252,7 +252,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
     pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
         let (p, w) = self.places();
-        let (Some(past), Some(pace)) = (self.way.trail.back_to(to).cloned(), step.pace.as_deref_mut()) else {
+        let (Some(past), Some(pace)) = (self.way.trail.back_to(to), step.pace.as_deref_mut()) else {
             return Ok(false);
         };
         let (t, mut q) = (past.t, past.q);
@@ -316,7 +316,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         } else if !P::CLOSED {
             let (w, apart) = (self.work(y), 0.25 * self.way.passage.usual());
             let (q, v) = (&y[..self.system.size().nq], self.way.seam.v());
-            self.way.trail.push(t, apart, |past| past.set(q, v, w, step.turns));
+            self.way.trail.push(t, apart, (q, v), w, step.turns);
         }
         Ok(false)
     }
