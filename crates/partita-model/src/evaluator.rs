@@ -85,6 +85,21 @@ pub struct Scratch<S: Scalar> {
     pub(crate) hold: Hold,
 }
 
+impl<S: Scalar> Scratch<S> {
+    /// Of no mechanism; takes no memory.
+    pub(crate) fn empty() -> Self {
+        Self {
+            flat: None,
+            full: TreeScratch::empty(),
+            room: Vec::new(),
+            flat_forces: Room::default(),
+            full_forces: Room::default(),
+            forces_at: false,
+            hold: Hold::default(),
+        }
+    }
+}
+
 /// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
 macro_rules! with_engine {
     ($self:expr, $scratch:expr, |$tree:ident, $s:ident| $body:expr) => {
@@ -150,15 +165,7 @@ impl<S: Scalar> Evaluator<S> {
             Engine::Flat(tree) => (Some(tree.scratch()), TreeScratch::empty()),
             Engine::Full => (None, self.full.scratch()),
         };
-        Scratch {
-            flat,
-            full,
-            room: Vec::new(),
-            flat_forces: Room::default(),
-            full_forces: Room::default(),
-            forces_at: false,
-            hold: Hold::default(),
-        }
+        Scratch { flat, full, ..Scratch::empty() }
     }
 
     pub(crate) fn instant<'a>(&'a self, t: S, q: &'a [S], v: &'a [S]) -> Instant<'a, S> {

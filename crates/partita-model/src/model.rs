@@ -31,13 +31,37 @@ use partita_system::clusters::Clusters;
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::ops::{Deref, DerefMut};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Memory of the evaluations of a model.
 pub struct ModelScratch {
     own: Scratch<f64>,
     dense: Dense,
     recursion: clusters::Plan,
+    spare: Arc<Spare>,
+}
+
+/// Memory of evaluations that was used before. What stands in it is never an answer.
+#[derive(Default)]
+struct Spare(Mutex<Vec<(Scratch<f64>, Dense)>>);
+
+impl Spare {
+    /// Kept at the most: as many as one run uses at a time.
+    const MOST: usize = 4;
+
+    fn all(&self) -> MutexGuard<'_, Vec<(Scratch<f64>, Dense)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for ModelScratch {
+    fn drop(&mut self) {
+        let mut spare = self.spare.all();
+        if spare.len() < Spare::MOST {
+            self.own.forces_at = false;
+            spare.push((std::mem::replace(&mut self.own, Scratch::empty()), std::mem::take(&mut self.dense)));
+        }
+    }
 }
 
 impl Deref for ModelScratch {
@@ -99,6 +123,8 @@ pub struct Model {
     row_is_angle: Vec<bool>,
     /// What was decided of the drawing.
     geometry: Arc<Geometry>,
+    /// Memory for the next evaluations.
+    spare: Arc<Spare>,
 }
 
 impl Deref for Model {
@@ -326,6 +352,7 @@ impl Model {
             preference: Preference::default(),
             has_power,
             geometry: Arc::default(),
+            spare: Arc::default(),
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.light.is_empty() && !model.is_short_of_mass() {

@@ -34,7 +34,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     (t, q, v): (f64, &[f64], &[f64]),
 ) -> Result<Seen, AnalysisError> {
     let system = r.system;
-    r.weigh_reaches(false);
+    r.weigh_reaches(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
     let (open, row) = r.openness();

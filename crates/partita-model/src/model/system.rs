@@ -62,7 +62,9 @@ impl ConstrainedSystem for Model {
         &self.pattern
     }
     fn scratch(&self) -> ModelScratch {
-        ModelScratch { own: self.own.scratch(), dense: Dense::default(), recursion: Plan::default() }
+        let spare = self.spare.all().pop();
+        let (own, dense) = spare.unwrap_or_else(|| (self.own.scratch(), Dense::default()));
+        ModelScratch { own, dense, recursion: Plan::default(), spare: self.spare.clone() }
     }
     fn velocity_name(&self, i: usize) -> String {
         self.placed.velocity_names[i].clone()

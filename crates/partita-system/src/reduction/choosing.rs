@@ -115,22 +115,25 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     fn adopt(&mut self, plan: Plan, independent: &[usize]) {
         let pattern = self.system.pattern();
-        let sorted = |x: &[usize]| {
-            let mut x = x.to_vec();
-            x.sort_unstable();
-            x
-        };
-        let others = sorted(plan.pivot_rows()) != sorted(&self.partition.rows);
-        if others || sorted(plan.pivot_cols()) != sorted(&self.partition.dependent) {
-            self.choices += 1;
+        // rows in use are those not left out, once there are any
+        let now = &mut self.partition;
+        let new_rows = now.rows.len() != self.rank || plan.pivot_rows().iter().any(|&i| self.left_out[i]);
+        let mut was_dependent = vec![false; self.size.nv];
+        now.dependent.iter().for_each(|&i| was_dependent[i] = true);
+        let new_columns = now.dependent.len() != self.rank || plan.pivot_cols().iter().any(|&i| !was_dependent[i]);
+        self.choices += u64::from(new_rows || new_columns);
+        for (to, from) in [
+            (&mut now.independent, independent),
+            (&mut now.dependent, plan.pivot_cols()),
+            (&mut now.rows, plan.pivot_rows()),
+        ] {
+            to.clear();
+            to.extend_from_slice(from);
         }
-        self.partition.independent = independent.to_vec();
-        self.partition.dependent = plan.pivot_cols().to_vec();
-        self.partition.rows = plan.pivot_rows().to_vec();
-        let mut dropped = vec![true; self.size.rows];
-        self.partition.rows.iter().for_each(|&i| dropped[i] = false);
-        self.dropped = (0..self.size.rows).filter(|&i| dropped[i]).collect();
-        self.left_out = dropped;
+        self.left_out.fill(true);
+        now.rows.iter().for_each(|&i| self.left_out[i] = false);
+        self.dropped.clear();
+        self.dropped.extend((0..self.size.rows).filter(|&i| self.left_out[i]));
         self.lay_out_rows();
         self.plan_recursion();
         self.place_columns(independent);

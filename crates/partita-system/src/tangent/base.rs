@@ -50,6 +50,11 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         // M_d of the new choice, at the same (q, v)
         self.r.velocity(t, q)?;
         self.r.acceleration(t, q)?;
+        self.log_evaluated(t, q, before, reason)
+    }
+
+    /// The same at the point last evaluated.
+    pub(super) fn log_evaluated(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         let quality = self.r.quality(t, q)?;
         let p = &self.r.partition;
         self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality));

@@ -19,7 +19,7 @@ pub struct Describer<'s, S: ConstrainedSystem> {
     system: &'s S,
     rank: usize,
     dense: bool,
-    probe: Option<Reduction<'s, S>>,
+    probe: Option<Box<Reduction<'s, S>>>,
 }
 
 impl<'s, S: ConstrainedSystem> Describer<'s, S> {
@@ -40,9 +40,11 @@ impl<'s, S: ConstrainedSystem> Describer<'s, S> {
     ) -> Result<Option<&mut Reduction<'s, S>>> {
         let (system, rank, dense) = (self.system, self.rank, self.dense);
         let (t, q, v) = (at.t, &at.q[..], &at.v[..]);
-        let r = self.probe.get_or_insert_with(|| match dense {
-            true => Reduction::dense(system, rank),
-            false => Reduction::new(system, rank),
+        let r = &mut **self.probe.get_or_insert_with(|| {
+            Box::new(match dense {
+                true => Reduction::dense(system, rank),
+                false => Reduction::new(system, rank),
+            })
         });
         let independent = independent.filter(|x| x.len() == r.k());
         out.t = t;

@@ -135,7 +135,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         self.chooser = (o.selection != Selection::Collective).then_some(chooser);
         self.refresh_weighted();
         self.base.evaluate(t, q, v)?;
-        self.base.log(t, q, &[], reason)
+        self.base.log_evaluated(t, q, &[], reason)
     }
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.start(t, q, v)?;
