@@ -28,7 +28,10 @@ impl Row {
     /// Row for stages laid one after another, `stride` numbers each.
     pub(crate) fn new(weights: &[f64], stride: usize) -> Self {
         let term = |(slot, &weight): (usize, &f64)| Term { offset: slot * stride, weight };
-        Self { terms: weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(term).collect() }
+        let present = || weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
+        let mut terms = Vec::with_capacity(present().count());
+        terms.extend(present().map(term));
+        Self { terms: terms.into_boxed_slice() }
     }
 
     /// `Σ w_j k_j` on the tile that begins at component `at`.

@@ -156,7 +156,7 @@ pub fn simulate<F: Formulation>(
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),
     };
-    Ok(Outcome { status, message, t, counters, passages: formulation.journal().passages, error })
+    Ok(Outcome { status, message, t, counters, passages: formulation.passages(), error })
 }
 
 fn sentence(status: Status, t: f64, settings: &Settings) -> String {

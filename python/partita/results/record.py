@@ -119,6 +119,8 @@ def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> An
         return value
     if kind is float:
         return value if math.isfinite(value) else unfit(value)
+    if kind is list:
+        return [plain(item, unfit) for item in value]
     if isinstance(value, Mapping):
         return {str(key): plain(item, unfit) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -128,7 +130,7 @@ def plain(value: Any, unfit: Callable[[float], Any] = lambda number: None) -> An
         return plain(value.item(), unfit)
     if isinstance(value, float):
         return value if np.isfinite(value) else unfit(value)
-    if value is None or isinstance(value, (bool, int, str)):
+    if isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, Sequence):
         return [plain(item, unfit) for item in value]

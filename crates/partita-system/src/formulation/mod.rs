@@ -80,6 +80,10 @@ pub trait Formulation {
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
     fn journal(&self) -> Journal;
+    /// Times of singular positions that were stepped over.
+    fn passages(&self) -> Vec<f64> {
+        self.journal().passages
+    }
     /// What stood open at the ends of the steps since the start; allocates nothing.
     fn gaps(&self) -> Gaps {
         self.journal().gaps
@@ -152,6 +156,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn journal(&self) -> Journal {
         (**self).journal()
+    }
+    fn passages(&self) -> Vec<f64> {
+        (**self).passages()
     }
     fn gaps(&self) -> Gaps {
         (**self).gaps()

@@ -416,6 +416,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.describe(r, within, out)
     }
 
+    fn passages(&self) -> Vec<f64> {
+        self.way.passage.times.clone()
+    }
+
     fn gaps(&self) -> Gaps {
         self.watch.gaps
     }
@@ -434,7 +438,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     }
 
     fn journal(&self) -> Journal {
-        let mut journal = Journal { name: self.name, passages: self.way.passage.times.clone(), ..Journal::default() };
+        let mut journal = Journal { name: self.name, passages: self.passages(), ..Journal::default() };
         (journal.open, journal.gaps, journal.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
         self.tangent.base().report(&mut journal);
         self.tangent.report(&mut journal);
