@@ -93,7 +93,7 @@ pub fn reactions<E: Send + From<SystemError> + From<AnalysisError>>(
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-            let mut r = model.reactions_of(&whole, t, q, v, vdot, lambda, s)?;
+            let mut r = model.reactions_of(whole, t, q, v, vdot, lambda, s)?;
             let mut shared = lambda.to_vec();
             if let (Some(rule), Some(room)) = (rule, room) {
                 let mut joints = r.joints.clone();
