@@ -68,12 +68,12 @@ def measured(folder: Path) -> dict[str, Figure]:
 
 
 def _run(title: str, command: list[str]) -> Figure:
-    told = json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
+    reported = json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
     if title == "four-bar":
-        error = abs(told["angle"] - CRANK[10.0][0])
+        error = abs(reported["angle"] - CRANK[10.0][0])
     else:
         # the catalogue counts the lean from the upright, clockwise
         lean_then = float(lean(int(command[1]), np.array([0.0, 10.0]))[-1])
-        error = abs(math.remainder(math.pi / 2.0 - told["angle"] - lean_then, 2.0 * math.pi))
-    evaluations = int(told["evaluations"])
-    return Figure(told["seconds"], told["seconds"] / evaluations, error, evaluations)
+        error = abs(math.remainder(math.pi / 2.0 - reported["angle"] - lean_then, 2.0 * math.pi))
+    evaluations = int(reported["evaluations"])
+    return Figure(reported["seconds"], reported["seconds"] / evaluations, error, evaluations)

@@ -21,7 +21,7 @@ from playground import frame_costs
 from poses import AIM as POSES_AIM
 from poses import poses_cost
 from public_face import RUNS, face_cost
-from timing import against, told
+from timing import against, text
 
 ENOUGH = 180.0
 """Seconds after which a mechanism of many freedoms is given up."""
@@ -31,13 +31,13 @@ def outputs(_: Path) -> dict[str, Any]:
     """Many outputs against one; the first reaction."""
     print("\nOutputs: m.simulate(1.0) of the four-bar, and the first run.joint(name).force at 1001 outputs")
     cost = outputs_cost()
-    print(f"  1 output {told(cost.one)}, {cost.outputs} outputs {told(cost.many)}: {against(cost.ratio, OUTPUTS_AIM)}")
+    print(f"  1 output {text(cost.one)}, {cost.outputs} outputs {text(cost.many)}: {against(cost.ratio, OUTPUTS_AIM)}")
     found: dict[str, Any] = {"run": {**asdict(cost), "ratio": cost.ratio}}
     for title, force in first_forces().items():
         aim = FORCE_AIMS[title]
         mark = "" if force.seconds <= aim else " !"
         print(
-            f"  first force, {title}: {told(force.seconds)} (aim: at most {told(aim)}){mark}; "
+            f"  first force, {title}: {text(force.seconds)} (aim: at most {text(aim)}){mark}; "
             f"Newton-Euler residual {force.residual:.1e}"
         )
         found[title] = asdict(force)
@@ -51,8 +51,8 @@ def building(_: Path) -> dict[str, Any]:
     row = "  {:<10}" + "{:>12}" * (len(PARTS) + 1) + "{:>10}"
     print(row.format("", *PARTS, "built", "|Phi|"))
     for loops, cost in found.items():
-        times = [told(getattr(cost, part)) for part in PARTS]
-        print(row.format(f"N = {loops}", *times, told(cost.built), f"{cost.closure:.0e}"))
+        times = [text(getattr(cost, part)) for part in PARTS]
+        print(row.format(f"N = {loops}", *times, text(cost.built), f"{cost.closure:.0e}"))
     small, large = found.values()
     growth = {"built": large.built / small.built, "load": large.load / small.load}
     for what, ratio in growth.items():
@@ -71,8 +71,8 @@ def freedoms(_: Path) -> dict[str, Any]:
                 print(f"  {question.kind + ',':<16} N = {size:<6} {cost}", flush=True)
             else:
                 print(
-                    f"  {question.kind + ',':<16} N = {size:<6} k = {cost.freedoms:<5} {told(cost.seconds):>8}"
-                    f"   {told(cost.seconds / size):>8} each   closure {cost.closure:.0e}",
+                    f"  {question.kind + ',':<16} N = {size:<6} k = {cost.freedoms:<5} {text(cost.seconds):>8}"
+                    f"   {text(cost.seconds / size):>8} each   closure {cost.closure:.0e}",
                     flush=True,
                 )
         found[question.kind] = {
@@ -92,7 +92,7 @@ def _verdict(question: Question, costs: dict[int, Cost | str]) -> dict[str, Any]
     if question.large is None:
         value = known[question.small].seconds
         words = (
-            f"one evaluation {told(value)} (aim: at most {told(question.aim)}){'' if value <= question.aim else ' !'}"
+            f"one evaluation {text(value)} (aim: at most {text(question.aim)}){'' if value <= question.aim else ' !'}"
         )
     else:
         each = {size: cost.seconds / size for size, cost in known.items()}
@@ -110,7 +110,7 @@ def evaluations(_: Path) -> dict[str, Any]:
         taken = costs(problem)
         for cost in taken:
             mark = "" if abs(cost.off) <= AGREES else " !"
-            print(f"    {cost.formulation:<20}{told(cost.column):>10}{told(cost.runs):>10}  {cost.off:+6.1%}{mark}")
+            print(f"    {cost.formulation:<20}{text(cost.column):>10}{text(cost.runs):>10}  {cost.off:+6.1%}{mark}")
         found[problem.title] = {cost.formulation: {**asdict(cost), "off": cost.off} for cost in taken}
     print(f"  aim: the two differ by at most {AGREES:.0%}")
     return found
@@ -124,8 +124,8 @@ def face(folder: Path) -> dict[str, Any]:
         print("  no C compiler here: the fixed figures stand alone")
     for title, program in programs.items():
         print(
-            f"  limit, {title}: {told(program.seconds)}, {program.evaluations} evaluations of "
-            f"{told(program.per_evaluation)}, error {program.error:.1e} rad"
+            f"  limit, {title}: {text(program.seconds)}, {program.evaluations} evaluations of "
+            f"{text(program.per_evaluation)}, error {program.error:.1e} rad"
         )
     found = []
     row = "  {:<20}{:>10}{:>10}   {:>10}{:>8}   {:>10}{:>8}   {}"
@@ -137,11 +137,11 @@ def face(folder: Path) -> dict[str, Any]:
         print(
             row.format(
                 run.title,
-                told(cost.seconds),
+                text(cost.seconds),
                 f"{cost.error:.0e}",
-                told(cost.program.seconds) if cost.program else "none",
+                text(cost.program.seconds) if cost.program else "none",
                 f"{ratios['program']:.1f}" if ratios["program"] else "",
-                told(cost.fixed.seconds),
+                text(cost.fixed.seconds),
                 f"{cost.seconds / cost.fixed.seconds:.1f}",
                 f"<= {run.aim:g}{'' if judged <= run.aim else ' !'}",
             ),
@@ -160,8 +160,8 @@ def poses(_: Path) -> dict[str, Any]:
     for cost in found:
         mark = "" if cost.seconds <= POSES_AIM else " !"
         print(
-            f"  {cost.title:<10}{cost.poses} poses, {cost.assembled} assembled: {told(cost.seconds)}, "
-            f"{told(cost.seconds / cost.poses)} each (aim: at most {told(POSES_AIM)}){mark}; |Phi| {cost.closure:.0e}"
+            f"  {cost.title:<10}{cost.poses} poses, {cost.assembled} assembled: {text(cost.seconds)}, "
+            f"{text(cost.seconds / cost.poses)} each (aim: at most {text(POSES_AIM)}){mark}; |Phi| {cost.closure:.0e}"
         )
     return {"sweeps": [asdict(cost) for cost in found]}
 
@@ -171,7 +171,7 @@ def loads(_: Path) -> dict[str, Any]:
     print("\nLoads: m.simulate with a load over the same fixed steps without it")
     found = load_costs()
     for title, cost in found.items():
-        print(f"  {title}: {told(cost.bare)} without, {told(cost.loaded)} with: {against(cost.ratio, LOADS_AIM)}")
+        print(f"  {title}: {text(cost.bare)} without, {text(cost.loaded)} with: {against(cost.ratio, LOADS_AIM)}")
     return {title: {**asdict(cost), "ratio": cost.ratio} for title, cost in found.items()}
 
 
@@ -184,7 +184,7 @@ def playground(_: Path) -> dict[str, Any]:
     for title, cost in found.items():
         mark = "" if cost.seconds <= FRAME_AIM else " !"
         print(
-            f"  {title:<27}{told(cost.seconds):>9} (aim: at most {told(FRAME_AIM)}){mark}, first {told(cost.first)}; "
+            f"  {title:<27}{text(cost.seconds):>9} (aim: at most {text(FRAME_AIM)}){mark}, first {text(cost.first)}; "
             f"{cost.evaluations:.1f} evaluations; module of {cost.module / 1e3:.0f} kB"
         )
     return {title: asdict(cost) for title, cost in found.items()}

@@ -33,7 +33,7 @@ def once(call: Callable[[], T]) -> tuple[float, T]:
     return perf_counter() - start, found
 
 
-def told(seconds: float) -> str:
+def text(seconds: float) -> str:
     """A time in the unit that suits it."""
     for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
         if seconds * scale >= 1.0:

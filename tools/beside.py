@@ -101,7 +101,7 @@ def own(known: Known) -> Iterable[Seen]:
         yield Seen(at, {name: run.joint(name).force[i] for name in m.joints})
 
 
-def told(known: Known, program: str, settings: str, runs: Callable[[bool], list[Seen] | None]) -> None:
+def reported(known: Known, program: str, settings: str, runs: Callable[[bool], list[Seen] | None]) -> None:
     """The row of a program, printed. `runs(True)` is looked at, `runs(False)` is on the clock and shows nothing; None
     where it ends early."""
     seen = runs(True)

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from beside import BENNETT, FOUR_BAR, Hinge, Known, Seen, asked, told, tree
+from beside import BENNETT, FOUR_BAR, Hinge, Known, Seen, asked, reported, tree
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -29,11 +29,11 @@ def main() -> None:
     """Run and print."""
     print(f"Drake {version('drake')}")
     for known in asked("mechanisms by Partita and by Drake", (FOUR_BAR, BENNETT)):
-        told(known, "Drake", "a loop of four joints", partial(run, known, "loop", 0.0))
+        reported(known, "Drake", "a loop of four joints", partial(run, known, "loop", 0.0))
         for step in (1e-2, 1e-3, 1e-4):
-            told(known, "Drake", f"link cut and welded, SAP, {1e3 * step:g} ms", partial(run, known, "weld", step))
+            reported(known, "Drake", f"link cut and welded, SAP, {1e3 * step:g} ms", partial(run, known, "weld", step))
         for settling in SETTLING:
-            told(known, "Drake", f"bushing, settling in {1e3 * settling:g} ms, accuracy 1e-6",
+            reported(known, "Drake", f"bushing, settling in {1e3 * settling:g} ms, accuracy 1e-6",
                  partial(run, known, "bushing", settling))  # fmt: skip
 
 
@@ -131,11 +131,11 @@ class Plant:
             arm = rotation @ np.array(m.bodies[name].com)
             spin = speed.rotational()
             bodies[name] = (pose.translation(), rotation, speed.translational() + np.cross(spin, arm), spin)
-        told = plant.get_reaction_forces_output_port().Eval(context)
+        reported = plant.get_reaction_forces_output_port().Eval(context)
         forces = {}
         for name, (made, sign) in self.joints.items():
             turn = made.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
-            forces[name] = sign * turn @ told[int(made.index())].translational()
+            forces[name] = sign * turn @ reported[int(made.index())].translational()
         return Seen(bodies, forces)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import exudyn
 import numpy as np
-from beside import BENNETT, EVERY, FOUR_BAR, Case, Known, Seen, asked, hinge, told
+from beside import BENNETT, EVERY, FOUR_BAR, Case, Known, Seen, asked, hinge, reported
 from exudyn.rigidBodyUtilities import RigidBodyInertia
 
 CASES = (FOUR_BAR, BENNETT, Case("bricard", {}, {}, 10.0), Case("n-four-bar", {"loops": 10}, {}, 10.0))
@@ -24,7 +24,7 @@ def main() -> None:
     for known in asked("mechanisms by Partita and by Exudyn", CASES):
         for step in STEPS:
             for label, full in ways():
-                told(known, "Exudyn", f"{1e3 * step:g} ms, {label}", partial(once, known, step, full))
+                reported(known, "Exudyn", f"{1e3 * step:g} ms, {label}", partial(once, known, step, full))
 
 
 def ways() -> Iterator[tuple[str, bool]]:

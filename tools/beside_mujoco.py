@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
-from beside import BENNETT, EVERY, FOUR_BAR, Known, Seen, asked, told
+from beside import BENNETT, EVERY, FOUR_BAR, Known, Seen, asked, reported
 
 STEPS = (2e-3, 1e-4)
 STIFF = (0.9999, 0.99999, 1e-6, 0.5, 2.0)  # solimp
@@ -21,7 +21,7 @@ def main() -> None:
         for step in STEPS:
             for stiff in (False, True):
                 settings = f"{'stiff' if stiff else 'as delivered'}, {1e3 * step:g} ms"
-                told(known, "MuJoCo", settings, partial(once, known, step, stiff))
+                reported(known, "MuJoCo", settings, partial(once, known, step, stiff))
 
 
 def once(known: Known, step: float, stiff: bool, look: bool) -> list[Seen]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from beside import BENNETT, EVERY, FOUR_BAR, Hinge, Known, Seen, asked, told, tree
+from beside import BENNETT, EVERY, FOUR_BAR, Hinge, Known, Seen, asked, reported, tree
 from scipy.integrate import solve_ivp
 
 # As its example of a four-bar has them: gain of the corrector, accuracy and rounds of the proximal solver, its
@@ -28,8 +28,10 @@ def main() -> None:
         for kind, words in (("ball", "ball"), ("weld", "link cut and welded")):
             for mu, step in ((REGULARISATION, STEP), (REGULARISATION, STEP / 10), (SOFT, STEP / 10)):
                 settings = f"{words}, mu {mu:g}, its example's steps of {1e3 * step:g} ms"
-                told(known, "Pinocchio", settings, partial(euler, known, kind, mu, step))
-            told(known, "Pinocchio", f"{words}, mu {REGULARISATION:g}, DOP853 of SciPy", partial(adaptive, known, kind))
+                reported(known, "Pinocchio", settings, partial(euler, known, kind, mu, step))
+            reported(
+                known, "Pinocchio", f"{words}, mu {REGULARISATION:g}, DOP853 of SciPy", partial(adaptive, known, kind)
+            )
 
 
 class Chain:

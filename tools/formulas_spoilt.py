@@ -72,7 +72,7 @@ ERRORS = (
         f"{MATH}/elimination/plan.rs",
         "all ^= negative;",
         "all ^= false;",
-        ("lib elimination", "whole motion::passages"),
+        ("lib elimination", "whole motion::crossings"),
     ),
     # the mechanism
     Error(
@@ -254,7 +254,7 @@ ERRORS = (
     Error(
         "inertia-axes",
         "inertia is turned from body axes the wrong way",
-        f"{MODEL}/place.rs",
+        f"{MODEL}/zero_position.rs",
         "inertia: rot.mul(&Mat3(b.inertia)).mul(&rot.transpose()),",
         "inertia: rot.transpose().mul(&Mat3(b.inertia)).mul(&rot),",
         ("whole motion::parameters", "whole motion::reactions", "python test_oracle.py"),
@@ -375,7 +375,7 @@ ERRORS = (
     Error(
         "row-scale",
         "characteristic length left out of how open a condition is",
-        f"{SYSTEM}/reduction/openness.rs",
+        f"{SYSTEM}/reduction/closure_error.rs",
         "worst(self.phi.iter().zip(&self.row_size).map(|(x, size)| x / size).enumerate())",
         "worst(self.phi.iter().zip(&self.row_size).map(|(x, _)| *x).enumerate())",
         ("python test_scales.py",),
@@ -384,8 +384,8 @@ ERRORS = (
         "reach-of-a-slide",
         "the characteristic length is no measure of slides any more",
         f"{MODEL}/model.rs",
-        "new.reach[l.v] = placed.length;",
-        "new.reach[l.v] = 1.0;",
+        "new.displacement[l.v] = placed.length;",
+        "new.displacement[l.v] = 1.0;",
         ("whole closing::scales",),
     ),
     Error(
@@ -432,8 +432,8 @@ ERRORS = (
         "baumgarte-damping",
         "the two in 2 alpha of Baumgarte's stabilisation",
         f"{SYSTEM}/equations/full/baumgarte.rs",
-        "x.b[i] + 2.0 * self.alpha * x.opening(i)",
-        "x.b[i] + self.alpha * x.opening(i)",
+        "x.b[i] + 2.0 * self.alpha * x.closure_error_rate(i)",
+        "x.b[i] + self.alpha * x.closure_error_rate(i)",
         ("reducing every_formulation",),
     ),
     Error(
@@ -487,10 +487,10 @@ ERRORS = (
     Error(
         "passage-date",
         "a passage is dated nearer to the farther end of its step",
-        f"{SYSTEM}/formulation/motion/passing.rs",
+        f"{SYSTEM}/formulation/motion/crossing.rs",
         "from + h * one / (one + two)",
         "from + h * two / (one + two)",
-        ("whole motion::passages",),
+        ("whole motion::crossings",),
     ),
     Error(
         "switches-of-corrections",
@@ -567,15 +567,15 @@ ERRORS = (
     Error(
         "time-of-a-passage",
         "a singular position that was crossed is dated from the wrong end of its step",
-        f"{SYSTEM}/formulation/motion/passing.rs",
+        f"{SYSTEM}/formulation/motion/crossing.rs",
         "from + h * one / (one + two)",
         "from + h * two / (one + two)",
-        ("whole motion::passages",),
+        ("whole motion::crossings",),
     ),
     Error(
         "branch-kept",
         "a crossing is believed whatever the velocities do in it",
-        f"{SYSTEM}/singular/crossing.rs",
+        f"{SYSTEM}/singular/checkpoint.rs",
         "norm(&missed) <= Self::MISSED * speed && !(0..s.len()).any(jumps)",
         "norm(&missed) <= Self::MISSED * speed || !(0..s.len()).any(jumps)",
         ("lib singular",),
@@ -601,8 +601,8 @@ ERRORS = (
         "corners-passed",
         "steps pass the corners of tables",
         f"{INTEGRATE}/explicit_rk.rs",
-        "self.goal.into_iter().chain(self.next_corner()).fold",
-        "self.goal.into_iter().chain(self.next_corner().filter(|_| false)).fold",
+        "self.goal.into_iter().chain(self.next_discontinuity()).fold",
+        "self.goal.into_iter().chain(self.next_discontinuity().filter(|_| false)).fold",
         ("marching stepping",),
     ),
     Error(
@@ -737,9 +737,9 @@ ERRORS = (
     Error(
         "shared-beside-the-plane",
         "nothing is shared in a plane although masses or forces stand beside it (R2)",
-        f"{MODEL}/flat.rs",
-        "&& lies_flat(spec, Vec3(normal), IN_PLANE)",
-        "&& (lies_flat(spec, Vec3(normal), IN_PLANE) || true)",
+        f"{MODEL}/planarity.rs",
+        "&& lies_in_plane(spec, Vec3(normal), IN_PLANE)",
+        "&& (lies_in_plane(spec, Vec3(normal), IN_PLANE) || true)",
         ("lib sharing",),
     ),
     Error(
@@ -779,16 +779,16 @@ ERRORS = (
         "stored-steps",
         "what was open at the ends of steps is read back as something else",
         f"{PACKAGE}/results/record.py",
-        'told["steps_open"], told["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))',
-        'told["steps_open"], told["gaps"] = _pair(account.get("gaps")), _pair(account.get("steps_open"))',
+        'reported["steps_open"], reported["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))',
+        'reported["steps_open"], reported["gaps"] = _pair(account.get("gaps")), _pair(account.get("steps_open"))',
         ("python test_results.py", "python test_verdict.py", "python test_files.py"),
     ),
     Error(
         "stored-findings",
         "a stored result forgets what stands against it",
         f"{PACKAGE}/results/record.py",
-        'told["findings"] = findings_of(account.get("findings", ()))',
-        'told["findings"] = findings_of(())',
+        'reported["findings"] = findings_of(account.get("findings", ()))',
+        'reported["findings"] = findings_of(())',
         ("python test_results.py", "python test_verdict.py"),
     ),
     # forces that resist
@@ -811,7 +811,7 @@ ERRORS = (
     Error(
         "friction-acts-back",
         "what a unit of friction does to the reaction it follows",
-        f"{MODEL}/levels.rs",
+        f"{MODEL}/friction_magnitudes.rs",
         "(0..3).for_each(|c| r[c] += b[c] * f)",
         "(0..3).for_each(|c| r[c] += 0.9 * b[c] * f)",
         ("python test_friction_of_reactions.py",),
@@ -819,7 +819,7 @@ ERRORS = (
     Error(
         "friction-couple",
         "the couple of two short bearings",
-        f"{MODEL}/grip/respond.rs",
+        f"{MODEL}/reaction_friction/respond.rs",
         "moment.cross(axis).times(1.0 / length)",
         "moment.cross(axis).times(0.5 / length)",
         ("python test_friction_of_reactions.py",),

@@ -113,7 +113,7 @@ class Model:
         coordinate of q), "joint" or "point", the number of the coordinate, joint or body, that of the coordinate or
         axis in it, and the point in body axes."""
 
-    def carried_over(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
+    def transferred(self, other: Model, q: Array, v: Array) -> tuple[Array, Array]:
         """(q, v) of this model where every body is and moves as in another one of the same description."""
 
     def mass_matrix(self, t: float, q: Array) -> Array:
@@ -212,7 +212,7 @@ class Model:
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
 
-class Journal:
+class SolutionLog:
     """What a run keeps of itself."""
 
     def describe(self) -> dict[str, Any]:

@@ -41,7 +41,7 @@ class Chromium:
         os.close(read_theirs)
         os.close(write_theirs)
         self.rest, self.count, self.session = b"", 0, ""
-        self.told: list[str] = []
+        self.reported: list[str] = []
         target = next(t for t in self.ask("Target.getTargets")["targetInfos"] if t["type"] == "page")
         self.session = self.ask("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
@@ -67,15 +67,15 @@ class Chromium:
         message: dict[str, Any] = json.loads(text)
         kind, what = message.get("method", ""), message.get("params", {})
         if kind == "Runtime.exceptionThrown":
-            self.told.append(json.dumps(what["exceptionDetails"])[:600])
+            self.reported.append(json.dumps(what["exceptionDetails"])[:600])
         elif kind == "Runtime.consoleAPICalled" and what["type"] in ("error", "warning", "assert"):
-            self.told.append(json.dumps(what["args"])[:600])
+            self.reported.append(json.dumps(what["args"])[:600])
         elif kind == "Log.entryAdded" and what["entry"]["level"] in ("error", "warning"):
-            self.told.append(what["entry"]["text"])
+            self.reported.append(what["entry"]["text"])
         return message
 
     def ask(self, method: str, **params: Any) -> dict[str, Any]:
-        """Send a command and return its answer; what comes in between is kept in `told` where it is an error."""
+        """Send a command and return its answer; what comes in between is kept in `reported` where it is an error."""
         self.count += 1
         message: dict[str, Any] = {"id": self.count, "method": method, "params": params}
         if self.session:
@@ -103,7 +103,7 @@ class Chromium:
         )  # fmt: skip
         self.ask("Emulation.setTouchEmulationEnabled", enabled=touch)
         self.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-        self.told = []
+        self.reported = []
         self.ask("Page.navigate", url="about:blank")  # else a change behind # alone would not load anew
         address = path.resolve().as_uri() if isinstance(path, Path) else path
         self.ask("Page.navigate", url=address + at)
@@ -116,10 +116,10 @@ class Chromium:
 
     def value(self, script: str) -> Any:
         """What a line of JavaScript gives."""
-        told = self.ask("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in told:
-            raise RuntimeError(json.dumps(told["exceptionDetails"])[:800])
-        return told["result"].get("value")
+        reported = self.ask("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in reported:
+            raise RuntimeError(json.dumps(reported["exceptionDetails"])[:800])
+        return reported["result"].get("value")
 
     def press(self, key: str, code: str = "", shift: bool = False) -> None:
         """Press a key: a character, or a name such as Tab, ArrowLeft."""

@@ -40,12 +40,12 @@ class Said:
                 found = self.ask()
             except pt.errors.PartitaError as error:
                 return f"{type(error).__name__}: {error}"
-        told = [f"{type(w.message).__name__}: {w.message}" for w in heard if issubclass(w.category, Warning)]
+        reported = [f"{type(w.message).__name__}: {w.message}" for w in heard if issubclass(w.category, Warning)]
         if isinstance(found, str):
             return found
         if not found.success:
             return f"success is False, status {found.status!r}: {found.message}"
-        return "\n".join(told)
+        return "\n".join(reported)
 
 
 def four_bar(**change: Any) -> pt.Mechanism:

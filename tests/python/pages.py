@@ -56,7 +56,7 @@ def faults(browser: Chromium, path: Path, fixed: int, shots: Path | None = None)
             found += [f"{name}, {part:.0%}: {word}" for word in browser.value(LAYOUT)]
         if (screen, scheme) == SCREENS[0]:
             found += [f"{name}: {word}" for word in unreached(browser)]
-        found += [f"{name}: console: {word}" for word in browser.told]
+        found += [f"{name}: console: {word}" for word in browser.reported]
         if shots is not None:
             browser.value("partita.show(0)")
             browser.rest_a_frame()

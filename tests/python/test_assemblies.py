@@ -260,9 +260,9 @@ def test_targets_in_order_of_priority() -> None:
     run = m.simulate(1e-3, initial=state, t_eval=[0.0])
     assert run.body("2").point((1, 0, 0))[0, :2] == pytest.approx(nearest, abs=1e-7)
     assert state.assembly is not None
-    told = {entry["target"]: entry for entry in state.assembly["targets"]}
-    assert told["shoulder"]["priority"] == 0 and told["shoulder"]["reached"] == told["shoulder"]["asked"]
-    x = told["point (1, 0, 0) of 2 in x"]
+    reported = {entry["target"]: entry for entry in state.assembly["targets"]}
+    assert reported["shoulder"]["priority"] == 0 and reported["shoulder"]["reached"] == reported["shoulder"]["asked"]
+    x = reported["point (1, 0, 0) of 2 in x"]
     assert (x["priority"], x["asked"]) == (1, 2.0) and x["reached"] == pytest.approx(nearest[0], abs=1e-7)
     # the other way round: the point is met, and the shoulder wherever that leaves it
     swapped = m.assemble([{("2", (1, 0, 0), "xy"): (1.2, 0.9)}, {"shoulder": 1.0}])

@@ -16,7 +16,7 @@ def test_motions_keep_their_branch(family: str, rtol: float) -> None:
     assert [x.words for x in found if x.outcome != "right"] == []
     assert sum(x.passed for x in found) > 0
     # where two lie close to each other the curve shows one
-    assert sum(abs(x.told - x.passed) for x in found) <= 1, [(x.told, x.passed, x.words) for x in found]
+    assert sum(abs(x.reported - x.passed) for x in found) <= 1, [(x.reported, x.passed, x.words) for x in found]
 
 
 @pytest.mark.parametrize("formulation", ["fixed", "svd", "gram-schmidt", "wehage-haug", "multipliers", "range-space"])

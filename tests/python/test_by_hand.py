@@ -335,31 +335,31 @@ def test_functions_that_end_near_the_start_are_no_wrong_derivatives() -> None:
 # ------------------------------------------------- starts that do not satisfy the constraints
 
 
-def told(run: pt.results.Result) -> str:
+def reported(run: pt.results.Result) -> str:
     return " ".join(note for note in run.notes if "start does not satisfy" in note)
 
 
 def test_an_inconsistent_start_is_told() -> None:
-    assert not told(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
+    assert not reported(pt.simulate(circle(), 1.0, [1.0, 0.0], [0.0, 1.0]))
     run = pt.simulate(circle(), 1.0, [1.0 + 1e-6, 0.0], [0.0, 1.0])
-    assert "constraint 0 is open by 1e-6" in told(run) and "positions by up to" in told(run)
+    assert "constraint 0 is open by 1e-6" in reported(run) and "positions by up to" in reported(run)
     with pytest.raises(ArgumentError, match=r"constraint 0 is open by 2; start from what assemble"):
         pt.simulate(circle(), 1.0, [1.0, 2.0], [0.0, 0.0])
     run = pt.simulate(circle(), 1.0, [1.0, 0.0], [0.25, 1.0])
-    assert "opens by 0.25 a second" in told(run) and "velocities by up to 0.25 (x)" in told(run)
+    assert "opens by 0.25 a second" in reported(run) and "velocities by up to 0.25 (x)" in reported(run)
 
 
 def test_an_inconsistent_start_of_a_mechanism_is_told() -> None:
     m = pt.catalogue.load("four-bar")
     state = m.assemble(rates={"A": 1.0})
-    assert not told(m.simulate(0.1, initial=state))
+    assert not reported(m.simulate(0.1, initial=state))
     v = state.v.copy()
     v[1] += 0.125
     moved = pt.State(state.t, state.q, v, names=state.names, velocity_names=state.velocity_names)
     run = m.simulate(0.1, initial=moved)
-    assert "velocities by up to" in told(run)
+    assert "velocities by up to" in reported(run)
     q = state.q.copy()
     q[1] += 1e-5
     off = pt.State(state.t, q, state.v, names=state.names, velocity_names=state.velocity_names)
     with pytest.warns(pt.errors.DoubtfulResultWarning, match="energy balance"):  # what closing it changes
-        assert "is open by" in told(m.simulate(0.1, initial=off))
+        assert "is open by" in reported(m.simulate(0.1, initial=off))

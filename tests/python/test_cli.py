@@ -93,14 +93,14 @@ def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
         assert run(*common, *words, "--quiet", "--save", path) == 0
         expected = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8, **options)  # type: ignore[arg-type]
         assert np.array_equal(results.load_result(path).q, expected.q), words
-        told = {key: value for key, value in results.load_result(path).options.items() if key in options}
-        assert told.keys() == options.keys()
+        reported = {key: value for key, value in results.load_result(path).options.items() if key in options}
+        assert reported.keys() == options.keys()
         if "selection" not in options:  # which may choose what the default chooses
             assert not np.array_equal(expected.q, plain.q)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         ((), "1 of 3 independent, chosen by the measure rho"),
         (("--independent", "D"), "1 of 3 independent, as asked for"),
@@ -109,9 +109,9 @@ def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
         (("--formulation", "multipliers"), "none independent, all accelerations integrated"),
     ],
 )
-def test_account_says_who_chose(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_account_says_who_chose(words: tuple[str, ...], reported: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("simulate", "four-bar", "--time", 0.1, "--outputs", 5, *words) == 0
-    assert told in capsys.readouterr().out
+    assert reported in capsys.readouterr().out
 
 
 def test_stored_results_can_be_plotted_and_viewed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

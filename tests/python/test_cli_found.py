@@ -36,21 +36,21 @@ def test_every_command_has_examples_that_parse() -> None:
 
 
 def test_assemble_prints_the_state_of_the_function(capsys: pytest.CaptureFixture[str]) -> None:
-    told = found(capsys, "assemble", "four-bar", "--target", "A=30deg", "--rate", "A=60rpm")
+    reported = found(capsys, "assemble", "four-bar", "--target", "A=30deg", "--rate", "A=60rpm")
     m = pt.catalogue.load("four-bar")
     near = pt.catalogue.entry("four-bar").initial(m)
     state = m.assemble({"A": math.radians(30.0)}, {"A": "60 rpm"}, near)
-    assert list(told["coordinates"].items()) == list(zip(state.names, state.q.tolist(), strict=True))
-    assert list(told["velocities"].items()) == list(zip(state.velocity_names, state.v.tolist(), strict=True))
+    assert list(reported["coordinates"].items()) == list(zip(state.names, state.q.tolist(), strict=True))
+    assert list(reported["velocities"].items()) == list(zip(state.velocity_names, state.v.tolist(), strict=True))
     assert main(["assemble", "four-bar", "--target", "A=30deg", "--rate", "A=60rpm"]) == 0
     printed = capsys.readouterr().out
     assert all(f"{value:.15g}" in printed for value in (*state.q, *state.v))
 
 
 def test_assemble_prints_all_branches(capsys: pytest.CaptureFixture[str]) -> None:
-    told = found(capsys, "assemble", "four-bar", "--target", "A=0.5", "--inputs", "A", "--all")
-    assert sorted(one["branch"] for one in told["assemblies"]) == ["+", "-"]
-    assert all(one["coordinates"]["A"] == 0.5 and one["residual"] < 1e-12 for one in told["assemblies"])
+    reported = found(capsys, "assemble", "four-bar", "--target", "A=0.5", "--inputs", "A", "--all")
+    assert sorted(one["branch"] for one in reported["assemblies"]) == ["+", "-"]
+    assert all(one["coordinates"]["A"] == 0.5 and one["residual"] < 1e-12 for one in reported["assemblies"])
     assert main(["assemble", "four-bar", "--target", "A=0.5", "--inputs", "A", "--all"]) == 0
     assert "assembly 1" in capsys.readouterr().out
 
@@ -72,9 +72,13 @@ def test_what_programs_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     m = pt.catalogue.load("four-bar")
     assert found(capsys, "report", "four-bar")["mobility"] == 1
     target = str(tmp_path / "run.json")
-    told = found(capsys, "simulate", "four-bar", "--time", "0.1", "--save", target)
-    assert (told["success"] and told["verdict"] == "good") or told["verdict"]
-    assert told["certificate"]["closure"] < 1e-12 and told["work"]["evaluations"] > 0 and told["written"] == [target]
+    reported = found(capsys, "simulate", "four-bar", "--time", "0.1", "--save", target)
+    assert (reported["success"] and reported["verdict"] == "good") or reported["verdict"]
+    assert (
+        reported["certificate"]["closure"] < 1e-12
+        and reported["work"]["evaluations"] > 0
+        and reported["written"] == [target]
+    )
     assert found(capsys, "check", "four-bar")["closes"] is True
     rows = found(
         capsys, "compare", "four-bar", "--time", "0.1", "--formulations", "projective,svd", "--rules", "collective"
@@ -94,8 +98,8 @@ def test_what_programs_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 ])  # fmt: skip
 def test_misuse_is_one_message(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 2
-    told = capsys.readouterr()
-    assert told.err.startswith("partita: error: ") and told.err.count("\n") == 1 and not told.out
+    reported = capsys.readouterr()
+    assert reported.err.startswith("partita: error: ") and reported.err.count("\n") == 1 and not reported.out
 
 
 def test_the_shell_reads_the_completion(capsys: pytest.CaptureFixture[str]) -> None:

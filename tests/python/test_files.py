@@ -35,7 +35,7 @@ def flipped(content: bytes, number: int) -> bytes:
     return bytes(changed)
 
 
-def told(result: results.Result) -> list[bytes]:
+def reported(result: results.Result) -> list[bytes]:
     """All numbers that a result can tell, and its words."""
     arrays = {**result.arrays, **result.observed, **result.reactions}
     words = json.dumps([result.notes, result.message, result.counters, str(result.certificate), result.spec])
@@ -45,8 +45,8 @@ def told(result: results.Result) -> list[bytes]:
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_flipped_bit_is_noticed(run: results.Result, tmp_path: Path, ending: str) -> None:
     path = run.save(tmp_path / f"run{ending}")
-    right = told(run)
-    assert told(pt.load_result(path)) == right
+    right = reported(run)
+    assert reported(pt.load_result(path)) == right
     files = [p for p in sorted(path.rglob("*")) if p.is_file()] or [path]
     flips = [(file, number) for number, file in enumerate((files * FLIPS)[: FLIPS if len(files) == 1 else len(files)])]
     for file, number in flips:  # the seal covers every byte
@@ -87,7 +87,7 @@ def test_a_folder_takes_the_place_of_an_older_one_and_of_a_file(run: results.Res
     path.write_text("a file")
     for _ in range(2):
         run.save(path)
-        assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and told(pt.load_result(path)) == told(run)
+        assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and reported(pt.load_result(path)) == reported(run)
 
 
 def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(
@@ -104,7 +104,7 @@ def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(
     monkeypatch.setattr(os, "replace", failing)
     with pytest.raises(FileFormatError, match="unchanged"):
         run.save(path)
-    assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and told(pt.load_result(path)) == told(run)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.zarr"] and reported(pt.load_result(path)) == reported(run)
 
 
 @pytest.mark.parametrize("ending", [ending for ending in ENDINGS if ending != ".zarr"])

@@ -103,9 +103,9 @@ def test_fmpy_finds_nothing_and_runs_it(tmp_path: Path) -> None:
 
     path = written(four_bar(), tmp_path, inputs=["motor"], outputs=["A", "C", "D.force", "A.moment", "energy"])
     assert validate_fmu(str(path)) == []
-    told = fmpy.read_model_description(str(path), validate=True)
-    assert [x.name for x in told.modelVariables][:3] == ["motor", "A.position", "A.velocity"]
-    names = [x.name for x in told.modelVariables if x.causality == "output"]
+    reported = fmpy.read_model_description(str(path), validate=True)
+    assert [x.name for x in reported.modelVariables][:3] == ["motor", "A.position", "A.velocity"]
+    names = [x.name for x in reported.modelVariables if x.causality == "output"]
     found = fmpy.simulate_fmu(str(path), stop_time=1.0, step_size=STEP, output_interval=STEP, output=names,
                               start_values={"motor": 0.8})  # fmt: skip
     r = four_bar(0.8).simulate(1.0, t_eval=TIMES, rtol=1e-11, atol=1e-13)
@@ -236,9 +236,9 @@ def test_damaged_resources_are_refused(damage: str | None, tmp_path: Path, opene
     with zipfile.ZipFile(path, "w") as packed:
         for name, content in members.items():
             if name.endswith(".json"):
-                told = json.loads(content)
-                told["start"]["q"] = []
-                content = json.dumps(told).encode() if damage is None else damage.encode()
+                reported = json.loads(content)
+                reported["start"]["q"] = []
+                content = json.dumps(reported).encode() if damage is None else damage.encode()
             packed.writestr(name, content)
     if damage is None:
         one = opened(path)

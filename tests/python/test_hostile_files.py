@@ -45,12 +45,12 @@ TEXTS = {".urdf": URDF, ".mjcf": MJCF, ".sdf": SDF, ".toml": TOML}
 
 
 def refused(path: Path, words: str, line: int | None = None) -> None:
-    with pytest.raises(FileFormatError) as told:
+    with pytest.raises(FileFormatError) as reported:
         pt.load(path)
-    said = str(told.value)
+    said = str(reported.value)
     assert words in said and path.name.rpartition(".")[0] in said, said
     assert said.count(".urdf") + said.count(".mjcf") <= 2 and "\n" not in said, said
-    assert told.value.line == line, said
+    assert reported.value.line == line, said
 
 
 def put(folder: Path, name: str, content: str | bytes) -> Path:

@@ -70,8 +70,8 @@ def test_a_browser_is_sent_the_bodies_and_their_motion(capfd: pytest.CaptureFixt
                 assert isinstance(message, bytes)
                 heard = dict(positions(message)).get("/bodies/1 coupler", heard)
             assert np.abs(heard - wanted).max() < 1e-6
-    told = capfd.readouterr()
-    assert told.out == "" and "Traceback" not in told.err
+    reported = capfd.readouterr()
+    assert reported.out == "" and "Traceback" not in reported.err
 
 
 def positions(message: bytes) -> list[tuple[str, np.ndarray]]:
@@ -79,8 +79,8 @@ def positions(message: bytes) -> list[tuple[str, np.ndarray]]:
     import msgspec
     import zstandard
 
-    told = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(message[16:]))
-    placed = [one for one in told["messages"] if "name" in one and "position" in one]
+    reported = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(message[16:]))
+    placed = [one for one in reported["messages"] if "name" in one and "position" in one]
     return [(one["name"], np.array(one["position"], dtype=float)) for one in placed]
 
 
@@ -100,9 +100,9 @@ def test_what_is_wrong_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         ("port", True), ("port", np.nan), ("shapes", 5), ("shapes", {"crank": {"kind": "cone"}}),
     ]:  # fmt: skip
         given = {"port": 0, argument: value}
-        with pytest.raises(pt.errors.ArgumentError) as told:
+        with pytest.raises(pt.errors.ArgumentError) as reported:
             sim.show(**given)  # type: ignore[arg-type]
-        assert told.value.argument == argument
+        assert reported.value.argument == argument
     with pytest.raises(pt.errors.UnknownNameError, match="crank"):
         sim.show(port=0, shapes={"crnk": {"kind": "ball", "radius": 1.0}})
     monkeypatch.setitem(sys.modules, "viser", None)

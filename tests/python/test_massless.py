@@ -281,10 +281,10 @@ def test_a_thin_rod_holds_its_spin_and_feels_nothing_of_it(coordinates: str) -> 
         assert not any("held from spinning" in note for note in thick.notes)
     # what its balls pass on has no moment about the line: Newton and Euler hold for the rod as drawn
     assert thin.certificate.verdict == "holds"
-    told = tie("thin").report(coordinates=coordinates)
-    assert "1 degree of freedom is idle: rod spins about its own line" in " ".join(str(told).split())
-    assert "it is held, without inertia about that line" in " ".join(str(told).split())
-    assert told.to_dict()["mobility"] == 2 and told.to_dict()["idle"][0]["held"]
+    reported = tie("thin").report(coordinates=coordinates)
+    assert "1 degree of freedom is idle: rod spins about its own line" in " ".join(str(reported).split())
+    assert "it is held, without inertia about that line" in " ".join(str(reported).split())
+    assert reported.to_dict()["mobility"] == 2 and reported.to_dict()["idle"][0]["held"]
 
 
 def spun(m: pt.Mechanism, rate: float) -> pt.State:

@@ -102,10 +102,10 @@ def test_joints_that_follow_and_what_is_left_out(tmp_path: Path) -> None:
     m = loaded(tmp_path, model(CLOSED + tie + higher, more))
     assert m.compile().mobility == 1
     assert abs(m.assemble(targets={"A": 0.2}).position("W") - (0.1 - 3 * 0.2)) < 1e-12
-    told = str(m.reading)
+    reported = str(m.reading)
     for words in ("armature 0.1 of joint W", "frictionloss 0.2 of joint W", "limits -1 to 1 of joint W", "1 geoms",
                   "equality cam is a polynomial"):  # fmt: skip
-        assert words in told, told
+        assert words in reported, reported
 
 
 @pytest.mark.parametrize(
@@ -121,6 +121,6 @@ def test_joints_that_follow_and_what_is_left_out(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_file(text: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(pt.errors.FileFormatError) as told:
+    with pytest.raises(pt.errors.FileFormatError) as reported:
         loaded(tmp_path, text)
-    assert words in str(told.value) and "model.xml" in str(told.value)
+    assert words in str(reported.value) and "model.xml" in str(reported.value)

@@ -55,10 +55,10 @@ def test_measures_and_runs_are_the_same(name: str | int) -> None:
         run = m.simulate(0.05 * x.time)
         return [rho.get(n) for n in names], (run.status, run.certificate.verdict, len(run.notes)), run
 
-    rho, told, run = measures(d)
+    rho, reported, run = measures(d)
     for how in ("turned", "shifted", "millimetres", "kilometres and tonnes", "swapped"):
         again, words, other = measures(said(d, how, rng))
-        assert words == told, how
+        assert words == reported, how
         if how != "swapped":  # another tree has other coordinates
             # which rows are left out of a drawing that misfits may differ, and the measures with it by as much
             assert again == pytest.approx(rho, abs=5.0 * d.build().drawing_tolerance), how

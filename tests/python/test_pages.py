@@ -68,7 +68,7 @@ def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:
     loud = tmp_path / "loud.html"
     loud.write_text(text.replace("start();\n", "start(); console.error('said');\n"), encoding="utf-8")
     browser.open(loud)
-    assert any("said" in word for word in browser.told)
+    assert any("said" in word for word in browser.reported)
 
 
 def test_keyboard_reaches_everything(browser: Chromium, tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_keyboard_reaches_everything(browser: Chromium, tmp_path: Path) -> None:
     before = browser.value("partita.time()")
     browser.press("ArrowRight")
     assert browser.value("partita.time()") > before
-    assert browser.told == []
+    assert browser.reported == []
 
 
 def test_eighty_coordinates_are_ten_until_asked(browser: Chromium, tmp_path: Path) -> None:
@@ -166,9 +166,9 @@ def test_paths_run_smoothly_through_outputs(browser: Chromium, tmp_path: Path) -
         assert len(strokes) == (1 if farthest else 41)
         assert np.abs(np.linalg.norm(np.concatenate(strokes), axis=1) - 1.0)[30:-30].max(initial=0.0) <= farthest
         asked = f"partita.strokes({circle.tolist()}, {t.tolist()}, 1e-3)"
-        told = browser.value(f"{asked}.map((s) => s.map(({{ p }}) => p))")
-        assert [len(s) for s in told] == [len(s) for s in strokes]
-        assert np.allclose(np.concatenate(told), np.concatenate(strokes), atol=1e-12)
+        reported = browser.value(f"{asked}.map((s) => s.map(({{ p }}) => p))")
+        assert [len(s) for s in reported] == [len(s) for s in strokes]
+        assert np.allclose(np.concatenate(reported), np.concatenate(strokes), atol=1e-12)
         assert not is_tangled(strokes, 2.0)
     # A Lissajous figure that closes only after many turns is a tangle.
     s = np.linspace(0.0, 300.0, 6001)

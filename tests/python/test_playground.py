@@ -360,9 +360,9 @@ def test_a_length_that_cannot_close_is_told_by_how_much(tmp_path: Path) -> None:
         return { words, same: before.q.every((x, i) => Math.abs(x - after.q[i]) < 1e-14), point: m.get("B.point"), b };
     """
     found = page_runs(four_bar(), None, script, tmp_path)
-    told = re.search(r'joint "C" stays open by ([\d.]+) m', found["words"])
-    assert told, found["words"]
-    assert abs(float(told[1]) - 0.3) < 1e-3  # three digits are told
+    reported = re.search(r'joint "C" stays open by ([\d.]+) m', found["words"])
+    assert reported, found["words"]
+    assert abs(float(reported[1]) - 0.3) < 1e-3  # three digits are told
     assert found["same"]
     assert found["point"] == found["b"]
 
@@ -482,7 +482,7 @@ def shown(browser: Chromium, page: Path, screen: tuple[int, int, bool] = DESKTOP
 def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
     """It opens without a complaint, runs, takes a new length and a pull, and tells what cannot be."""
     shown(browser, four_bar().to_playground(tmp_path / "x.html"))
-    told = browser.value("""
+    reported = browser.value("""
         (async () => {
           await new Promise((r) => setTimeout(r, 200));
           const field = document.querySelectorAll("#lengths input[type=number]")[1], p = window.playground;
@@ -504,14 +504,14 @@ def test_the_page_runs_in_a_browser(browser: Chromium, tmp_path: Path) -> None:
           return { first, second, t, length, heavy, moves, rho };
         })()
     """)
-    assert browser.told == []
-    assert told["first"] == ""
-    assert "stays open by 0.3 m (loop of" in told["second"]
-    assert told["t"] > 0.0
-    assert told["moves"]
-    assert told["length"] == "0.35"
-    assert told["heavy"] == ["1.2346e+11", "1.2346e-6", "0.3"]
-    assert all(0.0 < x <= 1.0 for x in told["rho"])
+    assert browser.reported == []
+    assert reported["first"] == ""
+    assert "stays open by 0.3 m (loop of" in reported["second"]
+    assert reported["t"] > 0.0
+    assert reported["moves"]
+    assert reported["length"] == "0.35"
+    assert reported["heavy"] == ["1.2346e+11", "1.2346e-6", "0.3"]
+    assert all(0.0 < x <= 1.0 for x in reported["rho"])
 
 
 def test_forty_loops_at_sixty_frames_a_second(browser: Chromium, tmp_path: Path) -> None:
@@ -536,7 +536,7 @@ def test_forty_loops_at_sixty_frames_a_second(browser: Chromium, tmp_path: Path)
           return { evaluations, median: took[30], loops: Object.keys(about.loops).length };
         })()
     """)
-    assert browser.told == []
+    assert browser.reported == []
     assert found["loops"] == 40
     assert found["evaluations"] < 12
     assert found["median"] < 1000 / 60
@@ -552,12 +552,12 @@ def test_pages_can_be_read(name: str, browser: Chromium, tmp_path: Path) -> None
     for screen, scheme in ((DESKTOP, "light"), (PHONE, "dark")):
         shown(browser, page, screen, scheme)
         browser.rest_a_frame()
-        assert browser.value(READABLE) == []
+        assert browser.value(RESULT_VIEW) == []
         assert browser.value(CONTRAST) == []
-        assert browser.told == []
+        assert browser.reported == []
 
 
-READABLE = """
+RESULT_VIEW = """
 (() => {
   const bad = [], wide = document.documentElement.clientWidth, words = window.playground.drawing.written;
   const meet = (a, b) => a.left < b.right - 0.5 && b.left < a.right - 0.5 &&

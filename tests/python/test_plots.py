@@ -46,9 +46,9 @@ def test_few_outputs_on_a_turn_are_dots() -> None:
         assert all(line.get_linestyle() == "None" for line in (*ax.get_lines(), *right.get_lines()))
         assert label in ax.get_xlabel()
     assert data(viewer.html(run_of("four-bar")))["apart"] is None
-    told = data(viewer.html(run))["apart"]
-    assert told["name"] == "main" and told["degrees"] == pytest.approx(np.degrees(60.0 * 0.05), abs=3.0)
-    assert told["step"] == pytest.approx(np.radians(10.0) / 60.0, rel=0.1)
+    reported = data(viewer.html(run))["apart"]
+    assert reported["name"] == "main" and reported["degrees"] == pytest.approx(np.degrees(60.0 * 0.05), abs=3.0)
+    assert reported["step"] == pytest.approx(np.radians(10.0) / 60.0, rel=0.1)
 
 
 def test_an_overview_tells_over_which_angle() -> None:

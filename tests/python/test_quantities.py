@@ -403,7 +403,7 @@ def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.Captur
     state = m.assemble({"A": math.radians(40.0)}, {"A": 60 * units.rpm}, near)
     here = m.simulate(0.1, initial=state, t_eval=[0.0, 0.05, 0.1], **options)
     assert load_result(run).q.tolist() == here.q.tolist()
-    for words, told in [
+    for words, reported in [
         (["--time", "3 m"], "is a length"),
         (["--time", "1 s", "--target", "A=3 mm"], "is an angle"),
         (["--time", "1 s", "--rate", "A=3 furlongs"], "no unit 'furlongs'"),
@@ -412,7 +412,7 @@ def test_the_command_line_takes_quantities(tmp_path: Path, capsys: pytest.Captur
             code: Any = main(["simulate", "four-bar", *words])
         except SystemExit as end:  # a misuse is told by the parser
             code = end.code
-        assert code != 0 and told in capsys.readouterr().err
+        assert code != 0 and reported in capsys.readouterr().err
 
 
 def test_numbers_and_quantities_of_one_text() -> None:

@@ -447,8 +447,8 @@ def test_a_notebook_shows_a_small_table_with_every_word_escaped() -> None:
     run = odd()
     shown = run._repr_html_()
     page = ElementTree.fromstring(shown)  # well-formed, so that no name of a user's opens a tag
-    told = {row[0].text: row[1].text for row in page.iter("tr")}
-    assert told["joints"] == "2: A;,'é, A [N]" and told["ended"] == run.status
+    reported = {row[0].text: row[1].text for row in page.iter("tr")}
+    assert reported["joints"] == "2: A;,'é, A [N]" and reported["ended"] == run.status
     m = pt.Mechanism("<script>alert(1)</script> & more")
     for i in range(40):
         m.add_body(f"<b>{i}" + 60 * "x", mass=1.0, inertia=(1, 1, 1))

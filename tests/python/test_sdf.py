@@ -77,9 +77,9 @@ def test_joints_of_other_kinds(tmp_path: Path) -> None:
     ]
     state = m.assemble(targets={"screw.turn": 2 * np.pi})
     assert abs(state.position("screw")[0] - 0.01) < 1e-12
-    told = str(m.reading)
+    reported = str(m.reading)
     for words in ("friction 1 of joint p", "limits of joint p (lower -1)", "<plugin>, 1 in all", "1 kg and 1 kg m^2"):
-        assert words in told, told
+        assert words in reported, reported
 
 
 @pytest.mark.parametrize(
@@ -99,6 +99,6 @@ def test_joints_of_other_kinds(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_bad_file(text: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(pt.errors.FileFormatError) as told:
+    with pytest.raises(pt.errors.FileFormatError) as reported:
         loaded(tmp_path, text)
-    assert words in str(told.value) and told.value.line is not None
+    assert words in str(reported.value) and reported.value.line is not None

@@ -33,7 +33,7 @@ def driven() -> pt.Mechanism:
     return m
 
 
-def told(run: pt.Result) -> dict[str, Any]:
+def reported(run: pt.Result) -> dict[str, Any]:
     """All of a run, to the last bit."""
     arrays = {name: np.asarray(getattr(run, name)).tobytes() for name in ARRAYS}
     plain = (run.status, run.message, run.notes, run.counters, run.options, [vars(x) for x in run.partitions])
@@ -91,10 +91,10 @@ def runs_of(name: str) -> dict[str, Run]:
 def test_a_run_is_what_it_is_on_a_fresh_model(name: str) -> None:
     """Each question to a model that answers all of them, forwards and back again, and to a model of its own."""
     runs = runs_of(name)
-    alone = {title: told(run(made(name))) for title, run in runs.items()}
+    alone = {title: reported(run(made(name))) for title, run in runs.items()}
     used = made(name)
     for title in [*runs, *reversed(list(runs))]:
-        found = told(runs[title](used))
+        found = reported(runs[title](used))
         differs = [key for key, value in alone[title].items() if found[key] != value]
         assert not differs, f"{title}: {differs}"
 
@@ -103,7 +103,7 @@ def test_no_verdict_is_kept_for_another_state() -> None:
     """A start off the constraints is refused as before after runs that went well, and those go well
     after the refusals."""
     m = made("double-four-bar")
-    first = told(m.simulate(0.1, initial=start(m, "double-four-bar")))
+    first = reported(m.simulate(0.1, initial=start(m, "double-four-bar")))
     state = start(m, "double-four-bar")
     assert state is not None
     broken = state.copy()
@@ -111,12 +111,12 @@ def test_no_verdict_is_kept_for_another_state() -> None:
     opened = state.copy()
     opened.v[0] += 0.3
     fresh = made("double-four-bar")
-    noted = told(fresh.simulate(0.1, initial=opened))
+    noted = reported(fresh.simulate(0.1, initial=opened))
     for _ in range(2):
         with pytest.raises(PartitaError, match="does not satisfy the constraints"):
             m.simulate(0.1, initial=broken)
-        assert told(m.simulate(0.1, initial=opened)) == noted
-        assert told(m.simulate(0.1, initial=state)) == first
+        assert reported(m.simulate(0.1, initial=opened)) == noted
+        assert reported(m.simulate(0.1, initial=state)) == first
     assert "does not satisfy" in noted["plain"] and "does not satisfy" not in first["plain"]
 
 

@@ -152,8 +152,13 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
     mesh, cylinder = shapes["arm"]
     assert mesh["center"] == [0.0, 0.0, 1.0] and mesh["scale"] == [1.0, 1.0, 2.0]
     assert cylinder["center"] == [0.0, 0.0, 2.0] and np.allclose(cylinder["axis"], (0, -1, 0))
-    told = "\n".join(map(str, m.reading.dropped))
-    assert "outside the folder" in told and "nothing is fetched" in told and ".dae" in told and "radius" in told
+    reported = "\n".join(map(str, m.reading.dropped))
+    assert (
+        "outside the folder" in reported
+        and "nothing is fetched" in reported
+        and ".dae" in reported
+        and "radius" in reported
+    )
     scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
     assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
 

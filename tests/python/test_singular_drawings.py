@@ -111,9 +111,9 @@ def test_rates_that_hold_together_beside_it(apart: float, coordinates: str) -> N
 
 def test_rates_that_nearly_hold_together_are_told_with_their_digits() -> None:
     m = linkage(*line(*LINKAGES["parallelogram"]))
-    with pytest.raises(ArgumentError, match=r"A = 2 \(possible: 2\.00000\d*[1-9]\d*\)") as told:
+    with pytest.raises(ArgumentError, match=r"A = 2 \(possible: 2\.00000\d*[1-9]\d*\)") as reported:
         m.assemble(guess={"A": 0.3, "B": -0.3, "Z": 0.3}, rates={"A": 2.0, "Z": 2.000001})
-    assert "cannot hold together" in str(told.value)
+    assert "cannot hold together" in str(reported.value)
 
 
 def test_the_report_goes_on_beside_it() -> None:
@@ -173,9 +173,9 @@ def test_an_inclined_plane_in_space() -> None:
 def test_refusals_tell_the_branches() -> None:
     m = linkage(*line(*LINKAGES["rhombus"]))
     for coordinates in ("relative", "absolute"):
-        with pytest.raises(SingularityError, match="2 branches meet: rates") as told:
+        with pytest.raises(SingularityError, match="2 branches meet: rates") as reported:
             m.simulate(0.1, coordinates=coordinates)
-        assert "start a little away from it" in str(told.value)
+        assert "start a little away from it" in str(reported.value)
     with pytest.raises(SingularityError, match="2 branches meet"):
         m.assemble(rates={"A": 1.0})
 
@@ -198,9 +198,9 @@ def crank_slider(**drive: Any) -> pt.Mechanism:
 @pytest.mark.parametrize("course", [lambda t: -0.2 * t, lambda t: -0.2 * t * t, lambda t: 0.2 * t])
 def test_a_slider_driven_in_dead_centre(course: Any) -> None:
     m = crank_slider(position=course)
-    with pytest.raises(SingularityError, match=r"a dead centre: .* cannot say from here which way") as told:
+    with pytest.raises(SingularityError, match=r"a dead centre: .* cannot say from here which way") as reported:
         m.simulate(0.1)
-    assert "drive a joint that is not in its dead centre" in str(told.value)
+    assert "drive a joint that is not in its dead centre" in str(reported.value)
     report = m.report()
     assert report.to_dict()["singular"]["beside"] == 1 and "dead centre" in str(report)
 

@@ -143,9 +143,9 @@ def test_work_of_the_first_step_counts() -> None:
 )
 def test_what_singles_out_no_branch_is_refused(coordinates: str, rates: dict[str, float], words: str) -> None:
     m = flat()
-    with pytest.raises(SingularityError, match="2 branches meet") as told:
+    with pytest.raises(SingularityError, match="2 branches meet") as reported:
         m.simulate(0.1, initial=m.assemble(rates=rates, coordinates=coordinates), coordinates=coordinates)
-    assert words in str(told.value)
+    assert words in str(reported.value)
 
 
 @pytest.mark.parametrize("coordinates", BOTH)
@@ -295,9 +295,9 @@ def test_a_slider_driven_out_of_dead_centre_starts(coordinates: str) -> None:
     ],
 )
 def test_what_no_joint_can_follow_is_said(course: Callable[[float], float], words: str) -> None:
-    with pytest.raises(SingularityError, match="a dead centre") as told:
+    with pytest.raises(SingularityError, match="a dead centre") as reported:
         crank_slider(position=course).assemble(rates={"A": 0.5})
-    assert words in str(told.value)
+    assert words in str(reported.value)
 
 
 @pytest.mark.parametrize("coordinates", BOTH)

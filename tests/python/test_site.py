@@ -62,6 +62,6 @@ def test_a_site_is_searched_where_it_stands(browser: Any, tmp_path: Path) -> Non
     )
     with seen.served(tmp_path) as address:
         assert seen.results(browser, address, "x")[0] == "reference/a.html#partita.a"
-        told = seen._search(browser, address, "x", "reference/d.html")
-        assert told and "before reference/d.html" in told[0]
+        reported = seen._search(browser, address, "x", "reference/d.html")
+        assert reported and "before reference/d.html" in reported[0]
         assert seen._search(browser, address, "x", "reference/c.html#partita.c") == []

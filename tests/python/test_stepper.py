@@ -281,8 +281,8 @@ def test_a_drive_moves_without_a_jump_as_it_is_told(level: str, coordinates: str
     assert m.inputs == ("crank",) and m.stepper(DT).inputs == ()
     sim = m.stepper(DT, inputs=[m.drives["crank"]], coordinates=coordinates, substeps=4)
     x, rate = sim.sensor("angle"), 0.0
-    told = [0.3 * math.sin(0.4 * k) for k in range(1, STEPS + 1)]
-    for u in told:
+    reported = [0.3 * math.sin(0.4 * k) for k in range(1, STEPS + 1)]
+    for u in reported:
         if level == "position":
             growth = (u - x) / DT
             x, jump, rate = u, growth - rate, growth

@@ -71,9 +71,9 @@ def test_ctrl_c_keeps_what_was_computed() -> None:
             raise KeyboardInterrupt
         return x
 
-    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 points") as told:
+    with pytest.raises(pt.errors.Interrupted, match="after 2 of 4 points") as reported:
         pt.sweep(stopped, {"x": [1, 2, 3, 4]})
-    assert told.value.result.value.values[:2].tolist() == [1, 2]
+    assert reported.value.result.value.values[:2].tolist() == [1, 2]
 
 
 def test_progress_is_told() -> None:

@@ -172,7 +172,7 @@ def test_nothing_is_read_in_silence(tmp_path: Path) -> None:
   <transmission name="t"/><gazebo/><nonsense/>"""
     m = pt.load(written(tmp_path, tree(LOOP + more)))
     assert m.reading is not None
-    told = str(m.reading)
+    reported = str(m.reading)
     for words in (
         "E = -2 x A + 0.1",
         "limits -1 to 2 of joint E",
@@ -183,7 +183,7 @@ def test_nothing_is_read_in_silence(tmp_path: Path) -> None:
         "3 shapes to draw",
         'link "base" is the ground',
     ):
-        assert words in told, (words, told)
+        assert words in reported, (words, reported)
     assert m.reading.dropped[-1].line is not None and m.reading.to_dict()["kind"] == "URDF"
     state = m.assemble(targets={"A": 0.2})
     assert abs(state.position("E") - (-2 * 0.2 + 0.1)) < 1e-12
@@ -241,10 +241,10 @@ BAD = [
 
 @pytest.mark.parametrize(("text", "line", "words"), BAD)
 def test_a_bad_file_says_what_and_where(text: str, line: int | None, words: str, tmp_path: Path) -> None:
-    with pytest.raises(pt.errors.FileFormatError, match="urdf") as told:
+    with pytest.raises(pt.errors.FileFormatError, match="urdf") as reported:
         pt.load(written(tmp_path, text))
-    assert words in str(told.value), told.value
-    assert told.value.line is not None and (line is None or told.value.line == line)
+    assert words in str(reported.value), reported.value
+    assert reported.value.line is not None and (line is None or reported.value.line == line)
 
 
 def test_circles_and_crowds_end_in_one_sentence(tmp_path: Path) -> None:
@@ -272,9 +272,9 @@ def test_circles_and_crowds_end_in_one_sentence(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_sidecar(sidecar: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(pt.errors.FileFormatError, match="yaml") as told:
+    with pytest.raises(pt.errors.FileFormatError, match="yaml") as reported:
         pt.load(written(tmp_path, tree(ends("here", "there")), sidecar))
-    assert words in str(told.value)
+    assert words in str(reported.value)
 
 
 def test_a_coupling_of_two_cranks(tmp_path: Path) -> None:

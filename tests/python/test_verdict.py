@@ -80,11 +80,11 @@ def test_a_broken_run_is_no_success() -> None:
 
 def test_a_doubtful_run_warns_once() -> None:
     run = spoilt(four_bar_run(), False)
-    with pytest.warns(DoubtfulResultWarning, match=r"the closing of C") as told:
+    with pytest.warns(DoubtfulResultWarning, match=r"the closing of C") as reported:
         assert run.certificate.verdict == "doubtful"
         assert run.success and run.status == "finished"
         str(run.certificate)
-    assert len(told) == 1
+    assert len(reported) == 1
 
 
 @pytest.mark.parametrize("ending", ["json", "nc"])

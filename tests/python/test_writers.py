@@ -346,9 +346,9 @@ def test_what_stands_beside_it_is_checked(text: str, tmp_path: Path) -> None:
     drawn("revolute").save(tmp_path / "robot.urdf", strict=True)
     whole = (tmp_path / "robot.yaml").read_text("utf-8")
     (tmp_path / "robot.yaml").write_text(whole + text, "utf-8")
-    with pytest.raises(pt.errors.FileFormatError, match=r"robot\.yaml") as told:
+    with pytest.raises(pt.errors.FileFormatError, match=r"robot\.yaml") as reported:
         pt.load(tmp_path / "robot.urdf")
-    assert BESIDE[text] in str(told.value) and told.value.line == whole.count("\n") + 1
+    assert BESIDE[text] in str(reported.value) and reported.value.line == whole.count("\n") + 1
 
 
 def test_a_gimbal_with_dampers_keeps_them(tmp_path: Path) -> None:
@@ -459,8 +459,8 @@ def test_the_command_converts(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert main(["convert", source, target]) == 0
         assert "torque t" in capsys.readouterr().out
         assert main(["convert", source, target, "--json"]) == 0
-        told = json.loads(capsys.readouterr().out)
-        assert told["dropped"] == ["torque t"] and len(told["files"]) == 2
+        reported = json.loads(capsys.readouterr().out)
+        assert reported["dropped"] == ["torque t"] and len(reported["files"]) == 2
         assert main(["convert", source, target, "--strict"]) != 0
     assert "cannot carry: torque t" in capsys.readouterr().err
 

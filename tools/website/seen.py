@@ -83,7 +83,7 @@ def _page(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
         browser.open(address + quote(page), screen, scheme)
         where = f"{page}, {'phone' if screen is chromium.PHONE else 'desktop'}, {scheme}"
         found += [f"{where}: {word}" for word in browser.value(QUESTIONS)]
-        found += [f"{where}: console: {word}" for word in browser.told]
+        found += [f"{where}: console: {word}" for word in browser.reported]
     return found
 
 
@@ -106,7 +106,7 @@ def _live(browser: Any, address: str, page: str, chromium: Any) -> list[str]:
         found.append(f"{page}: its animated page has no time to go through")
     if not browser.value(f"{frame}.size()[0] > 100 && {frame}.size()[1] > 100"):
         found.append(f"{page}: its drawing is too small to see")
-    return found + [f"{page}: console: {word}" for word in browser.told]
+    return found + [f"{page}: console: {word}" for word in browser.reported]
 
 
 def results(browser: Any, address: str, words: str) -> list[str]:
@@ -136,7 +136,7 @@ def _search(browser: Any, address: str, words: str, wanted: str) -> list[str]:
         return [f'the search finds nothing for "{words}"']
     if wanted and wanted not in found[:FIRST]:
         return [f'the search for "{words}" finds {", ".join(found[:FIRST])} before {wanted}']
-    return [f'the search for "{words}": console: {word}' for word in browser.told]
+    return [f'the search for "{words}": console: {word}' for word in browser.reported]
 
 
 def _offline(browser: Any, site: Path, chromium: Any) -> list[str]:
@@ -145,7 +145,7 @@ def _offline(browser: Any, site: Path, chromium: Any) -> list[str]:
     browser.ask("Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0)
     browser.open(site / "formulations.html", chromium.DESKTOP)
     drawn = browser.value("[...document.querySelectorAll('.math math')].map((e) => e.getBoundingClientRect().height)")
-    found = [f"formulations.html, offline: console: {word}" for word in browser.told]
+    found = [f"formulations.html, offline: console: {word}" for word in browser.reported]
     if not drawn or min(drawn) < 2:
         found.append("formulations.html, offline: a formula is not drawn")
     return found

@@ -146,8 +146,8 @@ def directive(name: str) -> str:
     """What asks Sphinx for one class or function, with the members that it inherits."""
     kind = found(name)
     if isinstance(kind, type):
-        told = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"
-        return "\n\n".join([*overview(name, kind), told])
+        reported = f".. autoclass:: partita.{name}\n   :members:\n   :inherited-members: tuple, str, Mapping"
+        return "\n\n".join([*overview(name, kind), reported])
     return f".. autofunction:: partita.{name}"
 
 
@@ -161,9 +161,11 @@ def overview(name: str, kind: type) -> list[str]:
     rows = []
     for member in order:
         there = inspect.getattr_static(kind, member)
-        told = inspect.getdoc(there) if isinstance(there, (FunctionType, property, classmethod, staticmethod)) else None
-        if told and not member.startswith("_") and member not in conf.INSIDE and not hasattr(Mapping, member):
-            rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(told)}")
+        reported = (
+            inspect.getdoc(there) if isinstance(there, (FunctionType, property, classmethod, staticmethod)) else None
+        )
+        if reported and not member.startswith("_") and member not in conf.INSIDE and not hasattr(Mapping, member):
+            rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(reported)}")
     table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
     return [table + "\n".join(rows)] if len(rows) >= MANY else []
 

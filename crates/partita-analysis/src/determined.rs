@@ -206,8 +206,8 @@ pub fn directions<E: Send + From<AnalysisError>>(
 mod tests {
     use super::*;
     use crate::examples::*;
-    use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::{Cylindrical, Revolute, Spherical};
+    use partita_model::zero_position::Coordinates;
 
     const ALL: [bool; 6] = [true; 6];
 

@@ -3,7 +3,7 @@
 use crate::reason::names;
 use partita_math::dense::Matrix;
 use partita_math::factor::symmetric_eigen;
-use partita_model::light;
+use partita_model::massless;
 use partita_model::spec::{Body, Force, Measure, Value};
 use partita_model::Model;
 use serde::Serialize;
@@ -22,19 +22,19 @@ pub struct Idle {
 /// Bodies held by ball joints in one line alone.
 pub(crate) fn idle(model: &Model) -> Vec<Idle> {
     let joints = |x: &[usize]| x.iter().map(|&j| model.spec.joints[j].name.clone()).collect();
-    let line = |x: light::Idle| Idle {
+    let line = |x: massless::Idle| Idle {
         body: model.spec.bodies[x.body].name.clone(),
         joints: joints(&x.joints),
         held: model.placed.held.iter().any(|h| h.body == x.body),
     };
-    light::idle(&model.spec, &model.placed).into_iter().map(line).collect()
+    massless::idle(&model.spec, &model.placed).into_iter().map(line).collect()
 }
 
 /// Which body it is whose mass or inertia is missing, for one who met a mass matrix that is not definite; none where
 /// all have both.
 pub fn weightless(model: &Model) -> Option<String> {
-    let light = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
-    model.spec.bodies.iter().any(light).then(|| without_inertia(model, &idle(model)))
+    let massless = |b: &Body| b.mass <= 0.0 || least_inertia(b) <= 0.0;
+    model.spec.bodies.iter().any(massless).then(|| without_inertia(model, &idle(model)))
 }
 
 /// Which body it is whose missing inertia leaves the motion open.
@@ -42,14 +42,14 @@ pub(crate) fn without_inertia(model: &Model, idle: &[Idle]) -> String {
     if let Some(words) = spins_unfelt(model, idle) {
         return words;
     }
-    let light: Vec<&str> = model
+    let massless: Vec<&str> = model
         .spec
         .bodies
         .iter()
         .filter(|b| b.mass <= 0.0 || least_inertia(b) <= 0.0)
         .map(|b| b.name.as_str())
         .collect();
-    format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&light))
+    format!("a motion meets no inertia; look at {}, whose mass or an inertia is 0", names(&massless))
 }
 
 /// Rods that can spin between balls without inertia, and are not held because something sees the spin.

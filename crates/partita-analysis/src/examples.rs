@@ -1,10 +1,10 @@
 //! Mechanisms whose mobility and redundancy are known.
 
 use partita_math::spatial::{Mat3, Vec3};
-use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Prismatic, Revolute};
 use partita_model::spec::{Body, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION};
 use partita_model::value::NoFunctions;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use std::sync::Arc;
 

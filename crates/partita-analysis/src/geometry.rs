@@ -58,7 +58,7 @@ pub(crate) struct Geometry<'m> {
     /// `s_i² = [M⁻¹]_ii`: the square of the reach of velocity i.
     scale2: Vec<f64>,
     /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
-    row_reach: Vec<f64>,
+    row_displacement: Vec<f64>,
     /// Weight below which a row is round-off.
     nothing: f64,
 }
@@ -85,7 +85,7 @@ impl<'m> Geometry<'m> {
                 scale2[l.v] = model.placed.length.powi(2);
             }
         }
-        let mut row_reach = Vec::with_capacity(model.pattern().rows);
+        let mut row_displacement = Vec::with_capacity(model.pattern().rows);
         for k in &model.full.closings {
             let point = model.placed.joints[k.joint].child_point;
             // a loop shrunk to a point still has a size to compare rounding errors with
@@ -94,23 +94,23 @@ impl<'m> Geometry<'m> {
                     LinkMotion::Slide(_) => model.placed.length,
                     _ => m.max((point - model.placed.links[p.link].point).norm()),
                 });
-            row_reach.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
+            row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
         // conditions that are no closings say themselves what they measure; 0 where nothing is known
-        row_reach.extend((model.closing_rows..all.rows).map(|i| model.row_reach(i).unwrap_or(0.0)));
-        let row_reach = rows.iter().map(|&i| row_reach[i]).collect();
+        row_displacement.extend((model.closing_rows..all.rows).map(|i| model.row_displacement(i).unwrap_or(0.0)));
+        let row_displacement = rows.iter().map(|&i| row_displacement[i]).collect();
         // weak conditions of a drawing are not round-off
         let nothing = if model.geometry().weak { EXACT } else { REDUNDANT };
-        Self { model, pattern, rows, holonomic, scale2, row_reach, nothing }
+        Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
     }
 
     /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
-        if self.row_reach[i] == 0.0 {
+        if self.row_displacement[i] == 0.0 {
             return 1.0;
         }
         let square = |e: usize| c[e].powi(2) * self.scale2[self.pattern.col_idx[e]];
-        self.pattern.row(i).map(square).sum::<f64>() / self.row_reach[i].powi(2)
+        self.pattern.row(i).map(square).sum::<f64>() / self.row_displacement[i].powi(2)
     }
 
     /// Squared sine or [`weight`](Self::weight) of the weakest row that counts: how far the position is from a singular
@@ -180,14 +180,14 @@ impl ConstrainedSystem for Geometry<'_> {
     fn travel(&self, v: &[f64]) -> f64 {
         self.model.travel(v)
     }
-    fn row_reach(&self, i: usize) -> Option<f64> {
-        Some(self.row_reach[i])
+    fn row_displacement(&self, i: usize) -> Option<f64> {
+        Some(self.row_displacement[i])
     }
     fn row_is_angle(&self, i: usize) -> bool {
         self.model.row_is_angle(self.rows[i])
     }
-    fn row_words(&self, i: usize) -> String {
-        self.model.row_words(self.rows[i])
+    fn row_description(&self, i: usize) -> String {
+        self.model.row_description(self.rows[i])
     }
     fn row_owner(&self, i: usize) -> String {
         self.model.row_owner(self.rows[i])
@@ -324,7 +324,7 @@ impl ConstrainedSystem for Geometry<'_> {
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         self.model.velocity_of_coordinate(i)
     }
-    fn reach(&self, i: usize) -> f64 {
+    fn characteristic_displacement(&self, i: usize) -> f64 {
         self.scale2[i].sqrt()
     }
 }

@@ -4,7 +4,7 @@ use crate::error::AnalysisError;
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::partition::criterion::Quality;
 use partita_system::partition::geometry::Geometry;
 use partita_system::partition::split::Split;
@@ -87,7 +87,7 @@ pub struct Chosen {
 }
 
 /// M (n x n) and C (m x n), checked.
-pub struct Matrices(ByHand<Frozen>);
+pub struct Matrices(UserSystem<Frozen>);
 
 impl Matrices {
     /// # Errors
@@ -128,7 +128,7 @@ impl Matrices {
             );
             return refuse("mass", message);
         }
-        Ok(Self(ByHand::new(Frozen { mass, c })))
+        Ok(Self(UserSystem::new(Frozen { mass, c })))
     }
 
     fn n(&self) -> usize {
@@ -136,7 +136,7 @@ impl Matrices {
     }
 
     /// Reduction with the rank of C and no motion.
-    fn reduction(&self) -> Result<(Reduction<'_, ByHand<Frozen>>, Vec<f64>), SystemError> {
+    fn reduction(&self) -> Result<(Reduction<'_, UserSystem<Frozen>>, Vec<f64>), SystemError> {
         let (n, c) = (self.n(), &self.0.equations.c);
         let q = vec![0.0; n];
         let mut probe = Reduction::new(&self.0, 0);

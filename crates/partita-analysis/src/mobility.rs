@@ -1,8 +1,8 @@
 //! Mobility and redundancy: how many ways the mechanism can move, and which rows of its joints say nothing new.
 
 use crate::error::AnalysisError;
+use crate::geometric_error::{self, GeometricError};
 use crate::geometry::{in_space, Geometry};
-use crate::misfit::{self, Misfit};
 use crate::reason::{names, reason};
 use crate::stress::{stresses, Pose};
 use partita_math::elimination::Pattern;
@@ -52,7 +52,7 @@ pub struct Mobility {
     /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
     pub misfit: f64,
     /// Degrees of freedom that it would have, drives released, if its drawing did not misfit by more than its tolerance.
-    pub meant: Option<usize>,
+    pub repaired_mobility: Option<usize>,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
     pub smallest: f64,
 }
@@ -69,7 +69,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     let of_rows = stresses(&released, &pose, &free, t, &q)?;
-    let Misfit { sentences: misfits, size: misfit, meant } = misfit::of_drawing(model);
+    let GeometricError { sentences: misfits, size: misfit, repaired_mobility } = geometric_error::of_drawing(model);
     for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
             row: released.row_name(row),
@@ -87,7 +87,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         redundant,
         misfits,
         misfit,
-        meant,
+        repaired_mobility,
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
@@ -111,17 +111,17 @@ impl Mobility {
             return None;
         }
         let what = self.misfits.join("; ");
-        Some(match self.meant {
+        Some(match self.repaired_mobility {
             None => format!(
                 "the drawing does not fit exactly, within its tolerance of {tolerance:.0e}: {what}; the mechanism is \
                  the nearest drawing that fits"
             ),
-            Some(meant) => format!(
+            Some(repaired_mobility) => format!(
                 "{} only because the drawing does not fit, by more than its tolerance of {tolerance:.0e}: {what}; without that \
-                 it would have {meant} degree{} of freedom: draw that joint more exactly, or give a larger drawing_tolerance \
+                 it would have {repaired_mobility} degree{} of freedom: draw that joint more exactly, or give a larger drawing_tolerance \
                  if it has that much play",
                 if self.closing_rank == self.velocities { "a structure" } else { "less mobile" },
-                if meant == 1 { "" } else { "s" }
+                if repaired_mobility == 1 { "" } else { "s" }
             ),
         })
     }
@@ -129,7 +129,7 @@ impl Mobility {
 
 /// Drives whose coordinate the loops and the drives before them already prescribe.
 fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility) -> Result<(), SystemError> {
-    let (pattern, reach, model) = (driven.pattern(), driven.scales(), driven.model);
+    let (pattern, displacement, model) = (driven.pattern(), driven.scales(), driven.model);
     let c = driven.jacobian(t, q)?;
     let mut rows: Vec<usize> = model.undriven().filter(|i| found.dropped.binary_search(i).is_err()).collect();
     let mut before: Vec<&str> = Vec::new();
@@ -138,7 +138,8 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
         rows.push(d.row);
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| pattern.col_idx[pattern.row(i)].to_vec()).collect();
         let values: Vec<f64> = rows.iter().flat_map(|&i| &c[pattern.row(i)]).copied().collect();
-        let rank = independent_rows(&Pattern::from_rows(pattern.cols, &columns), &values, &reach, REDUNDANT).rank;
+        let rank =
+            independent_rows(&Pattern::from_rows(pattern.cols, &columns), &values, &displacement, REDUNDANT).rank;
         if rank == rows.len() {
             before.push(&d.name);
             continue;
@@ -160,9 +161,9 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
 mod tests {
     use super::*;
     use crate::examples::*;
-    use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::{Fixed, Prismatic, Revolute, Spherical};
     use partita_model::spec::Spec;
+    use partita_model::zero_position::Coordinates;
 
     fn of(spec: Spec) -> Mobility {
         let m = model(spec);

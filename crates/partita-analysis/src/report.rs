@@ -1,12 +1,12 @@
 //! The report: what a mechanism is, what can move, what is superfluous, what is determined, in words and numbers.
 
-use crate::cures::{cures, Cure};
 use crate::determined::determined;
 use crate::doubtful::{idle, spins_unfelt, suspicious, without_inertia, Idle};
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
 use crate::mobility::{mobility, Mobility, Redundant};
 use crate::reason::names;
+use crate::remedies::{remedies, Remedy};
 use partita_model::evaluator::DriveRow;
 use partita_model::Model;
 use partita_system::branching::{self, Branch};
@@ -70,7 +70,7 @@ pub struct Report {
     /// Bodies that spin between their ball joints: a degree of freedom each.
     pub idle: Vec<Idle>,
     /// Joints to replace so that nothing is redundant.
-    pub cures: Vec<Cure>,
+    pub cures: Vec<Remedy>,
     /// What is redundant, why and what to do, in one paragraph; empty where nothing is.
     pub redundancy: String,
     /// Coordinates that the closed loops lock.
@@ -117,7 +117,7 @@ pub struct Report {
 
 /// One way to go on from a singular position.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Way {
+pub struct BranchAccount {
     /// Rates of the coordinates that move, the fastest 1 (rad/s, or one length of the mechanism a second).
     pub rates: BTreeMap<String, f64>,
     /// Where these coordinates are a few degrees along it: a guess for an assembly.
@@ -138,7 +138,7 @@ pub struct Singular {
     /// The branches are samples: there are more than can be listed.
     pub many: bool,
     /// Branches that meet here.
-    pub branches: Vec<Way>,
+    pub branches: Vec<BranchAccount>,
     /// Is all else of the report that of the mechanism on the first branch? If not it is left out.
     pub described: bool,
     /// All this in words.
@@ -203,7 +203,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         return Ok(Report { freedoms: free, singular: Some(singular), ..unmoved(model)? });
     };
     let named = |x: Vec<(String, f64)>| x.into_iter().collect::<BTreeMap<_, _>>();
-    let way = |b: &Branch| Way {
+    let way = |b: &Branch| BranchAccount {
         rates: named(branching::rates(&joints, b, &found.branches)),
         guess: named(branching::guess(&joints, q, b)),
         mobility: b.mobility,
@@ -219,20 +219,20 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
         described: on.is_some(),
         words: branching::of_joints(&joints, q, &found),
     };
-    let mut told = match on {
+    let mut reported = match on {
         None => unmoved(model)?,
         Some(b) => {
             let there = mobility(model, t, &b.beside)?;
             regular(model, t, &b.beside, there)?
         }
     };
-    told.freedoms = singular.beside;
-    told.mobility = match found.branches.first() {
+    reported.freedoms = singular.beside;
+    reported.mobility = match found.branches.first() {
         Some(b) if !model.drives.is_empty() => model.placed.nv - rank_here(&driven, t, &b.beside)?.rank,
         _ => singular.beside,
     };
-    told.singular = Some(singular);
-    Ok(told)
+    reported.singular = Some(singular);
+    Ok(reported)
 }
 
 /// What can be said of a mechanism without asking how it moves.
@@ -314,8 +314,8 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
             (None, None) => without_inertia(model, &idle),
         });
     }
-    notes.extend(model.held_words());
-    let cures = cures(model, t, q)?;
+    notes.extend(model.held_note());
+    let cures = remedies(model, t, q)?;
     let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
         tree: tree(model),
@@ -372,7 +372,7 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         // all of them, by moves that have nothing in common
         let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
             let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
-            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.reach(i)))
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.characteristic_displacement(i)))
         });
         let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();
@@ -418,7 +418,7 @@ fn notes(model: &Model, found: &Mobility) -> Vec<String> {
 }
 
 /// How far the joints over-constrain the bodies, why, and what to do: one paragraph, empty where nothing is redundant.
-fn redundancy(found: &Mobility, cures: &[Cure]) -> String {
+fn redundancy(found: &Mobility, cures: &[Remedy]) -> String {
     let rows = &found.redundant[..found.closing_rows - found.closing_rank];
     if rows.is_empty() {
         return String::new();
@@ -433,29 +433,29 @@ fn redundancy(found: &Mobility, cures: &[Cure]) -> String {
         }
     }
     let says = if rows.len() == 1 { "says" } else { "say" };
-    let mut told = vec![format!(
+    let mut reported = vec![format!(
         "Over-constrained: {} of the {} {says} nothing that the others do not (rank {}).",
         rows.len(),
         count(found.joint_rows, "condition of the joints", "conditions of the joints"),
         found.joint_rank
     )];
-    told.extend(reasons.iter().map(|(why, of)| format!("Superfluous {}: {why}.", names(of))));
+    reported.extend(reasons.iter().map(|(why, of)| format!("Superfluous {}: {why}.", names(of))));
     if others > 0 {
-        told.push(format!(
+        reported.push(format!(
             "Superfluous, for the like reasons: {}.",
             count(others, "further condition", "further conditions")
         ));
     }
-    told.push(
+    reported.push(
         "The motion and the reactions marked as determined are what they would be without them; the others are shared by \
          the least sum of squares, or by the compliances given."
             .into(),
     );
     if !cures.is_empty() {
         let all: Vec<String> = cures.iter().map(|c| format!("{} {} by {}", c.is, c.joint, c.by)).collect();
-        told.push(format!("Replace {}: then nothing is superfluous, and nothing else moves.", names(&all)));
+        reported.push(format!("Replace {}: then nothing is superfluous, and nothing else moves.", names(&all)));
     }
-    told.join(" ")
+    reported.join(" ")
 }
 
 /// Bodies that no chain of joints links to the ground, one note per group.
@@ -495,9 +495,9 @@ fn floating(model: &Model) -> Vec<String> {
 mod tests {
     use super::*;
     use crate::examples::*;
-    use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::Revolute;
     use partita_model::spec::Spec;
+    use partita_model::zero_position::Coordinates;
 
     fn of(spec: Spec) -> Report {
         let m = model(spec);

@@ -520,9 +520,9 @@ impl<'a> Rule<'a> {
 mod tests {
     use super::*;
     use crate::examples::*;
-    use partita_model::place::Coordinates;
     use partita_model::spec::JointKind::Revolute;
     use partita_model::spec::{Axes, Force, Spec, Value, VectorValue};
+    use partita_model::zero_position::Coordinates;
 
     /// A leaf on three hinges of one axis, which carries its weight of 9.81 N.
     fn shaft() -> Spec {

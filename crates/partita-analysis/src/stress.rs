@@ -72,14 +72,14 @@ impl Sums {
 }
 
 /// Memory for the wrenches of one self-stress after the other.
-struct Walk {
+struct WrenchScratch {
     /// Multipliers of all rows of the model; zero between two self-stresses.
     dense: Vec<f64>,
     closings: Vec<usize>,
     sums: Sums,
 }
 
-impl Walk {
+impl WrenchScratch {
     fn new(model: &Model) -> Self {
         let joints = model.placed.joints.len();
         let sums = Sums { of: vec![Wrench::default(); joints], touched: Vec::new(), is_touched: vec![false; joints] };
@@ -138,7 +138,7 @@ impl<'m> Pose<'m> {
             Owner::Coupling(_) => None,
         };
         let mut taken: Vec<(usize, f64)> = Vec::new();
-        model.condition_acts(
+        model.apply_condition(
             &self.tree,
             (*t, q),
             (row, x),
@@ -179,7 +179,7 @@ impl<'m> Pose<'m> {
         &self,
         lambda: &[(usize, f64)],
         closing_of: &[usize],
-        Walk { dense, closings, sums }: &mut Walk,
+        WrenchScratch { dense, closings, sums }: &mut WrenchScratch,
         found: &mut Vec<(usize, Wrench)>,
     ) {
         found.clear();
@@ -255,7 +255,7 @@ pub(crate) struct Balance<'g, 'm> {
     drive_of: Vec<Option<usize>>,
     /// What makes a force of each multiplier.
     unit: Vec<f64>,
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
 }
 
 impl<'g, 'm> Balance<'g, 'm> {
@@ -266,17 +266,17 @@ impl<'g, 'm> Balance<'g, 'm> {
         t: f64,
         q: &[f64],
     ) -> Result<(Self, Vec<f64>), AnalysisError> {
-        let (size, pattern, reach) = (system.size(), system.pattern(), system.scales());
+        let (size, pattern, displacement) = (system.size(), system.pattern(), system.scales());
         let length = system.model.placed.size;
         let c = system.jacobian(t, q)?;
         let row_norm =
-            |i: usize| pattern.row(i).map(|e| (c[e] * reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            |i: usize| pattern.row(i).map(|e| (c[e] * displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
         let row_scale: Vec<f64> =
             (0..size.rows).map(row_norm).map(|norm| if norm > 0.0 { 1.0 / norm } else { 0.0 }).collect();
         let mut kept = vec![true; size.rows];
         start.dropped.iter().for_each(|&i| kept[i] = false);
         let any = vec![true; size.nv];
-        let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &reach, start.rank, PlanOptions::default())
+        let plan = Plan::new(pattern, &c, &kept, &any, &row_scale, &displacement, start.rank, PlanOptions::default())
             .map_err(|_| singular(t))?;
         let mut step_of = vec![None; size.nv];
         plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
@@ -307,7 +307,7 @@ impl<'g, 'm> Balance<'g, 'm> {
                 closing_of,
                 drive_of,
                 unit,
-                reach,
+                displacement,
             },
             c,
         ))
@@ -323,7 +323,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             lambda: Vec::new(),
             of_model: Vec::new(),
             off: vec![0.0; self.system.size().nv],
-            walk: Walk::new(self.system.model),
+            room_of_wrenches: WrenchScratch::new(self.system.model),
         }
     }
 
@@ -362,18 +362,18 @@ impl<'g, 'm> Balance<'g, 'm> {
         found.resize_with(self.dropped.len(), Stress::default);
         for (&row, stress) in self.dropped.iter().zip(found) {
             self.multipliers(row, c, room);
-            let BalanceRoom { lambda, off, of_model, walk, .. } = &mut *room;
+            let BalanceRoom { lambda, off, of_model, room_of_wrenches, .. } = &mut *room;
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
             lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > NEGLIGIBLE * top);
             // what the self-stress leaves unbalanced (nearly dependent rows, a position closed to a tolerance)
             let entries =
                 || lambda.iter().flat_map(|&(row, x)| pattern.row(row).map(move |e| (pattern.col_idx[e], e, x)));
-            entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.reach[j] / length);
+            entries().for_each(|(j, e, x)| off[j] += x * c[e] * self.displacement[j] / length);
             let unbalanced = entries().fold(0.0, |m: f64, (j, _, _)| m.max(off[j].abs()));
             entries().for_each(|(j, _, _)| off[j] = 0.0);
             of_model.clear();
             of_model.extend(lambda.iter().map(|&(row, x)| (self.system.row_of_model(row), x)));
-            pose.wrenches(of_model, &self.closing_of, walk, &mut stress.joints);
+            pose.wrenches(of_model, &self.closing_of, room_of_wrenches, &mut stress.joints);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
             let largest = stress.joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
             let zero = (self.least * largest).max(10.0 * unbalanced);
@@ -400,7 +400,7 @@ pub(crate) struct BalanceRoom {
     of_model: Vec<(usize, f64)>,
     /// What is left along each velocity; zero between two self-stresses.
     off: Vec<f64>,
-    walk: Walk,
+    room_of_wrenches: WrenchScratch,
 }
 
 #[cfg(test)]
@@ -427,10 +427,10 @@ mod tests {
             let swept = m.wrenches_of(&q, &full, &mut m.scratch());
             let mut closing_of = Vec::new();
             m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
-            let (mut walked, mut walk) = (Vec::new(), Walk::new(&m));
-            Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut walk, &mut walked);
-            assert_eq!(walked.len(), m.spec.joints.len());
-            for (j, w) in walked {
+            let (mut by_balance, mut room_of_wrenches) = (Vec::new(), WrenchScratch::new(&m));
+            Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut room_of_wrenches, &mut by_balance);
+            assert_eq!(by_balance.len(), m.spec.joints.len());
+            for (j, w) in by_balance {
                 assert!((w.force - swept[j].force).norm() < 1e-14, "{}", m.spec.joints[j].name);
                 assert!((w.moment - swept[j].moment).norm() < 1e-14, "{}", m.spec.joints[j].name);
             }

@@ -6,7 +6,7 @@ use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States};
 use partita_analysis::run::{self, Request, Run};
 use partita_integrate::simulate::Status;
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::positions::turns;
 use partita_system::ConstrainedSystem;
@@ -235,7 +235,7 @@ impl Slave {
 
     /// The state at the first output of a run, with what is shown there.
     fn shown(&self, found: &Run) -> Result<State, String> {
-        let output = found.journal.outputs.first().ok_or("the run has no output")?;
+        let output = found.log.outputs.first().ok_or("the run has no output")?;
         let q: Vec<f64> = output.q.iter().zip(&output.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
         let (t, v) = (output.t, output.v.clone());
         let mut watch = || Ok::<(), AnalysisError>(());
@@ -243,7 +243,7 @@ impl Slave {
         let states = States { t: &times, q: &q, v: &v };
         let reacts = |x: &Shown| matches!(x, Shown::Force { .. } | Shown::Moment { .. } | Shown::Effort { .. });
         let forces = match self.shown.iter().any(|(x, _)| reacts(x)) {
-            true => Some(found.journal.describe::<_, AnalysisError>(&self.model, false, &mut watch).map_err(words)?),
+            true => Some(found.log.describe::<_, AnalysisError>(&self.model, false, &mut watch).map_err(words)?),
             false => None,
         };
         let mut values = Vec::with_capacity(self.shown.len());

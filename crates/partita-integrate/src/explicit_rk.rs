@@ -294,7 +294,7 @@ impl Stepper {
     /// Signed step and its end: `t_end`, the next grid point or the next corner if within reach, so that they are met exactly.
     fn plan(&self) -> (f64, f64) {
         let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
-        let ahead = || self.goal.into_iter().chain(self.next_corner()).fold(self.t_end, first);
+        let ahead = || self.goal.into_iter().chain(self.next_discontinuity()).fold(self.t_end, first);
         let goal = self.grid.as_ref().map_or_else(ahead, FixedGrid::goal);
         let rest = goal - self.t_old;
         if rest.abs() <= STRETCH * self.step {
@@ -305,11 +305,11 @@ impl Stepper {
     }
 
     /// The first corner ahead, if one comes before the end.
-    fn next_corner(&self) -> Option<f64> {
-        let (corners, t) = (&self.options.corners, self.t_old);
+    fn next_discontinuity(&self) -> Option<f64> {
+        let (discontinuities, t) = (&self.options.discontinuities, self.t_old);
         let next = match self.direction > 0.0 {
-            true => corners.get(corners.partition_point(|c| *c <= t)),
-            false => corners.partition_point(|c| *c < t).checked_sub(1).and_then(|i| corners.get(i)),
+            true => discontinuities.get(discontinuities.partition_point(|c| *c <= t)),
+            false => discontinuities.partition_point(|c| *c < t).checked_sub(1).and_then(|i| discontinuities.get(i)),
         };
         next.copied().filter(|c| (c - self.t_end) * self.direction < 0.0)
     }

@@ -9,7 +9,7 @@ pub enum StepFailure<E: Display> {
     #[error(
         "the step size fell to {} at t = {t} without an acceptable step{}; \
          look for a singular configuration or a jump in the forces near this time, or loosen rtol and atol",
-        partita_math::told(*h), reason(.last)
+        partita_math::formatted(*h), reason(.last)
     )]
     TooSmall {
         /// Time reached.

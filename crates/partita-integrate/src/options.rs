@@ -46,7 +46,7 @@ pub struct Options {
     pub first_step: Option<f64>,
     /// Ascending times at which what acts turns a corner: under error control steps end there, so that none is passed unseen
     /// and none spoils the order of a step.
-    pub corners: Vec<f64>,
+    pub discontinuities: Vec<f64>,
 }
 
 impl Default for Options {
@@ -58,7 +58,7 @@ impl Default for Options {
             max_step: f64::INFINITY,
             fixed_step: None,
             first_step: None,
-            corners: Vec::new(),
+            discontinuities: Vec::new(),
         }
     }
 }

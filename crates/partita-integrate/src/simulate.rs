@@ -74,7 +74,7 @@ pub struct Outcome {
     /// Work of the stepper.
     pub counters: Counters,
     /// Times of singular positions that were stepped over.
-    pub passages: Vec<f64>,
+    pub crossings: Vec<f64>,
     /// What stopped it, if something failed.
     pub error: Option<SystemError>,
 }
@@ -138,7 +138,7 @@ pub fn simulate<F: Formulation>(
             message: format!("nothing to march: the run ends where it starts, at t = {t}"),
             t,
             counters: Counters::default(),
-            passages: Vec::new(),
+            crossings: Vec::new(),
             error: None,
         });
     }
@@ -156,7 +156,7 @@ pub fn simulate<F: Formulation>(
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),
     };
-    Ok(Outcome { status, message, t, counters, passages: formulation.passages(), error })
+    Ok(Outcome { status, message, t, counters, crossings: formulation.crossings(), error })
 }
 
 fn sentence(status: Status, t: f64, settings: &Settings) -> String {
@@ -177,7 +177,7 @@ fn is_of_a_position(e: &SystemError) -> bool {
         SystemError::Singular { .. }
             | SystemError::DeadPoint { .. }
             | SystemError::Limit { .. }
-            | SystemError::Passage { .. }
+            | SystemError::Crossing { .. }
     )
 }
 
@@ -454,7 +454,7 @@ impl March {
                                length of steps";
                 return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
             }
-            if let Some(t) = self.free.then(|| formulation.knot_within(self.tolerance)).flatten() {
+            if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
                 stepper.end_at(t);
                 continue;
             }
@@ -498,7 +498,7 @@ impl March {
                 // half a crossing step would end next to the position; others across it have their stages elsewhere
                 stepper.set_other_sizes(AGAIN.map(|x| x * pace.next));
             }
-            stepper.set_goal(formulation.knot_ahead(pace.next, self.tolerance));
+            stepper.set_goal(formulation.breakpoint_ahead(pace.next, self.tolerance));
         }
         Ok(())
     }

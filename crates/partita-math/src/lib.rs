@@ -5,11 +5,11 @@
 pub mod dense;
 pub mod elimination;
 pub mod factor;
+mod formatted;
 pub mod least_norm;
 pub mod rank;
 pub mod scalar;
 pub mod spatial;
-mod told;
 mod wide;
 
-pub use told::told;
+pub use formatted::formatted;

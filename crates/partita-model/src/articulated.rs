@@ -87,7 +87,7 @@ impl<G: Space> Tree<G> {
     where
         G::S: Real,
     {
-        self.sweep_inward(s, &self.light, felt)
+        self.sweep_inward(s, &self.massless, felt)
     }
 
     /// The same with nothing but the masses drawn.
@@ -104,7 +104,7 @@ impl<G: Space> Tree<G> {
             dense::cholesky_straight(pivot, f);
             Ok::<(), Infallible>(())
         };
-        match self.sweep_inward(s, &self.light, straight) {
+        match self.sweep_inward(s, &self.massless, straight) {
             Ok(()) => {}
             Err(never) => match never {},
         }
@@ -114,7 +114,7 @@ impl<G: Space> Tree<G> {
     fn sweep_inward<E>(
         &self,
         s: &mut TreeScratch<G>,
-        light: &[Weight<G>],
+        massless: &[Weight<G>],
         factor: impl Fn(usize, &mut [G::S], usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let (n, d) = (self.links.len(), G::DIM);
@@ -127,7 +127,7 @@ impl<G: Space> Tree<G> {
         for i in 0..n {
             G::inertia_matrix(&s.links[i].inertia, self.links[i].mass, &mut a.inertia[i * d * d..(i + 1) * d * d]);
         }
-        for x in light {
+        for x in massless {
             let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
             G::add_inertia(&inertia, x.mass, &mut a.inertia[x.link * d * d..(x.link + 1) * d * d]);
         }
@@ -138,7 +138,7 @@ impl<G: Space> Tree<G> {
             for j in 0..f {
                 let v = self.links[i].v + j;
                 let one = |w: usize| if w == v { G::S::one() } else { o };
-                let (w, u) = self.carry(i, s, G::Ang::default(), G::Vec::default(), one);
+                let (w, u) = self.propagate(i, s, G::Ang::default(), G::Vec::default(), one);
                 let mut twist = [o; 6];
                 G::twist_to(w, u, &mut twist);
                 for l in 0..d {

@@ -2,10 +2,10 @@
 
 use crate::joint::{LockedSlides, Motion};
 use crate::numbers::Numbers;
-use crate::place::{Light, Placed, PlacedJoint};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Anchor, Closing, Link, LinkMotion, Locked, PathLink, Tree, Weight};
+use crate::zero_position::{Massless, Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Planar, Space, Vec3};
 
@@ -55,7 +55,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     let mut tree = Tree {
         origins: origins.iter().map(|x| G::vec_in(*x)).collect(),
         links,
-        light: placed.light.iter().map(weighed).collect(),
+        massless: placed.massless.iter().map(weighed).collect(),
         closings: Vec::new(),
         gravity: G::vec_in(numbers.gravity),
         idle: Vec::new(),
@@ -84,7 +84,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
     (tree, names)
 }
 
-fn weighed<G: Space>(x: &Light) -> Weight<G> {
+fn weighed<G: Space>(x: &Massless) -> Weight<G> {
     let inertia = G::inertia_in(&Mat3::from_f64(x.inertia.0));
     Weight { link: x.link, mass: G::S::from_f64(x.mass), inertia }
 }

@@ -63,10 +63,10 @@ impl<G: Space> Tree<G> {
             let mine = &mut rest[..columns];
             for j in 0..k {
                 let (w, u) = parent[j];
-                mine[j] = self.carry(i, s, w, u, |v| tangent[v * k + j]);
+                mine[j] = self.propagate(i, s, w, u, |v| tangent[v * k + j]);
             }
             let (w, u) = parent[k];
-            mine[k] = self.carry(i, s, w, u, |v| delta[v]);
+            mine[k] = self.propagate(i, s, w, u, |v| delta[v]);
             if self.idle[i] {
                 continue;
             }
@@ -123,7 +123,7 @@ impl<G: Space> Tree<G> {
             wrench[0] = Default::default();
             for i in 1..n {
                 let (w, u) = acceleration[self.links[i].parent];
-                acceleration[i] = self.carry(i, s, w, u, &vdot);
+                acceleration[i] = self.propagate(i, s, w, u, &vdot);
                 let (link, x) = (&self.links[i], &s.links[i]);
                 let (alpha, acc) = (x.alpha + acceleration[i].0, x.acc + acceleration[i].1);
                 let spin = G::spin(&x.inertia, x.w);
@@ -145,8 +145,8 @@ impl<G: Space> Tree<G> {
     }
 
     /// Add to a dense M what links without mass or inertia lack in a metric, at the last poses.
-    pub fn add_light(&self, s: &TreeScratch<G>, mass: &mut [G::S]) {
-        for x in &self.light {
+    pub fn add_massless(&self, s: &TreeScratch<G>, mass: &mut [G::S]) {
+        for x in &self.massless {
             let inertia = G::world_inertia(&s.links[x.link].rot, &x.inertia);
             // the links that carry it, from the ground outwards, and its twist for each of their velocities
             let mut path = vec![x.link];
@@ -157,12 +157,12 @@ impl<G: Space> Tree<G> {
             let mut twists: Vec<(usize, G::Ang, G::Vec)> = Vec::new();
             for &i in &path {
                 for (_, w, u) in &mut twists {
-                    (*w, *u) = self.carry(i, s, *w, *u, |_| G::S::zero());
+                    (*w, *u) = self.propagate(i, s, *w, *u, |_| G::S::zero());
                 }
                 let own = if matches!(self.links[i].motion, crate::tree::LinkMotion::Ball) { 3 } else { 1 };
                 for c in self.links[i].v..self.links[i].v + own {
                     let one = |v: usize| if v == c { G::S::one() } else { G::S::zero() };
-                    let (w, u) = self.carry(i, s, G::Ang::default(), G::Vec::default(), one);
+                    let (w, u) = self.propagate(i, s, G::Ang::default(), G::Vec::default(), one);
                     twists.push((c, w, u));
                 }
             }
@@ -200,7 +200,7 @@ impl<G: Space> Tree<G> {
                 for i in root..n {
                     if moves[i] {
                         let (w, u) = if i == root { Default::default() } else { twist[self.links[i].parent] };
-                        let (w, u) = self.carry(i, s, w, u, |v| if v == c { G::S::one() } else { G::S::zero() });
+                        let (w, u) = self.propagate(i, s, w, u, |v| if v == c { G::S::one() } else { G::S::zero() });
                         twist[i] = (w, u);
                         let x = &s.links[i];
                         wrench[i] = (G::spin(&x.inertia, w), G::scale(u, self.links[i].mass));

@@ -11,15 +11,15 @@ use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
 use crate::force::{Element, Room};
-use crate::levels::Hold;
+use crate::friction_magnitudes::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
-use crate::place::Placed;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Level, Spec, Value};
 use crate::tree::{LinkMotion, LinkState, TreeScratch};
 use crate::value::{Callers, Instant};
+use crate::zero_position::Placed;
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Planar, Quaternion, Space, Spatial, Vec3};
@@ -57,7 +57,7 @@ impl DriveRow {
 #[derive(Clone, Debug)]
 pub(crate) enum Engine<S: Scalar> {
     /// All motions in one plane: three numbers a twist.
-    Flat(Box<Mechanics<Planar<S>>>),
+    Planar(Box<Mechanics<Planar<S>>>),
     /// Six.
     Full,
 }
@@ -73,12 +73,12 @@ pub(crate) trait Follow<S: Scalar>: Send + Sync {
 /// Memory of evaluations.
 #[derive(Clone, Debug)]
 pub struct Scratch<S: Scalar> {
-    pub(crate) flat: Option<TreeScratch<Planar<S>>>,
+    pub(crate) planar: Option<TreeScratch<Planar<S>>>,
     pub(crate) full: TreeScratch<Spatial<S>>,
     /// Plain arguments of functions known in `f64` alone.
     pub(crate) room: Vec<f64>,
     /// Memory of the applied forces, in each space.
-    pub(crate) flat_forces: Room<Planar<S>>,
+    pub(crate) planar_forces: Room<Planar<S>>,
     pub(crate) full_forces: Room<Spatial<S>>,
     pub(crate) forces_at: bool,
     /// Memory of frictions that follow reactions.
@@ -89,10 +89,10 @@ impl<S: Scalar> Scratch<S> {
     /// Of no mechanism; takes no memory.
     pub(crate) fn empty() -> Self {
         Self {
-            flat: None,
+            planar: None,
             full: TreeScratch::empty(),
             room: Vec::new(),
-            flat_forces: Room::default(),
+            planar_forces: Room::default(),
             full_forces: Room::default(),
             forces_at: false,
             hold: Hold::default(),
@@ -103,8 +103,8 @@ impl<S: Scalar> Scratch<S> {
 /// Run `$body` with `$tree` and `$s` bound to the tree and scratch of the engine.
 macro_rules! with_engine {
     ($self:expr, $scratch:expr, |$tree:ident, $s:ident| $body:expr) => {
-        match (&$self.engine, &mut $scratch.flat) {
-            ($crate::evaluator::Engine::Flat($tree), Some($s)) => $body,
+        match (&$self.engine, &mut $scratch.planar) {
+            ($crate::evaluator::Engine::Planar($tree), Some($s)) => $body,
             _ => {
                 let ($tree, $s) = (&$self.full, &mut $scratch.full);
                 $body
@@ -151,8 +151,8 @@ impl<S: Scalar> Evaluator<S> {
             return Err(uncallable(if matches!(c.owner, Owner::Drive(_)) { "drive" } else { "coupling" }, &c.name));
         }
         let (engine, rows) = if placed.planar {
-            let (flat, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
-            (Engine::Flat(Box::new(flat)), rows)
+            let (planar, rows) = mechanics::<Planar<S>>(spec, &placed, &numbers, &massive)?;
+            (Engine::Planar(Box::new(planar)), rows)
         } else {
             (Engine::Full, full_rows.clone())
         };
@@ -161,11 +161,11 @@ impl<S: Scalar> Evaluator<S> {
 
     /// New scratch. Of a planar mechanism that in space is taken by the first [`look`](Self::look): evaluations need none.
     pub fn scratch(&self) -> Scratch<S> {
-        let (flat, full) = match &self.engine {
-            Engine::Flat(tree) => (Some(tree.scratch()), TreeScratch::empty()),
+        let (planar, full) = match &self.engine {
+            Engine::Planar(tree) => (Some(tree.scratch()), TreeScratch::empty()),
             Engine::Full => (None, self.full.scratch()),
         };
-        Scratch { flat, full, ..Scratch::empty() }
+        Scratch { planar, full, ..Scratch::empty() }
     }
 
     pub(crate) fn instant<'a>(&'a self, t: S, q: &'a [S], v: &'a [S]) -> Instant<'a, S> {
@@ -217,13 +217,13 @@ impl<S: Scalar> Evaluator<S> {
         if let Some(following) = &self.following {
             // gathered without them first
             let count = following.count();
-            for grips in [&mut s.flat_forces.grips, &mut s.full_forces.grips] {
-                grips.clear();
-                grips.resize(count, S::zero());
+            for normal_forces in [&mut s.planar_forces.normal_forces, &mut s.full_forces.normal_forces] {
+                normal_forces.clear();
+                normal_forces.resize(count, S::zero());
             }
         }
-        match (&self.engine, &mut s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.apply(self.instant(t, q, v), x, &mut s.flat_forces)?,
+        match (&self.engine, &mut s.planar) {
+            (Engine::Planar(tree), Some(x)) => tree.apply(self.instant(t, q, v), x, &mut s.planar_forces)?,
             _ => self.full.apply(self.instant(t, q, v), &mut s.full, &mut s.full_forces)?,
         }
         if let Some(following) = &self.following {
@@ -234,7 +234,7 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// The levels of frictions that follow reactions at any (t, q, v), left where elements look for them.
-    pub(crate) fn grip_at(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<(), SystemError> {
+    pub(crate) fn reaction_friction_at(&self, t: S, q: &[S], v: &[S], s: &mut Scratch<S>) -> Result<(), SystemError> {
         if self.following.is_none() {
             return Ok(());
         }
@@ -347,7 +347,7 @@ impl<S: Scalar> Evaluator<S> {
         preference: clusters::Preference,
     ) -> clusters::Plan {
         match &self.engine {
-            Engine::Flat(tree) => clusters::Plan::new::<Planar<S>>(tree, pattern, of, kept, preference),
+            Engine::Planar(tree) => clusters::Plan::new::<Planar<S>>(tree, pattern, of, kept, preference),
             Engine::Full => clusters::Plan::new::<Spatial<S>>(&self.full, pattern, of, kept, preference),
         }
     }
@@ -386,9 +386,11 @@ impl<S: Scalar> Evaluator<S> {
     pub fn energies(&self, t: S, q: &[S], v: &[S], s: &Scratch<S>) -> Result<[S; 3], SystemError> {
         let instant = self.instant(t, q, v);
         // plain numbers need no room, unless it is for a law
-        match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut Room::gripping(&s.flat_forces)),
-            _ => self.full.energies(instant, &s.full, &mut Room::gripping(&s.full_forces)),
+        match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => {
+                tree.energies(instant, x, &mut Room::with_normal_forces(&s.planar_forces))
+            }
+            _ => self.full.energies(instant, &s.full, &mut Room::with_normal_forces(&s.full_forces)),
         }
     }
 
@@ -398,8 +400,8 @@ impl<S: Scalar> Evaluator<S> {
             self.forces(t, q, v, s)?;
         }
         let instant = self.instant(t, q, v);
-        let [_, _, power] = match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.energies(instant, x, &mut s.flat_forces),
+        let [_, _, power] = match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => tree.energies(instant, x, &mut s.planar_forces),
             _ => self.full.energies(instant, &s.full, &mut s.full_forces),
         }?;
         Ok(power)
@@ -411,10 +413,10 @@ impl<S: Scalar> Evaluator<S> {
         self.full.poses(q, &mut s.full);
         self.full.inertias(&mut s.full);
         self.full.twists(v, &mut s.full);
-        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
-            tree.poses(q, flat);
-            tree.inertias(flat);
-            tree.twists(v, flat);
+        if let (Engine::Planar(tree), Some(planar)) = (&self.engine, &mut s.planar) {
+            tree.poses(q, planar);
+            tree.inertias(planar);
+            tree.twists(v, planar);
         }
     }
 

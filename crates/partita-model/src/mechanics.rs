@@ -67,7 +67,7 @@ impl<G: Space> Mechanics<G> {
 
     /// M is a metric as it is: let no link count with more than it has.
     pub(crate) fn count_as_drawn(&mut self) {
-        self.tree.light.clear();
+        self.tree.massless.clear();
     }
 
     /// Φ, C and a of all conditions at the last poses.                                    (S3, S4)

@@ -1,29 +1,29 @@
 //! The compiled mechanism: immutable, a [`ConstrainedSystem`](partita_system::ConstrainedSystem).
 
+use crate::breakpoints::Curves;
 use crate::clusters::{self, Preference};
 use crate::coincident;
 use crate::compile;
 use crate::coupling::{self, Condition, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Scratch};
-use crate::flat;
 use crate::force::{self, Element};
-use crate::gauge::{self, Quantity};
-use crate::grip::Following;
 use crate::joint::{Motion, Own};
-use crate::knots::Curves;
-use crate::light;
+use crate::massless;
+use crate::measurement::{self, Quantity};
 use crate::mechanics::Mechanics;
 use crate::names;
 use crate::numbers::Numbers;
 use crate::part::Part;
-use crate::place::{Coordinates, Placed};
+use crate::planarity;
+use crate::reaction_friction::Following;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Coupling, JointKind, Measure, Spec};
 use crate::tree::{LinkMotion, Tree};
 use crate::validate;
 use crate::value::{Callers, Functions};
+use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -116,9 +116,9 @@ pub struct Model {
     /// Angles that nothing counts the turns of.
     turns: Vec<bool>,
     /// Large move of each velocity.
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
     /// What a large move can open each row by.
-    row_reach: Vec<Option<f64>>,
+    row_displacement: Vec<Option<f64>>,
     /// Rows that close directions.
     row_is_angle: Vec<bool>,
     /// What was decided of the drawing.
@@ -247,7 +247,7 @@ impl Model {
         validate::validate(&spec, functions.count())?;
         coincident::unite(&mut spec);
         let mut placed = Placed::new(&spec, coordinates, allow_plane)?;
-        light::weigh(&mut placed, &spec);
+        massless::weigh(&mut placed, &spec);
         if placed.nv == 0 || !may_be_welded && all_welded(&spec) {
             let message = "nothing can move: every body is fixed to the ground; free a joint";
             return Err(DescriptionError::new("mechanism", &spec.name, message));
@@ -289,16 +289,19 @@ impl Model {
         coordinates: Coordinates,
     ) -> Result<Self, DescriptionError> {
         let links = Links::new(&placed);
-        let callers = Arc::new(Callers { functions, q_sizes: links.q_reach.clone(), v_sizes: links.reach.clone() });
+        let callers =
+            Arc::new(Callers { functions, q_sizes: links.q_displacement.clone(), v_sizes: links.displacement.clone() });
         let placed = Arc::new(placed);
         let (mut own, [row_names, full_rows]) =
             Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = Look { spec: &spec, placed: &placed };
-        let (columns, row_reach, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
-            Engine::Flat(tree) => (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows),
+        let (columns, row_displacement, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
+            Engine::Planar(tree) => {
+                (all_columns(tree), look.displacements(tree), look.angles(tree), tree.sizes(), tree.rows)
+            }
             Engine::Full => {
                 let tree = &own.full;
-                (all_columns(tree), look.reaches(tree), look.angles(tree), tree.sizes(), tree.rows)
+                (all_columns(tree), look.displacements(tree), look.angles(tree), tree.sizes(), tree.rows)
             }
         };
         let out_of_plane = if placed.planar {
@@ -312,7 +315,7 @@ impl Model {
         let pattern = Pattern::from_rows(placed.nv, &columns);
         own.following = following(&own, &spec, &pattern)?;
         let clusters = match &own.engine {
-            Engine::Flat(tree) => clusters::clusters(tree, &pattern),
+            Engine::Planar(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
         };
         let mut turns = links.turns;
@@ -320,7 +323,7 @@ impl Model {
             turns.fill(false);
         }
         // in the plane an angle between two bodies adds up from those of the tree, whole turns included
-        let counted = |r: &gauge::Reading<_>| match r.quantity {
+        let counted = |r: &measurement::Measurement<_>| match r.quantity {
             Quantity::Coordinate { q, .. } => vec![q],
             Quantity::Turn(_) if placed.planar => r.movers.iter().map(|m| own.full.links[m.link].q).collect(),
             _ => Vec::new(),
@@ -334,8 +337,8 @@ impl Model {
             velocity_of: links.velocity_of,
             coordinates_of: links.coordinates_of,
             turns,
-            reach: links.reach,
-            row_reach,
+            displacement: links.displacement,
+            row_displacement,
             row_is_angle,
             coordinates,
             dense_projection: false,
@@ -355,7 +358,7 @@ impl Model {
             spare: Arc::default(),
         };
         model.dense_projection = model.dense_is_cheaper();
-        if !model.placed.light.is_empty() && !model.is_short_of_mass() {
+        if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
             model.own.following = following(&model.own, &model.spec, &model.pattern)?;
         }
@@ -367,7 +370,7 @@ impl Model {
         let n = self.placed.nv;
         let (mut s, mut near) = (self.own.scratch(), self.initial());
         // an irregular position: axes that fall together in the drawing do not there
-        let step: Vec<f64> = (0..n).map(|i| self.reach[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
+        let step: Vec<f64> = (0..n).map(|i| self.displacement[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
         self.own.step(&mut near, &step);
         let (mut drawn, mut counted) = (vec![0.0; n], vec![0.0; n]);
         [self.initial(), near].iter().any(|q| {
@@ -388,10 +391,10 @@ impl Model {
     /// M is a metric: nothing counts with more than it has.
     fn count_as_drawn(&mut self) {
         let mut placed = (*self.own.placed).clone();
-        placed.light.clear();
+        placed.massless.clear();
         self.own.placed = Arc::new(placed);
         self.own.full.count_as_drawn();
-        if let Engine::Flat(tree) = &mut self.own.engine {
+        if let Engine::Planar(tree) = &mut self.own.engine {
             tree.count_as_drawn();
         }
     }
@@ -436,7 +439,7 @@ impl Model {
 
     fn mass_layout(&self) -> &MassLayout {
         self.mass_layout.get_or_init(|| match &self.own.engine {
-            Engine::Flat(tree) => MassLayout::new(tree),
+            Engine::Planar(tree) => MassLayout::new(tree),
             Engine::Full => MassLayout::new(&self.own.full),
         })
     }
@@ -465,7 +468,7 @@ impl Model {
         let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
         self.is_planar()
             && !self.row_names[self.closing_rows..].iter().any(of_joint)
-            && flat::carries_in_plane(&self.spec, self.placed.basis.0[2])
+            && planarity::carries_in_plane(&self.spec, self.placed.basis.0[2])
     }
 
     /// Coordinates of the drawing: zero, and unit quaternions.
@@ -504,7 +507,7 @@ impl Model {
     }
 
     /// Which bodies are held from spinning, in a sentence.
-    pub fn held_words(&self) -> Option<String> {
+    pub fn held_note(&self) -> Option<String> {
         let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
         let is = match names.len() {
             0 => return None,
@@ -533,8 +536,8 @@ struct Links {
     velocity_of: Vec<Option<usize>>,
     coordinates_of: Vec<std::ops::Range<usize>>,
     turns: Vec<bool>,
-    reach: Vec<f64>,
-    q_reach: Vec<f64>,
+    displacement: Vec<f64>,
+    q_displacement: Vec<f64>,
 }
 
 impl Links {
@@ -543,8 +546,8 @@ impl Links {
             velocity_of: vec![None; placed.nq],
             coordinates_of: vec![0..0; placed.nv],
             turns: vec![false; placed.nq],
-            reach: vec![1.0; placed.nv],
-            q_reach: vec![1.0; placed.nq],
+            displacement: vec![1.0; placed.nv],
+            q_displacement: vec![1.0; placed.nq],
         };
         for l in placed.links.iter().skip(1) {
             match l.motion {
@@ -557,8 +560,8 @@ impl Links {
                 Motion::Slide(_) => {
                     new.velocity_of[l.q] = Some(l.v);
                     new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.reach[l.v] = placed.length;
-                    new.q_reach[l.q] = placed.length;
+                    new.displacement[l.v] = placed.length;
+                    new.q_displacement[l.q] = placed.length;
                 }
             }
         }
@@ -611,7 +614,7 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
 
 /// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as the
 /// mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each other.
-const LEAST_REACH: f64 = 1e-3;
+const LEAST_DISPLACEMENT: f64 = 1e-3;
 
 /// Columns of every row.
 fn all_columns<G: Space>(tree: &Mechanics<G>) -> Vec<Vec<usize>> {
@@ -628,16 +631,17 @@ struct Look<'a> {
 
 impl Look<'_> {
     /// What a large move of a reading is: a length, or 1 for angles and cosines.
-    fn reach(&self, m: &Measure) -> f64 {
-        match gauge::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
+    fn characteristic_displacement(&self, m: &Measure) -> f64 {
+        match measurement::is_angle(self.placed, m) || matches!(m, Measure::Cosine { .. }) {
             true => 1.0,
             false => self.placed.length,
         }
     }
 
     /// What a large move can open each row by; not known of functions of the user's.
-    fn reaches<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
-        let mut reaches: Vec<Option<f64>> = closing_reaches(tree, self.placed).into_iter().map(Some).collect();
+    fn displacements<G: Space>(&self, tree: &Mechanics<G>) -> Vec<Option<f64>> {
+        let mut displacements: Vec<Option<f64>> =
+            closing_displacements(tree, self.placed).into_iter().map(Some).collect();
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => Some(self.placed.length),
@@ -645,25 +649,30 @@ impl Look<'_> {
                     Some(Own::Advance(_)) => self.placed.length,
                     _ => 1.0,
                 }),
-                (Owner::Drive(i), _) => Some(self.reach(&self.spec.drives[i].measure)),
+                (Owner::Drive(i), _) => Some(self.characteristic_displacement(&self.spec.drives[i].measure)),
                 (Owner::Coupling(i), _) => match &self.spec.couplings[i] {
-                    Coupling::Linear { terms, factors, .. } => {
-                        Some(terms.iter().zip(factors).fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.reach(t))))
+                    Coupling::Linear { terms, factors, .. } => Some(
+                        terms
+                            .iter()
+                            .zip(factors)
+                            .fold(0.0, |m: f64, (t, f)| m.max(f.abs() * self.characteristic_displacement(t))),
+                    ),
+                    Coupling::Curve { terms, .. } => Some(self.characteristic_displacement(&terms[0])),
+                    Coupling::Function { terms, like, .. } => {
+                        like.and_then(|i| terms.get(i)).map(|m| self.characteristic_displacement(m))
                     }
-                    Coupling::Curve { terms, .. } => Some(self.reach(&terms[0])),
-                    Coupling::Function { terms, like, .. } => like.and_then(|i| terms.get(i)).map(|m| self.reach(m)),
                     Coupling::Roll { .. } => None,
                 },
             };
-            reaches.extend(vec![of; c.rows()]);
+            displacements.extend(vec![of; c.rows()]);
         }
-        reaches
+        displacements
     }
 
     /// Which rows close directions.
     fn angles<G: Space>(&self, tree: &Mechanics<G>) -> Vec<bool> {
         let mut angles = closing_angles(tree);
-        let angle = |m: &Measure| gauge::is_angle(self.placed, m);
+        let angle = |m: &Measure| measurement::is_angle(self.placed, m);
         for c in &tree.conditions {
             let of = match (c.owner, &c.says) {
                 (_, Says::Rolling(..)) => false,
@@ -682,11 +691,11 @@ impl Look<'_> {
 
 /// What a large move can open each closing row by: 1 for turns; for displacements the longest lever arm between the
 /// closing point and the joints of its loop, or the characteristic length where something slides.
-fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
-    let mut reaches = Vec::with_capacity(tree.rows);
+fn closing_displacements<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
+    let mut displacements = Vec::with_capacity(tree.rows);
     for k in &tree.closings {
         let p = &placed.joints[k.joint];
-        let mut length = LEAST_REACH * placed.size;
+        let mut length = LEAST_DISPLACEMENT * placed.size;
         for path in &k.path {
             let point = if path.on_b { p.child_point } else { p.parent_point };
             length = match tree.links[path.link].motion {
@@ -695,9 +704,9 @@ fn closing_reaches<G: Space>(tree: &Tree<G>, placed: &Placed) -> Vec<f64> {
             }
             .max(length);
         }
-        reaches.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
+        displacements.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
     }
-    reaches
+    displacements
 }
 
 /// Which closing rows are turns.

@@ -1,8 +1,8 @@
 //! Names of coordinates are made of those of joints and bodies: they must not come out the same twice.
 
 use crate::error::DescriptionError;
-use crate::place::Placed;
 use crate::spec::Spec;
+use crate::zero_position::Placed;
 use std::collections::HashMap;
 
 /// Refuse joints (and loose bodies) whose coordinates would be called alike, and a joint called like another's coordinate.

@@ -6,8 +6,8 @@
 //! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
 //! ```
 
-use crate::place::{Moved, Placed};
 use crate::spec::{Coupling, Force, Gravity, Said, Spec, Value, VectorValue};
+use crate::zero_position::{Moved, Placed};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
 

@@ -2,8 +2,8 @@
 
 use crate::error::DescriptionError;
 use crate::evaluator::Engine;
-use crate::gauge::{Maker, Reading};
 use crate::joint::{self, Motion};
+use crate::measurement::{Maker, Measurement};
 use crate::model::{Model, ModelScratch};
 use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
 
@@ -34,14 +34,14 @@ pub struct JointState {
 /// A freedom of a joint, in the tree or not: what is read of it, and the velocities that change it.
 #[derive(Clone, Debug)]
 pub struct Freedom {
-    reading: Reading<Spatial<f64>>,
+    reading: Measurement<Spatial<f64>>,
     velocities: Vec<usize>,
     /// Room for its row.
     row: Vec<f64>,
 }
 
 impl Freedom {
-    fn new(mut reading: Reading<Spatial<f64>>, model: &Model) -> Self {
+    fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
         let mut velocities = Vec::new();
         for m in &mut reading.movers {
             let link = &model.placed.links[m.link];
@@ -67,14 +67,14 @@ impl Model {
     /// # Errors
     /// None for a model that could be compiled.
     pub fn freedoms_of(&self, which: &[usize]) -> Result<Vec<Freedom>, DescriptionError> {
-        let gauges = Maker::<Spatial<f64>>::new(&self.spec, &self.placed, &self.numbers, &self.full)?;
+        let measurements = Maker::<Spatial<f64>>::new(&self.spec, &self.placed, &self.numbers, &self.full)?;
         let mut found = Vec::new();
         for &j in which {
             let p = &self.placed.joints[j];
             for (i, motion) in p.shape.motions.iter().enumerate() {
                 match motion {
-                    Motion::Ball => found.extend((0..3).map(|c| Freedom::new(gauges.spin(p, c), self))),
-                    _ => found.push(Freedom::new(gauges.coordinate(j, i), self)),
+                    Motion::Ball => found.extend((0..3).map(|c| Freedom::new(measurements.spin(p, c), self))),
+                    _ => found.push(Freedom::new(measurements.coordinate(j, i), self)),
                 }
             }
         }
@@ -132,10 +132,10 @@ impl Model {
                 let r = rp.transpose().mul(&rc);
                 let gap = rp.apply_transposed(point - parent.centre - arm_p);
                 joint::position_of(&p.shape.motions, &r, gap, &mut state.position);
-                if let (Engine::Flat(_), Some(flat)) = (&self.engine, &s.flat) {
+                if let (Engine::Planar(_), Some(planar)) = (&self.engine, &s.planar) {
                     // in the plane angles are not wrapped
                     let (lp, lc) = (self.placed.link_of(p.parent), self.placed.link_of(p.child));
-                    let full = flat.links[lc].rot.angle - flat.links[lp].rot.angle;
+                    let full = planar.links[lc].rot.angle - planar.links[lp].rot.angle;
                     for (x, m) in state.position.iter_mut().zip(&p.shape.motions) {
                         if let Motion::Turn(a) = m {
                             *x = full * p.on_parent.apply(*a).0[2].signum();

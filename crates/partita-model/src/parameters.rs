@@ -21,13 +21,13 @@ use crate::coupling::{self, Place};
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::joint;
-use crate::light;
+use crate::massless;
 use crate::model::Model;
 use crate::numbers::{Described, Numbers};
-use crate::place::{body_length, typical_length, Placed};
 use crate::rows::Owner;
 use crate::spec::{Coupling, Force, JointKind, Spec, Value, VectorValue};
 use crate::validate;
+use crate::zero_position::{body_length, typical_length, Placed};
 use partita_math::scalar::Scalar;
 use partita_system::ConstrainedSystem;
 use std::collections::HashSet;
@@ -232,7 +232,7 @@ fn moved(placed: &Placed, spec: &Spec, n: &Numbers<f64>) -> Placed {
     }
     placed.size = typical_length(spec);
     placed.length = body_length(spec).unwrap_or(placed.size);
-    light::weigh(&mut placed, spec);
+    massless::weigh(&mut placed, spec);
     placed
 }
 
@@ -305,7 +305,7 @@ impl Model {
                 if off.abs() >= 1e-9 * placed.size {
                     let m = format!(
                         "its sides would miss each other by {} m out of the plane; compile anew",
-                        partita_math::told(off)
+                        partita_math::formatted(off)
                     );
                     return Err(DescriptionError::new("joint", &spec.joints[j].name, m));
                 }

@@ -155,9 +155,9 @@ impl<S: Scalar> Evaluator<S> {
             self.full.pose(i, q, &mut s.full);
             self.full.twist(i, v, &mut s.full);
         }
-        if let (Engine::Flat(tree), Some(flat)) = (&self.engine, &mut s.flat) {
+        if let (Engine::Planar(tree), Some(planar)) = (&self.engine, &mut s.planar) {
             for &i in &part.links {
-                tree.pose(i, q, flat);
+                tree.pose(i, q, planar);
             }
         }
     }

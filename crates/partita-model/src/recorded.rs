@@ -134,7 +134,7 @@ impl Model {
         let mut metric = Vec::new();
         if self.lacks_mass() {
             let mut heavier = mass.clone();
-            with_engine!(e, s, |tree, x| tree.add_light(x, &mut heavier));
+            with_engine!(e, s, |tree, x| tree.add_massless(x, &mut heavier));
             metric = lower(&heavier);
         }
         e.look(q, v, &mut s);

@@ -45,7 +45,7 @@ impl<S: Scalar> Evaluator<S> {
     /// Rows of C and entries in them.
     fn sizes(&self) -> (usize, usize) {
         let (rows, _, entries) = match &self.engine {
-            Engine::Flat(tree) => tree.sizes(),
+            Engine::Planar(tree) => tree.sizes(),
             Engine::Full => self.full.sizes(),
         };
         (rows, entries)

@@ -2,7 +2,7 @@
 
 use crate::error::DescriptionError;
 use crate::evaluator::{Evaluator, Scratch};
-use crate::force::{Acts, At, Push};
+use crate::force::{AppliedWrench, At, ForceApplication};
 use crate::model::{Model, ModelScratch};
 use crate::part::Part;
 use crate::spec::Force;
@@ -20,7 +20,7 @@ pub struct Shown<S = f64> {
     /// Effort along a coordinate of a joint; none for what acts between points.
     pub effort: Option<S>,
     /// On each body that it acts on: point, force, and moment about that point.
-    pub pushes: Vec<[Vec3<S>; 3]>,
+    pub wrenches: Vec<[Vec3<S>; 3]>,
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -37,17 +37,17 @@ impl<S: Scalar> Evaluator<S> {
         let found = element.wrench(&at, &mut room).map(|effect| {
             let mut shown =
                 Shown { potential: effect.potential, effort: element.effort(&at, &effect), ..Shown::default() };
-            let mut push = |p: &Push<Spatial<S>>| {
+            let mut push = |p: &AppliedWrench<Spatial<S>>| {
                 let x = &s.full.links[p.link];
                 shown.power += p.force.dot(x.u + x.w.cross(p.arm)) + p.moment.dot(x.w);
                 let point = self.full.place(p.link, &s.full) + p.arm;
-                shown.pushes.push([point, p.force, p.moment].map(|x| self.outward(x)));
+                shown.wrenches.push([point, p.force, p.moment].map(|x| self.outward(x)));
             };
-            match &effect.acts {
-                Acts::Along(i, effort) => shown.power += *effort * v[*i],
-                Acts::On(p) => push(p),
-                Acts::Between(a, b) => [a, b].into_iter().for_each(push),
-                Acts::Listed => room.pushes.iter().for_each(push),
+            match &effect.application {
+                ForceApplication::Along(i, effort) => shown.power += *effort * v[*i],
+                ForceApplication::On(p) => push(p),
+                ForceApplication::Between(a, b) => [a, b].into_iter().for_each(push),
+                ForceApplication::Listed => room.wrenches.iter().for_each(push),
             }
             shown
         });

@@ -89,7 +89,7 @@ impl<G: Space> Tree<G> {
                 for &i in carried {
                     let i = i as usize;
                     let (w, u) = if i == root { Default::default() } else { twist[self.links[i].parent] };
-                    let (w, u) = self.carry(i, s, w, u, |v| if v == c { G::S::one() } else { G::S::zero() });
+                    let (w, u) = self.propagate(i, s, w, u, |v| if v == c { G::S::one() } else { G::S::zero() });
                     twist[i] = (w, u);
                     wrench[i] = (G::spin(&s.links[i].inertia, w), G::scale(u, self.links[i].mass));
                 }

@@ -135,7 +135,7 @@ pub struct Tree<G: Space> {
     /// Links, parents first; link 0 is the ground.
     pub links: Vec<Link<G>>,
     /// What links without mass or inertia lack in a metric; nothing where M is one.
-    pub light: Vec<Weight<G>>,
+    pub massless: Vec<Weight<G>>,
     /// Closings.
     pub closings: Vec<Closing<G>>,
     /// Gravity.
@@ -373,7 +373,7 @@ impl<G: Space> Tree<G> {
 
     /// Twist of link i for the rates `rate(j)` of its own velocities on top of its parent's twist `(w, u)`.
     #[inline(always)]
-    pub fn carry(
+    pub fn propagate(
         &self,
         i: usize,
         s: &TreeScratch<G>,

@@ -1,22 +1,22 @@
 //! Balances of forces and of energy along arrays, judged as at the end of a run.
 
 use crate::arrays::entries_of;
-use crate::run::told;
+use crate::run::reported;
 use numpy::PyReadonlyArray1;
 use partita_analysis::run::balance::{self, Asked, Energy};
 use partita_model::spec::Spec;
 use pyo3::prelude::*;
 
 type Vector<'py> = PyReadonlyArray1<'py, f64>;
-type Told = Vec<(bool, f64, String)>;
+type Reported = Vec<(bool, f64, String)>;
 
 /// What Newton-Euler residuals (nt,) say: broken, t, sentence.
 #[pyfunction]
-pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)) -> Told {
+pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)) -> Reported {
     let (tolerance, drifts) = asked;
     let (t, residual) = (entries_of(&t), entries_of(&residual));
     let found = balance::of_reactions(t.iter().copied().zip(residual.iter().copied()), Asked { tolerance, drifts });
-    told(found.as_slice())
+    reported(found.as_slice())
 }
 
 /// What the energy balance over outputs (nt,) says, held against `least` at the least: broken, t, sentence.
@@ -27,14 +27,14 @@ pub fn energy_findings(
     tolerance: f64,
     steps: u64,
     least: f64,
-) -> Told {
+) -> Reported {
     let columns = [t, energies.0, energies.1, energies.2];
     let [t, kinetic, potential, work] = columns.each_ref().map(entries_of);
     let energy = |i: usize| {
         Some(Energy { t: *t.get(i)?, kinetic: *kinetic.get(i)?, potential: *potential.get(i)?, work: *work.get(i)? })
     };
     let at: Vec<Energy> = (0..t.len()).map_while(energy).collect();
-    told(balance::of_energy(&at, Asked { tolerance, drifts: false }, steps, least).as_slice())
+    reported(balance::of_energy(&at, Asked { tolerance, drifts: false }, steps, least).as_slice())
 }
 
 /// Energy (J) against which the balance of a mechanism is held at the least; 0 for a text that describes none.

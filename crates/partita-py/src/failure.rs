@@ -118,7 +118,7 @@ fn said(py: Python<'_>, e: SystemError, message: String) -> PyErr {
             raise(py, "DescriptionError", &message, &[("element", "mechanism".into()), ("name", name.into())])
         }
         SystemError::SingularStart { t, .. }
-        | SystemError::Passage { t, .. }
+        | SystemError::Crossing { t, .. }
         | SystemError::Tick { t, .. }
         | SystemError::Choice { t, .. } => {
             raise(py, "SingularityError", &message, &[("t", t.into()), ("quality", 0.0.into())])

@@ -5,7 +5,6 @@ mod balance;
 mod calls;
 mod failure;
 mod functions;
-mod hand;
 mod model;
 mod outputs;
 mod partition;
@@ -17,6 +16,7 @@ mod stepper;
 mod summary;
 mod tangent;
 mod toml;
+mod user_system;
 mod waiting;
 
 use pyo3::prelude::*;
@@ -30,7 +30,7 @@ fn version() -> &'static str {
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
-    m.add_class::<hand::System>()?;
+    m.add_class::<user_system::System>()?;
     m.add_class::<run::Account>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;

@@ -14,8 +14,8 @@ use crate::waiting::heard;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
-use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
+use partita_model::zero_position::Coordinates;
 use partita_system::ConstrainedSystem;
 use partita_system::{kinematics::assembly, manifold::orthogonal::dense_rows};
 use pyo3::exceptions::PyRuntimeError;
@@ -169,10 +169,10 @@ impl Model {
         guarded(py, || {
             let (model, own) = (slf.get(), slf.clone().unbind());
             let q = vector(&q, model.nq(), "q")?;
-            let (module, told) =
+            let (module, reported) =
                 heard(py, model.is_large(), move || program::recorded(&own.get().inner, &parameters, t, &q))?
                     .map_err(|e| program::raised(py, e))?;
-            Ok((PyBytes::new(py, &module).unbind(), told))
+            Ok((PyBytes::new(py, &module).unbind(), reported))
         })
     }
 
@@ -289,7 +289,7 @@ impl Model {
     }
 
     /// (q, v) of this model where every body is and moves as in another one of the same description.
-    fn carried_over<'py>(
+    fn transferred<'py>(
         &self,
         py: Python<'py>,
         other: &Model,
@@ -298,8 +298,8 @@ impl Model {
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         guarded(py, || {
             let (q, v) = other.state(&q, &v)?;
-            self.inner.told_from(&other.inner, &q).map_err(|e| failure::system(py, e))?;
-            let (q, v) = self.inner.carried_over(&other.inner, &q, &v);
+            self.inner.check_transfer(&other.inner, &q).map_err(|e| failure::system(py, e))?;
+            let (q, v) = self.inner.transferred(&other.inner, &q, &v);
             Ok((array(py, &[q.len()], q), array(py, &[v.len()], v)))
         })
     }
@@ -372,7 +372,7 @@ impl Model {
             let shared =
                 analysis::sharing::multipliers(&self.inner, known, &i.vdot, &mut i.multipliers, &i.c, &i.split);
             shared.map_err(|e| failure::analysis(py, e))?;
-            state::told(py, i)
+            state::reported(py, i)
         })
     }
     fn measure<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Array<'py>> {

@@ -34,8 +34,8 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
     let rows: Vec<Value> = (0..size.rows)
         .map(|i| {
             json!({
-                "words": model.row_words(i), "owner": model.row_owner(i), "angle": model.row_is_angle(i),
-                "drive": model.row_is_drive(i), "reach": model.row_reach(i),
+                "words": model.row_description(i), "owner": model.row_owner(i), "angle": model.row_is_angle(i),
+                "drive": model.row_is_drive(i), "reach": model.row_displacement(i),
             })
         })
         .collect();
@@ -45,16 +45,16 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
     let parameters = made.parameters.iter().map(|(name, at, n)| (name.as_str(), *at, *n)).collect();
     let coordinates: Vec<[usize; 2]> =
         (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
-    let told = json!({
+    let reported = json!({
         "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
         "work": made.module.work, "operations": made.module.operations,
         "patterns": made.patterns.iter().map(|(name, at)| (name.to_string(), json!(at))).collect::<Map<_, _>>(),
         "parameters": places(parameters), "outputs": places(made.outputs.clone()),
         "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
         "coordinates_of": coordinates,
-        "reach": (0..size.nv).map(|i| model.reach(i)).collect::<Vec<_>>(),
+        "reach": (0..size.nv).map(|i| model.characteristic_displacement(i)).collect::<Vec<_>>(),
         "names": (0..size.nv).map(|i| model.velocity_name(i)).collect::<Vec<_>>(),
         "length": model.placed.length,
     });
-    Ok((made.module.bytes, told.to_string()))
+    Ok((made.module.bytes, reported.to_string()))
 }

@@ -6,7 +6,7 @@ use crate::outputs::{assessed, described, watched, Stop};
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, Contender, Place};
-use partita_analysis::run::{self, Balance, Finding, Journal, Request, Run};
+use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
@@ -31,42 +31,42 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
 }
 
 /// A run that can still be asked what it did not keep.
-trait Told: Send + Sync {
+trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
 }
 
 /// Findings as plain data: broken, t, sentence.
-pub fn told(findings: &[Finding]) -> Vec<(bool, f64, String)> {
+pub fn reported(findings: &[Finding]) -> Vec<(bool, f64, String)> {
     findings.iter().map(|x| (x.broken, x.t, x.sentence.clone())).collect()
 }
 
 struct Kept<S> {
     system: Arc<S>,
-    journal: Journal,
+    log: SolutionLog,
     /// No function of the user: outputs may be asked for at the same time.
     shared: bool,
 }
 
-impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Told for Kept<S> {
+impl<S: ConstrainedSystem<Scratch: Send> + Send + Sync> Reported for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = watched(py, |watch| self.journal.describe::<S, Stop>(&self.system, self.shared, watch))?;
-        let findings = told(&self.journal.judge(&*self.system, &found));
-        let d = described(py, self.journal.outputs.len(), size, found)?;
+        let found = watched(py, |watch| self.log.describe::<S, Stop>(&self.system, self.shared, watch))?;
+        let findings = reported(&self.log.judge(&*self.system, &found));
+        let d = described(py, self.log.outputs.len(), size, found)?;
         d.set_item("findings", findings)?;
         Ok(d)
     }
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
-        let found = watched(py, |watch| self.journal.assess::<S, Stop>(&self.system, self.shared, watch))?;
-        assessed(py, self.journal.outputs.len(), size, found)
+        let found = watched(py, |watch| self.log.assess::<S, Stop>(&self.system, self.shared, watch))?;
+        assessed(py, self.log.outputs.len(), size, found)
     }
 }
 
 /// What a run keeps of itself: asked later for what belongs to its outputs.
-#[pyclass(frozen, module = "partita._core", name = "Journal")]
-pub struct Account(Box<dyn Told>);
+#[pyclass(frozen, module = "partita._core", name = "SolutionLog")]
+pub struct Account(Box<dyn Reported>);
 
 #[pymethods]
 impl Account {
@@ -146,9 +146,9 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
         }
     }
     let d = dictionary(py, &*system, &found)?;
-    let kept = Kept { system, journal: found.journal, shared };
+    let kept = Kept { system, log: found.log, shared };
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
-    d.set_item(intern!(py, "journal"), Account(Box::new(kept)).into_pyobject(py)?)?;
+    d.set_item(intern!(py, "log"), Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
 }
 
@@ -159,9 +159,9 @@ pub fn left<'py, S: ConstrainedSystem<Scratch: Send> + Send + Sync + 'static>(
     found: Run,
 ) -> PyResult<Bound<'py, PyDict>> {
     let d = dictionary(py, &**system, &found)?;
-    let kept = Kept { system: system.clone(), journal: found.journal, shared: false };
+    let kept = Kept { system: system.clone(), log: found.log, shared: false };
     d.set_item(intern!(py, "error"), py.None())?;
-    d.set_item(intern!(py, "journal"), Account(Box::new(kept)).into_pyobject(py)?)?;
+    d.set_item(intern!(py, "log"), Account(Box::new(kept)).into_pyobject(py)?)?;
     Ok(d)
 }
 
@@ -242,7 +242,7 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
 }
 
 fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run) -> PyResult<Bound<'py, PyDict>> {
-    let (size, outputs) = (system.size(), &run.journal.outputs);
+    let (size, outputs) = (system.size(), &run.log.outputs);
     let nt = outputs.len();
     let d = PyDict::new(py);
     d.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
@@ -254,7 +254,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     )?;
     d.set_item(intern!(py, "work"), array(py, &[nt], outputs.iter().map(|x| x.work).collect()))?;
     let partitions = PyList::empty(py);
-    for e in &run.journal.events {
+    for e in &run.log.events {
         let p = PyDict::new(py);
         p.set_item(intern!(py, "t"), e.t)?;
         p.set_item(intern!(py, "independent"), &e.independent)?;
@@ -272,7 +272,7 @@ fn dictionary<'py, S: ConstrainedSystem>(py: Python<'py>, system: &S, run: &Run)
     d.set_item(intern!(py, "kept_rows"), &run.rows)?;
     d.set_item(intern!(py, "steps_open"), run.open)?;
     d.set_item(intern!(py, "gaps"), (run.gaps.position.part, run.gaps.velocity.part))?;
-    d.set_item(intern!(py, "findings"), told(&run.findings))?;
+    d.set_item(intern!(py, "findings"), reported(&run.findings))?;
     let counters = PyDict::new(py);
     let (c, f) = (&run.outcome.counters, &run.counters);
     for (name, value) in [

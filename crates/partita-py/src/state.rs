@@ -4,7 +4,7 @@ use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
 use partita_analysis::instant;
-use partita_system::branching::ways::{self, Asked};
+use partita_system::branching::branch_directions::{self, Asked};
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -48,10 +48,15 @@ pub fn assemble<S: ConstrainedSystem>(
                 let n = system.size().nv;
                 let asked = |&(i, rate): &(usize, f64)| {
                     let row = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
-                    Asked { name: system.velocity_name(i), row, reach: system.reach(i), rate }
+                    Asked {
+                        name: system.velocity_name(i),
+                        row,
+                        displacement: system.characteristic_displacement(i),
+                        rate,
+                    }
                 };
                 let asked: Vec<Asked> = rates.iter().map(asked).collect();
-                ways::singled_out(system, (t, &q, near), &asked, e)?
+                branch_directions::singled_out(system, (t, &q, near), &asked, e)?
             }
             found => velocity::near_with_rates(&mut found?, t, &q, near, rates)?,
         }
@@ -92,11 +97,11 @@ pub fn at<'py, S: ConstrainedSystem>(
     q: &[f64],
     v: Option<&[f64]>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    told(py, instant::at(system, t, q, v).map_err(|e| failure::system(py, e))?)
+    reported(py, instant::at(system, t, q, v).map_err(|e| failure::system(py, e))?)
 }
 
 /// An instant by name.
-pub fn told(py: Python<'_>, i: instant::Instant) -> PyResult<Bound<'_, PyDict>> {
+pub fn reported(py: Python<'_>, i: instant::Instant) -> PyResult<Bound<'_, PyDict>> {
     let d = PyDict::new(py);
     let s = i.split;
     for (name, x) in [("M", i.mass), ("C", i.c), ("A", s.a), ("D", s.d), ("M_d", i.md)] {

@@ -26,43 +26,43 @@ fn kind(&(_, component): &Input) -> Kind {
 }
 
 /// What is asked of the thread.
-enum Order {
+enum Command {
     Step,
     /// From t, q, v; the numbers held until then come back where it fails.
     Begin(f64, Vec<f64>, Vec<f64>, Vec<f64>),
     /// All that was kept, or where it stands alone.
-    Tell(bool),
+    Report(bool),
     Quit,
 }
 
 /// What passes between the two threads.
 #[derive(Default)]
 struct Shared {
-    order: Option<Order>,
+    command: Option<Command>,
     answer: Option<Result<(), AnalysisError>>,
     t: f64,
     q: Vec<f64>,
     v: Vec<f64>,
-    told: Option<Run>,
+    reported: Option<Run>,
     gone: bool,
 }
 
 #[derive(Default)]
-struct Desk {
+struct Worker {
     shared: Mutex<Shared>,
     changed: Condvar,
 }
 
-impl Desk {
+impl Worker {
     fn look(&self) -> MutexGuard<'_, Shared> {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Hand an order over and wait for its answer.
-    fn ask(&self, order: Order) -> Result<(), AnalysisError> {
+    fn ask(&self, command: Command) -> Result<(), AnalysisError> {
         let mut shared = self.look();
         if !shared.gone {
-            shared.order = Some(order);
+            shared.command = Some(command);
             self.changed.notify_all();
         }
         loop {
@@ -113,21 +113,21 @@ impl Desk {
         };
         loop {
             let mut shared = self.look();
-            let order = loop {
-                match shared.order.take() {
-                    Some(order) => break order,
+            let command = loop {
+                match shared.command.take() {
+                    Some(command) => break command,
                     None => shared = self.changed.wait(shared).unwrap_or_else(PoisonError::into_inner),
                 }
             };
             drop(shared);
-            let (answer, told) = match order {
-                Order::Quit => return,
-                Order::Step => (motion.step(), None),
-                Order::Begin(t, q, v, before) => (motion.begin(t, &q, &v, || held.set(&before)), None),
-                Order::Tell(here) => (Ok(()), Some(motion.told(here))),
+            let (answer, reported) = match command {
+                Command::Quit => return,
+                Command::Step => (motion.step(), None),
+                Command::Begin(t, q, v, before) => (motion.begin(t, &q, &v, || held.set(&before)), None),
+                Command::Report(here) => (Ok(()), Some(motion.reported(here))),
             };
             let mut shared = self.look();
-            shared.told = told;
+            shared.reported = reported;
             Self::show(&mut shared, &motion);
             self.answer(shared, answer);
         }
@@ -137,7 +137,7 @@ impl Desk {
 /// A motion stepped tick by tick under inputs.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Stepper {
-    desk: Arc<Desk>,
+    worker: Arc<Worker>,
     thread: Mutex<Option<JoinHandle<()>>>,
     held: Arc<Held>,
     model: Arc<Model>,
@@ -198,12 +198,12 @@ impl Stepper {
             return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
         }
         let own = Arc::new(own);
-        let desk = Arc::new(Desk::default());
+        let worker = Arc::new(Worker::default());
         {
-            let mut shared = desk.look();
+            let mut shared = worker.look();
             (shared.q, shared.v) = (vec![0.0; size.nq], vec![0.0; size.nv]);
         }
-        let (there, its_model, its_held) = (desk.clone(), own.clone(), held.clone());
+        let (there, its_model, its_held) = (worker.clone(), own.clone(), held.clone());
         let life = move || {
             let served = catch_unwind(AssertUnwindSafe(|| {
                 there.serve((&its_model, &its_held), &request, ticks, (t, &q, &v), keeps)
@@ -214,16 +214,16 @@ impl Stepper {
         };
         let thread = thread::Builder::new().name("partita stepper".into()).spawn(life)?;
         let (thread, process) = (Mutex::new(Some(thread)), std::process::id());
-        let stepper = Self { desk, thread, held, model: own, inputs, process, turn: Mutex::default() };
-        stepper.waited(py, || stepper.desk.first())?;
+        let stepper = Self { worker, thread, held, model: own, inputs, process, turn: Mutex::default() };
+        stepper.waited(py, || stepper.worker.first())?;
         Ok(stepper)
     }
 
     /// An order with these inputs held; those before where it fails.
-    fn with_inputs(&self, u: &[f64], order: Order) -> Result<(), AnalysisError> {
+    fn with_inputs(&self, u: &[f64], command: Command) -> Result<(), AnalysisError> {
         let before = self.held.values();
         self.held.set(u);
-        self.desk.ask(order).inspect_err(|_| self.held.set(&before))
+        self.worker.ask(command).inspect_err(|_| self.held.set(&before))
     }
 
     /// Wait for the thread, with the interpreter free for others.
@@ -240,7 +240,7 @@ impl Stepper {
     }
 }
 
-impl Desk {
+impl Worker {
     /// The thread's first word.
     fn first(&self) -> Result<(), AnalysisError> {
         let mut shared = self.look();
@@ -262,8 +262,8 @@ impl Drop for Stepper {
         if self.process != std::process::id() {
             return;
         }
-        self.desk.look().order = Some(Order::Quit);
-        self.desk.changed.notify_all();
+        self.worker.look().command = Some(Command::Quit);
+        self.worker.changed.notify_all();
         if let Some(thread) = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take() {
             // it waits for orders and needs no interpreter to end
             let _ = thread.join();
@@ -303,7 +303,7 @@ impl Stepper {
     fn step(&self, py: Python<'_>, inputs: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         guarded(py, || {
             let u = vector(&inputs, self.held.count(), "inputs")?;
-            self.waited(py, || self.with_inputs(&u, Order::Step))
+            self.waited(py, || self.with_inputs(&u, Command::Step))
         })
     }
 
@@ -320,14 +320,14 @@ impl Stepper {
             let size = self.model.size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
             let held = vector(&inputs, self.held.count(), "inputs")?;
-            self.waited(py, || self.with_inputs(&held, Order::Begin(t, q, v, self.held.values())))
+            self.waited(py, || self.with_inputs(&held, Command::Begin(t, q, v, self.held.values())))
         })
     }
 
     /// Where it stands: t, q, v.
     fn state<'py>(&self, py: Python<'py>) -> (f64, Array<'py>, Array<'py>) {
         let (t, q, v) = {
-            let shared = self.desk.look();
+            let shared = self.worker.look();
             (shared.t, shared.q.clone(), shared.v.clone())
         };
         (t, array(py, &[q.len()], q), array(py, &[v.len()], v))
@@ -336,10 +336,10 @@ impl Stepper {
     /// What a run would have left that stands here, and the model as it is now: for as long as it stands here.
     fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
-            self.waited(py, || self.desk.ask(Order::Tell(true)))?;
-            let told = self.desk.look().told.take();
-            let told = told.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
-            Ok((run::left(py, &self.model, told)?, crate::model::Model::of(self.model.clone())))
+            self.waited(py, || self.worker.ask(Command::Report(true)))?;
+            let reported = self.worker.look().reported.take();
+            let reported = reported.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
+            Ok((run::left(py, &self.model, reported)?, crate::model::Model::of(self.model.clone())))
         })
     }
 
@@ -367,10 +367,10 @@ impl Stepper {
             let spec = replaced(&self.model.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
             let model = Model::new(spec, self.model.functions(), self.model.coordinates());
             let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
-            self.waited(py, || self.desk.ask(Order::Tell(false)))?;
-            let told = self.desk.look().told.take();
-            let told = told.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
-            Ok((run::left(py, &model, told)?, crate::model::Model::of(model)))
+            self.waited(py, || self.worker.ask(Command::Report(false)))?;
+            let reported = self.worker.look().reported.take();
+            let reported = reported.ok_or_else(|| failure::unexpected("the stepper told nothing".into()))?;
+            Ok((run::left(py, &model, reported)?, crate::model::Model::of(model)))
         })
     }
 }

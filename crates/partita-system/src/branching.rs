@@ -5,7 +5,7 @@
 //! at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few degrees and closed there
 //! with all its rows: what does not close is no motion, and the rank there is that of the branch.
 
-pub mod ways;
+pub mod branch_directions;
 
 use crate::manifold::scaled;
 use crate::manifold::truncated::{Along, Cut, Truncated};
@@ -14,7 +14,7 @@ use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
-use partita_math::told;
+use partita_math::formatted;
 
 /// Velocities beyond which nothing is looked at: dense decompositions would take minutes.
 const LARGEST: usize = 200;
@@ -85,7 +85,7 @@ struct Scaled<'s, S: ConstrainedSystem> {
     c: Vec<f64>,
     a: Vec<f64>,
     sizes: Vec<f64>,
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
 }
 
 /// Rank by singular values; none where they leave no gap.
@@ -106,13 +106,14 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             c: vec![0.0; nnz],
             a: vec![0.0; size.rows],
             sizes: vec![1.0; size.rows],
-            reach: (0..size.nv).map(|i| system.reach(i)).collect(),
+            displacement: (0..size.nv).map(|i| system.characteristic_displacement(i)).collect(),
         };
         x.position(t, q)?;
         let pattern = system.pattern();
         for i in 0..size.rows {
-            let norm = pattern.row(i).map(|e| (x.c[e] * x.reach[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            let known = system.row_reach(i).filter(|r| *r > 0.0);
+            let norm =
+                pattern.row(i).map(|e| (x.c[e] * x.displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
+            let known = system.row_displacement(i).filter(|r| *r > 0.0);
             x.sizes[i] = known.unwrap_or(if norm > 0.0 { norm } else { 1.0 });
         }
         Ok(x)
@@ -129,7 +130,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         for (n, &i) in self.rows.iter().enumerate() {
             for e in pattern.row(i) {
                 let j = pattern.col_idx[e];
-                m[(n, j)] = self.c[e] * self.reach[j] / self.sizes[i];
+                m[(n, j)] = self.c[e] * self.displacement[j] / self.sizes[i];
             }
         }
         m
@@ -145,7 +146,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         let mut sum = vec![0.0; self.sizes.len()];
         let mut b = sum.clone();
         for (sign, weight) in [(1.0, 0.5), (-1.0, 0.5), (0.0, -1.0)] {
-            let v: Vec<f64> = w.iter().zip(&self.reach).map(|(w, r)| sign * w * r).collect();
+            let v: Vec<f64> = w.iter().zip(&self.displacement).map(|(w, r)| sign * w * r).collect();
             self.system.velocity(t, q, &v, &mut self.scratch, &mut b)?;
             sum.iter_mut().zip(&b).for_each(|(s, b)| *s += weight * b);
         }
@@ -335,7 +336,7 @@ pub fn look<S: ConstrainedSystem>(
         x.position(t, &beside)?;
         let Ok(f) = svd(&x.jacobian()) else { continue };
         let Some(rank) = rank_of(&f.s) else { continue };
-        let rates = w.iter().zip(&x.reach).map(|(w, r)| if w.abs() < 1e-9 { 0.0 } else { w * r }).collect();
+        let rates = w.iter().zip(&x.displacement).map(|(w, r)| if w.abs() < 1e-9 { 0.0 } else { w * r }).collect();
         found.branches.push(Branch { rates, beside, mobility: all_free.unwrap_or(n - rank) });
     }
     if all_free.is_some_and(|free| found.branches.len() < free.min(LINES)) {
@@ -349,7 +350,7 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
     let moved = |(v, c): (usize, usize)| {
         let (from, to) = (q[c], branch.beside[c]);
-        ((to - from).abs() > FLAT * system.reach(v)).then(|| (system.velocity_name(v), to))
+        ((to - from).abs() > FLAT * system.characteristic_displacement(v)).then(|| (system.velocity_name(v), to))
     };
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }
@@ -416,7 +417,7 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
     }
     let way = |(n, b): (usize, &Branch)| {
         let list = |x: &[(String, f64)]| -> String {
-            x.iter().map(|(name, x)| format!("\"{name}\": {}", told(*x))).collect::<Vec<_>>().join(", ")
+            x.iter().map(|(name, x)| format!("\"{name}\": {}", formatted(*x))).collect::<Vec<_>>().join(", ")
         };
         let (rates, guess) = (rates(system, b, &found.branches), guess(system, q, b));
         match rates.len().max(guess.len()) <= WRITTEN {
@@ -424,20 +425,20 @@ pub fn of_joints<S: ConstrainedSystem>(system: &S, q: &[f64], found: &Branching)
             false => format!("rates and guess as report().to_dict()[\"singular\"][\"branches\"][{n}] has them"),
         }
     };
-    let ways: Vec<String> = found.branches.iter().enumerate().take(WAYS).map(way).collect();
+    let branches: Vec<String> = found.branches.iter().enumerate().take(BRANCHES_LISTED).map(way).collect();
     let meet = match (found.many, found.branches.len()) {
         (true, _) => "ways part in more directions than can be listed, such as".into(),
         (false, 1) => "one way leads on".into(),
-        (false, n) if n > WAYS => format!("{n} branches meet, such as"),
+        (false, n) if n > BRANCHES_LISTED => format!("{n} branches meet, such as"),
         (false, n) => format!("{n} branches meet"),
     };
     format!(
         "it has {here} here and {} next to it, where {meet}: {}; start a little away from it, with joints bent a few degrees \
          either way, on the branch you mean",
         found.beside(),
-        ways.join("; or ")
+        branches.join("; or ")
     )
 }
 
 /// Branches written out.
-const WAYS: usize = 4;
+const BRANCHES_LISTED: usize = 4;

@@ -6,7 +6,7 @@ pub mod full;
 
 use crate::closing::Closing;
 use crate::system::{project_dense, ConstrainedSystem, Size, SystemError, Tangent};
-use closing::HandClosing;
+use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
@@ -48,7 +48,7 @@ pub trait Equations: Sync {
 }
 
 /// [`Equations`] as a constrained system.
-pub struct ByHand<E: Equations> {
+pub struct UserSystem<E: Equations> {
     /// The equations.
     pub equations: E,
     pattern: Pattern,
@@ -59,7 +59,7 @@ pub struct ByHand<E: Equations> {
 }
 
 /// What was evaluated last.
-pub struct HandScratch {
+pub struct UserScratch {
     mass: Vec<f64>,
     mass_known: bool,
     factor: Vec<f64>,
@@ -69,7 +69,7 @@ pub struct HandScratch {
     work: Vec<f64>,
 }
 
-impl<E: Equations> ByHand<E> {
+impl<E: Equations> UserSystem<E> {
     /// Wrap equations.
     pub fn new(equations: E) -> Self {
         let pattern = Pattern::dense(equations.rows(), equations.n());
@@ -103,7 +103,7 @@ impl<E: Equations> ByHand<E> {
         &self.lengths
     }
 
-    fn mass(&self, t: f64, q: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+    fn mass(&self, t: f64, q: &[f64], s: &mut UserScratch) -> Result<(), SystemError> {
         if !s.mass_known {
             self.equations.mass(t, q, &mut s.mass)?;
             s.mass_known = true;
@@ -111,7 +111,7 @@ impl<E: Equations> ByHand<E> {
         Ok(())
     }
 
-    fn factor(&self, t: f64, q: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+    fn factor(&self, t: f64, q: &[f64], s: &mut UserScratch) -> Result<(), SystemError> {
         self.mass(t, q, s)?;
         if !s.factor_known {
             s.factor.copy_from_slice(&s.mass);
@@ -122,7 +122,7 @@ impl<E: Equations> ByHand<E> {
         Ok(())
     }
 
-    fn h(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch) -> Result<(), SystemError> {
+    fn h(&self, t: f64, q: &[f64], v: &[f64], s: &mut UserScratch) -> Result<(), SystemError> {
         if !s.h_known {
             self.equations.forces(t, q, v, &mut s.h)?;
             s.h_known = true;
@@ -131,8 +131,8 @@ impl<E: Equations> ByHand<E> {
     }
 }
 
-impl<E: Equations> ConstrainedSystem for ByHand<E> {
-    type Scratch = HandScratch;
+impl<E: Equations> ConstrainedSystem for UserSystem<E> {
+    type Scratch = UserScratch;
 
     fn size(&self) -> Size {
         let e = &self.equations;
@@ -141,9 +141,9 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
     fn pattern(&self) -> &Pattern {
         &self.pattern
     }
-    fn scratch(&self) -> HandScratch {
+    fn scratch(&self) -> UserScratch {
         let n = self.equations.n();
-        HandScratch {
+        UserScratch {
             mass: vec![0.0; n * n],
             mass_known: false,
             factor: vec![0.0; n * n],
@@ -162,14 +162,14 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
     fn rheonomic(&self) -> bool {
         self.equations.rheonomic()
     }
-    fn reach(&self, i: usize) -> f64 {
+    fn characteristic_displacement(&self, i: usize) -> f64 {
         self.lengths[i]
     }
     fn position(
         &self,
         t: f64,
         q: &[f64],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         phi: &mut [f64],
         c: &mut [f64],
         a: &mut [f64],
@@ -185,7 +185,7 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         }
         Ok(())
     }
-    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch, b: &mut [f64]) -> Result<(), SystemError> {
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut UserScratch, b: &mut [f64]) -> Result<(), SystemError> {
         s.h_known = false;
         if self.equations.rows() == 0 {
             return Ok(());
@@ -197,7 +197,7 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         t: f64,
         q: &[f64],
         v: &[f64],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError> {
@@ -213,7 +213,7 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         q: &[f64],
         v: &[f64],
         tangent: &Tangent,
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         md: &mut [f64],
         hd: &mut [f64],
     ) -> Result<(), SystemError> {
@@ -228,7 +228,7 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         q: &[f64],
         v: &[f64],
         vdot: &[f64],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         self.mass(t, q, s)?;
@@ -245,13 +245,13 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         q: &[f64],
         inputs: Option<&[usize]>,
     ) -> Result<Box<dyn Closing + Send + '_>, SystemError> {
-        Ok(Box::new(HandClosing::new(self, t, q, inputs)?))
+        Ok(Box::new(UserClosing::new(self, t, q, inputs)?))
     }
     fn inverse_mass_diagonal(
         &self,
         t: f64,
         q: &[f64],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         self.factor(t, q, s)?;
@@ -270,7 +270,7 @@ impl<E: Equations> ConstrainedSystem for ByHand<E> {
         t: f64,
         q: &[f64],
         which: &[usize],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         self.factor(t, q, s)?;

@@ -1,6 +1,6 @@
 //! What can go wrong with a system, in sentences.
 
-use partita_math::told;
+use partita_math::formatted;
 use thiserror::Error;
 
 /// What was asked of a system, or why it could not be evaluated.
@@ -186,13 +186,13 @@ pub enum SystemError {
         "the lengths do not fit: {} stays open by {}, and no small motion lowers that (at rest after {iterations} \
          iterations from {starts} starts); open there: {loops}; change a length of this loop by at least as much, or draw \
          it on the branch meant",
-        loop_words, gap(*shortfall, *angle)
+        loop_description, gap(*shortfall, *angle)
     )]
     Lengths {
         /// What closes the loop that stays open most: a joint, or a row.
         owner: Box<str>,
         /// The loop, in words.
-        loop_words: Box<str>,
+        loop_description: Box<str>,
         /// By how much its lengths miss each other (in the unit of lengths, m).
         shortfall: f64,
         /// By how much its directions do (rad).
@@ -228,7 +228,7 @@ pub enum SystemError {
          it went on with the velocities from before; loosen the tolerances, start a little elsewhere, or take another \
          formulation"
     )]
-    Passage {
+    Crossing {
         /// Time.
         t: f64,
         /// Steps tried.
@@ -275,7 +275,7 @@ pub enum SystemError {
     /// A condition is left in a step, however short.
     #[error(
         "{what} jumps by {} at t = {}: no body follows a step; what is prescribed must be continuous with its rate",
-        told(*by), six_digits(*t)
+        formatted(*by), six_digits(*t)
     )]
     Jump {
         /// What the condition belongs to.
@@ -357,9 +357,9 @@ fn entry(function: &str, row: usize, column: Option<usize>) -> String {
 
 fn gap(shortfall: f64, angle: f64) -> String {
     match (shortfall > 0.0, angle > 0.0) {
-        (true, false) => format!("{} m", told(shortfall)),
-        (false, true) => format!("{} rad", told(angle)),
-        _ => format!("{} m and {} rad", told(shortfall), told(angle)),
+        (true, false) => format!("{} m", formatted(shortfall)),
+        (false, true) => format!("{} rad", formatted(angle)),
+        _ => format!("{} m and {} rad", formatted(shortfall), formatted(angle)),
     }
 }
 
@@ -377,7 +377,7 @@ fn contradiction(who: &str, whom: &[String], t: f64, gap: f64, unit: &str, drive
         "{who} contradicts {others}: no motion keeps them all; at t = {} s it is off by {} {unit} where the others \
          hold; {advice}",
         six_digits(t),
-        told(gap)
+        formatted(gap)
     )
 }
 
@@ -406,7 +406,7 @@ fn limit(block: &str, t: f64, shortfall: f64) -> String {
     format!(
         "{block} cannot close at t = {t}: its lengths miss each other by {} m (a limit position of the \
          mechanism); {advice}",
-        told(shortfall)
+        formatted(shortfall)
     )
 }
 

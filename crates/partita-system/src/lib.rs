@@ -2,14 +2,15 @@
 //! projective criterion, closing and projecting, the reduced equations, multipliers.
 
 pub mod branching;
+pub mod breakpoints;
 pub mod closing;
 pub mod clusters;
 pub mod equations;
 pub mod error;
 pub mod formulation;
 pub mod kinematics;
-pub mod knots;
 pub mod manifold;
+pub mod messages;
 pub mod options;
 pub mod partition;
 pub mod positions;
@@ -21,7 +22,6 @@ pub mod start;
 pub mod system;
 pub mod tangent;
 pub mod weight;
-pub mod words;
 
 pub use partition::Partition;
 pub use system::{ConstrainedSystem, Finite, Size, SystemError};

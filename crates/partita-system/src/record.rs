@@ -151,7 +151,7 @@ pub struct FormulationCounters {
 
 /// The record of a run so far.
 #[derive(Clone, Debug, Default)]
-pub struct Journal {
+pub struct History {
     /// Name of the formulation.
     pub name: &'static str,
     /// Changes of the choice, the first one included.
@@ -161,7 +161,7 @@ pub struct Journal {
     /// Rows kept at the moment, ascending.
     pub rows: Vec<usize>,
     /// Times of singular positions that were stepped over.
-    pub passages: Vec<f64>,
+    pub crossings: Vec<f64>,
     /// Largest |Φ| and |C v + a| over all rows at the ends of the steps taken.
     pub open: (f64, f64),
     /// The same in parts of sizes, with times and rows.

@@ -4,7 +4,7 @@ use crate::branching;
 use crate::manifold::kept_rows;
 use crate::partition::criterion;
 use crate::rank::exact::{ranked as by_sizes, EXACT};
-use crate::reduction::openness::OPEN;
+use crate::reduction::closure_error::OPEN;
 use crate::reduction::Reduction;
 pub use crate::reduction::REDUNDANT;
 use crate::system::{ConstrainedSystem, Finite, SystemError};
@@ -229,7 +229,10 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     let move_independent: Vec<f64> = (0..k)
         .map(|j| {
             let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
-            NEXT_DOOR * sign * (1.0 + 0.37 * (j as f64).sin()) * system.reach(r.partition.independent[j])
+            NEXT_DOOR
+                * sign
+                * (1.0 + 0.37 * (j as f64).sin())
+                * system.characteristic_displacement(r.partition.independent[j])
         })
         .collect();
     let mut near = q.to_vec();
@@ -247,7 +250,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
         return Ok(());
     }
     r.refresh_scales(t, &near)?;
-    let part = |i: usize| r.phi[i].abs() / system.row_reach(i).unwrap_or(1.0);
+    let part = |i: usize| r.phi[i].abs() / system.row_displacement(i).unwrap_or(1.0);
     let open = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
     if there.rank > start.rank || open > OPENS {

@@ -1,9 +1,9 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
+use crate::breakpoints::{Breakpoints, Reading};
 use crate::closing::Closing;
 use crate::clusters::Clusters;
 pub use crate::error::SystemError;
-use crate::knots::{Knots, Reading};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
@@ -89,7 +89,7 @@ pub trait ConstrainedSystem: Sync {
     /// Name of constraint row `i`.
     fn row_name(&self, i: usize) -> String;
     /// Where constraint row `i` comes from, in words.
-    fn row_words(&self, i: usize) -> String {
+    fn row_description(&self, i: usize) -> String {
         self.row_name(i)
     }
     /// Does any row depend on time (a ≠ 0)?
@@ -296,23 +296,23 @@ pub trait ConstrainedSystem: Sync {
     }
     /// What a large move can open row `i` by (1 for an angle, a length for a displacement), if the system knows: a row
     /// whose entries are all small against it is closed by nothing, which no comparison with other rows can tell.
-    fn row_reach(&self, _i: usize) -> Option<f64> {
+    fn row_displacement(&self, _i: usize) -> Option<f64> {
         None
     }
     /// The time after which nothing can be evaluated, and what ends there, in words.
-    fn horizon(&self) -> Option<(f64, String)> {
+    fn time_domain(&self) -> Option<(f64, String)> {
         None
     }
     /// Ascending times at which what acts turns a corner, as far as the system knows: steps are to end there.
-    fn corners(&self) -> Vec<f64> {
+    fn discontinuities(&self) -> Vec<f64> {
         Vec::new()
     }
     /// Curves with knots: steps are to end where what they are read at passes one that matters.
-    fn knots(&self) -> Vec<Knots> {
+    fn breakpoints(&self) -> Vec<Breakpoints> {
         Vec::new()
     }
     /// What each of them is read at, and its rate, at the point (t, q, v) last evaluated.
-    fn knot_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
+    fn breakpoint_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
     /// The verdict on rank, where one was made once and for all; else each position is asked.
     fn finite(&self) -> Option<Finite> {
         None
@@ -323,11 +323,11 @@ pub trait ConstrainedSystem: Sync {
     }
     /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
     fn travel(&self, v: &[f64]) -> f64 {
-        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.reach(i)))
+        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.characteristic_displacement(i)))
     }
     /// What condition `i` belongs to, in words.
     fn row_owner(&self, i: usize) -> String {
-        self.row_words(i)
+        self.row_description(i)
     }
     /// Does row `i` prescribe a motion? Such rows are kept after all others: what closes a loop is no matter of choice.
     fn row_is_drive(&self, _i: usize) -> bool {
@@ -347,7 +347,7 @@ pub trait ConstrainedSystem: Sync {
         Vec::new()
     }
     /// A typical magnitude of a large move of velocity `i` (1 for an angle, a length for a slide).
-    fn reach(&self, _i: usize) -> f64 {
+    fn characteristic_displacement(&self, _i: usize) -> f64 {
         1.0
     }
 }

@@ -27,7 +27,7 @@ pub fn unfelt<S: ConstrainedSystem>(
     if !system.lacks_mass() || rank >= n || n > MOST {
         return Ok(None);
     }
-    let mut r = Reduction::dense(system, rank).weighing_reaches();
+    let mut r = Reduction::dense(system, rank).weighing_displacements();
     r.first_partition(t, q)?;
     let k = r.k();
     let rest = vec![0.0; n];
@@ -66,9 +66,12 @@ pub fn unfelt<S: ConstrainedSystem>(
     }
     dense::cholesky_backward(&metric, k, &mut y);
     let mut v = d.matvec(&y);
-    let fastest = (0..n).max_by(|&i, &j| (v[i].abs() / system.reach(i)).total_cmp(&(v[j].abs() / system.reach(j))));
+    let fastest = (0..n).max_by(|&i, &j| {
+        (v[i].abs() / system.characteristic_displacement(i))
+            .total_cmp(&(v[j].abs() / system.characteristic_displacement(j)))
+    });
     if let Some(i) = fastest {
-        let size = v[i] / system.reach(i);
+        let size = v[i] / system.characteristic_displacement(i);
         v.iter_mut().for_each(|v| *v /= size);
     }
     Ok(Some(v))
@@ -94,8 +97,12 @@ pub fn words<S: ConstrainedSystem>(
     rank: usize,
 ) -> Result<Option<(String, Vec<String>)>, SystemError> {
     let Some(v) = unfelt(system, t, q, rank)? else { return Ok(None) };
-    let mut moving: Vec<usize> = (0..v.len()).filter(|&i| v[i].abs() > PART * system.reach(i)).collect();
-    moving.sort_by(|&i, &j| (v[j].abs() / system.reach(j)).total_cmp(&(v[i].abs() / system.reach(i))));
+    let mut moving: Vec<usize> =
+        (0..v.len()).filter(|&i| v[i].abs() > PART * system.characteristic_displacement(i)).collect();
+    moving.sort_by(|&i, &j| {
+        (v[j].abs() / system.characteristic_displacement(j))
+            .total_cmp(&(v[i].abs() / system.characteristic_displacement(i)))
+    });
     let named = moving.iter().take(NAMED).map(|&i| format!("{} at {:.4}", system.velocity_name(i), v[i]));
     let mut motion = named.collect::<Vec<_>>().join(", ");
     if moving.len() > NAMED {

@@ -2,9 +2,9 @@
 
 use crate::compiled::Model;
 use crate::error::Error;
-use partita_model::place::Coordinates;
 use partita_model::spec::{Body, DRAWING_TOLERANCE, Drive, Force, Joint, JointKind, Spec, VERSION};
 use partita_model::value::{Functions, NoFunctions};
+use partita_model::zero_position::Coordinates;
 use std::sync::Arc;
 
 /// A mechanism as drawn: rigid bodies, joints, forces and drives. Nothing is checked until it is compiled.

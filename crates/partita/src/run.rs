@@ -184,7 +184,7 @@ pub struct Run {
 
 impl Run {
     pub(crate) fn of(model: Model, found: partita_analysis::run::Run) -> Self {
-        let outputs = &found.journal.outputs;
+        let outputs = &found.log.outputs;
         let whole = |q: &[f64], n: &[i32]| q.iter().zip(n).map(|(q, n)| turns::whole(*q, *n)).collect::<Vec<f64>>();
         Self {
             times: outputs.iter().map(|x| x.t).collect(),
@@ -341,7 +341,7 @@ impl Run {
         let known = match self.forces.get() {
             Some(known) => known,
             None => {
-                let found = self.found.journal.describe::<_, AnalysisError>(&*self.model.inner, false, &mut never)?;
+                let found = self.found.log.describe::<_, AnalysisError>(&*self.model.inner, false, &mut never)?;
                 self.forces.get_or_init(|| found)
             }
         };

@@ -52,8 +52,8 @@ def choice(result: Result) -> list[str]:
     integrated = INTEGRATED.get(str(result.options.get("formulation")))
     chosen = {int(i) for i in result.independent[0]} if integrated is None else set()
     total = len(rho)
-    told = integrated or f"{len(chosen)} of {total} independent, {_chooser(result)}"
-    lines = [f"Coordinates at t = {result.t[0]:g} s: {told}"]
+    reported = integrated or f"{len(chosen)} of {total} independent, {_chooser(result)}"
+    lines = [f"Coordinates at t = {result.t[0]:g} s: {reported}"]
     order = sorted(range(total), key=lambda i: (i not in chosen, -rho[i] if np.isfinite(rho[i]) else 0.0))
     width = max(len(names[i]) for i in order[:LINES])
     for i in order[:LINES]:

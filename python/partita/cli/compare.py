@@ -37,7 +37,7 @@ def compare(arguments: argparse.Namespace) -> int:
             progress=watched,
         )
     )
-    told: dict[str, object] = {"model": arguments.model, "duration": duration, "rows": found.rows}
+    reported: dict[str, object] = {"model": arguments.model, "duration": duration, "rows": found.rows}
     written = []
     if not arguments.json:
         print(found)
@@ -50,14 +50,14 @@ def compare(arguments: argparse.Namespace) -> int:
     if (arguments.work_precision or arguments.tolerances) and not interrupted:
         given = {} if arguments.tolerances is None else {"tolerances": arguments.tolerances}
         ladder = so_far(lambda: found.work_precision(progress=watched, **given))
-        told["work_precision"], interrupted = ladder.points, ladder.interrupted
+        reported["work_precision"], interrupted = ladder.points, ladder.interrupted
         if not arguments.json:
             print(f"\n{ladder}")
         if arguments.work_precision:
             ladder.plot(arguments.work_precision)
             written.append(arguments.work_precision)
     if arguments.json:
-        print_json(told | {"interrupted": interrupted, "written": written})
+        print_json(reported | {"interrupted": interrupted, "written": written})
     else:
         for path in written:
             print(f"wrote {path}")

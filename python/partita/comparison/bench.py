@@ -106,7 +106,9 @@ class Bench:
     def with_reference(self, given: Result | None, progress: Any) -> Bench:
         """With the run that others are held against: `given`, or the tightest of "projective" that finishes."""
         if given is not None:
-            options = ", ".join(f"{key} {given.options[key]}" for key in _TOLD if given.options.get(key) is not None)
+            options = ", ".join(
+                f"{key} {given.options[key]}" for key in _REPORTED if given.options.get(key) is not None
+            )
             return replace(self, reference=Reference(given, f"the run given ({options or 'options not known'})"))
         why = ""
         for rtol, atol in _TIGHT:
@@ -167,7 +169,7 @@ _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Where along a run evaluations are timed, in parts of it."""
 _DEAR = 2e-3
 """Seconds of an evaluation, about, from which on one such place is enough."""
-_TOLD = ("formulation", "method", "rtol", "atol")
+_REPORTED = ("formulation", "method", "rtol", "atol")
 
 
 def _frames(result: Result, size: float) -> Array:

@@ -69,8 +69,8 @@ class WorkPrecision:
             for point in self.points
         ]
         table = grid(["formulation", "status", "rtol", "error", "evals", "time [s]"], cells, 2)
-        told = [f"{p.name}, rtol {p.rtol:g}: {p.message}" for p in self.points if p.message]
-        return "\n".join([f"{self.title}: reference {self.reference}", table, *told])
+        reported = [f"{p.name}, rtol {p.rtol:g}: {p.message}" for p in self.points if p.message]
+        return "\n".join([f"{self.title}: reference {self.reference}", table, *reported])
 
     def __str__(self) -> str:
         return self.to_text()

@@ -137,9 +137,9 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
         robot.springs.append(Spring(str(item["name"]), ends[0], ends[1], stiffness, damping, rest))
     for name, efforts in listed.items():
         joint = robot.joints[name]
-        own, told = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
-        if joint.efforts and abs(own - told) > _SAME * max(abs(own), abs(told)):
-            said = f"damping {own:g} of joint {name} is the URDF's; the {told:g} of the file beside it are not used"
+        own, reported = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
+        if joint.efforts and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
+            said = f"damping {own:g} of joint {name} is the URDF's; the {reported:g} of the file beside it are not used"
             robot.reading.changed.append(Remark(joint.at.line, said))
             joint.efforts = [replace(e, name=f"damper of {name}") for e in joint.efforts]
             joint.efforts += [replace(e, damping=0.0) for e in efforts if e.stiffness != 0.0]

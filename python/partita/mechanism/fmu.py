@@ -82,33 +82,33 @@ def to_fmu(
     model, layout = layout_of(changed, "relative")
     q, v = start.q, start.v
     if start.names != model.names:
-        q, v = model.core.carried_over(layout_of(self, "relative")[0].core, start.q, start.v)
+        q, v = model.core.transferred(layout_of(self, "relative")[0].core, start.q, start.v)
     state = State(start.t, q, v, layout=layout)
     span = run_options.positive("duration", duration)
     step = run_options.positive("communication_step", communication_step)
     options = run_options.options(
         start.t, span, model.velocity_names, rtol=rtol, atol=atol, method=method, formulation=formulation
     )
-    told: list[dict[str, object]] = []
+    reported: list[dict[str, object]] = []
     starts: list[float] = []
     for one in known:
         if one.kind == "rate":
             measure = description.drives[one.name].measure
             joint, i = str(measure["joint"]), int(measure["coordinate"])
             position, rate = (_scalar(x, i) for x in (state.position(joint), state.velocity(joint)))
-            told.append({"kind": "rate", "start": rate, "position": position})
+            reported.append({"kind": "rate", "start": rate, "position": position})
             starts.append(rate)
         else:
             force = description.forces[one.name if one.name in description.forces else f"input {one.name}"]
             value = force.value.value if isinstance(force, TorqueRecord) and isinstance(force.value, Constant) else 0.0
-            told.append({"kind": "effort", "start": value})
+            reported.append({"kind": "effort", "start": value})
             starts.append(value)
     resource = {
         "fmu": 1,
         "model": fmu.model_of(description, layout, known),
         "options": options,
         "start": {"t": start.t, "q": q.tolist(), "v": v.tolist()},
-        "inputs": told,
+        "inputs": reported,
         "outputs": [dict(x.means) for x in shown],
     }
     experiment = {"startTime": start.t, "stopTime": start.t + span, "stepSize": step, "tolerance": options["rtol"]}

@@ -85,7 +85,7 @@ def recorded(self: Modelled, initial: State | None) -> Program:
     model, layout = layout_of(still, "relative")
     q, v = start.q, start.v
     if start.names != model.names:
-        q, v = model.core.carried_over(own.core, start.q, start.v)
+        q, v = model.core.transferred(own.core, start.q, start.v)
     return program(model, State(start.t, q, v, layout=layout), drives, functions)
 
 

@@ -276,7 +276,7 @@ def _open_frictions(
             level = {"stick_velocity": follow[name].said["stick_velocity"], "dynamic": 1.0}
             given.forces[name].change(**level, **dict.fromkeys(_FOLLOWS), preload=0.0)
             other, layout = layout_of(given, model.coordinates)
-            where = State(where.t, *other.core.carried_over(model.core, where.q, where.v), layout=layout)
+            where = State(where.t, *other.core.transferred(model.core, where.q, where.v), layout=layout)
             model = other
         except EvaluationError:
             break  # for another reason, which a run tells

@@ -202,7 +202,7 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
     for other in run_options.COORDINATES:
         source, _ = layout_of(self, other, parameters)
         if other != coordinates and state.names == source.names:
-            q, v = model.core.carried_over(source.core, state.q, state.v)
+            q, v = model.core.transferred(source.core, state.q, state.v)
             return State(state.t, q, v, layout=layout)
     raise ArgumentError(
         f"the state has the coordinates {', '.join(state.names) or state.q.size}, which belong to no model of "

@@ -137,7 +137,7 @@ class Stepper:
         if at_once(sensors[name], sensors):
             return plain(Reader(sensors, self._signals(self.state)).read(name))
         if self._here is None:
-            self._here = self._told(*self._core.here(), self.time)
+            self._here = self._reported(*self._core.here(), self.time)
         return plain(self._here.sensor(name).values[0])
 
     def step(self, u: ArrayLike | Mapping[str, float] | None = None) -> State:
@@ -216,7 +216,7 @@ class Stepper:
         """
         if self._view is not None:
             self._view.close()
-        at = self._told(*self._core.here(), self.time)
+        at = self._reported(*self._core.here(), self.time)
         self._view = LiveView(at, self._poses, shapes, host, port)
         return self._view
 
@@ -236,12 +236,12 @@ class Stepper:
             raise ArgumentError("nothing was recorded; make the stepper with record=True", argument="record")
         if not self._given:
             raise ArgumentError("there is no step yet to make a result of; call step", argument="record")
-        return self._told(*self._core.result(self._times, self._given), self._times[0])
+        return self._reported(*self._core.result(self._times, self._given), self._times[0])
 
     def _signals(self, at: State) -> StateSignals:
         return StateSignals(self._model.core, at.t, at.q, at.v, self._model.summary)
 
-    def _told(self, raw: dict[str, Any], core: Any, t0: float) -> Result:
+    def _reported(self, raw: dict[str, Any], core: Any, t0: float) -> Result:
         model = self._model
         raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
         options = {**self._options, "t0": t0, "t_end": self.time, "coordinates": model.coordinates}

@@ -5,7 +5,7 @@ function makeClosing(eq) {
   const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, reach, opening, phi, all, about, position, move } = eq;
   const mh = closing.length, right = new Float64Array(m);
   const dv = new Float64Array(n), size = new Float64Array(mh * mh), spread = new Float64Array(n);
-  function openness(list) {
+  function closureError(list) {
     let worst = 0;
     for (const i of list) if (i < holonomic) worst = Math.max(worst, Math.abs(phi[i]) * opening[i]);
     return worst;
@@ -16,7 +16,7 @@ function makeClosing(eq) {
     let before = Infinity, settled = false;
     for (let step = 0; step < 12; step++) {
       position(s, at);
-      const open = openness(closing);
+      const open = closureError(closing);
       if (settled || !(open < 1e3)) return open;
       let fresh = true;
       if (mh === m) {
@@ -38,7 +38,7 @@ function makeClosing(eq) {
       settled = far < (fresh ? 1e-8 : 1e-11);
     }
     position(s, at);
-    return openness(closing);
+    return closureError(closing);
   }
   // dv = -S^2 C^T (C S^2 C^T + damping)^-1 Phi over some velocities, S the reaches
   function least(which, damping) {
@@ -103,7 +103,7 @@ function makeClosing(eq) {
         if (damping > 1e6) break;
       }
     }
-    return openness(closing);
+    return closureError(closing);
   }
   // what stands open, by what it belongs to, the worst first
   function gaps() {
@@ -132,5 +132,5 @@ function makeClosing(eq) {
     }).join("; ");
   }
 
-  return { openness, closeDependent, closeAll, gaps, told, digits };
+  return { closureError, closeDependent, closeAll, gaps, told, digits };
 }

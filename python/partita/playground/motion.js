@@ -4,7 +4,7 @@
 // for at once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is looked at.
 
 function makeMotion(run, about) {
-  const eq = makeEquations(run, about), { openness, closeDependent, closeAll, gaps, told, digits } = makeClosing(eq);
+  const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, told, digits } = makeClosing(eq);
   const choice = makeChoice(eq), { rho, choose } = choice;
   const { w, nq, n, k, plain, reach, rates, closing, position, velocity, expand, derivative, accelerate, evaluated, normalise } = eq;
   const ny = nq + k;
@@ -167,7 +167,7 @@ function makeMotion(run, about) {
       }
       refused = beyond = 0;
       wary = Math.max(0, wary - 1);
-      if (openness(eq.dropped) > about.loose) {
+      if (closureError(eq.dropped) > about.loose) {
         const words = told(gaps());
         settle();
         throw new Fault(`A condition that was redundant as drawn is not with these lengths: ${words}.`);
@@ -234,7 +234,7 @@ function makeMotion(run, about) {
       run.prepare();
       const tried = Float64Array.from(at);
       const open = closeAll(t, tried);
-      const dropped = openness(eq.dropped);
+      const dropped = closureError(eq.dropped);
       let far = 0;
       for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / reach[j]);
       if (open < 1e-10 && dropped < about.loose && (far < 0.3 || part < 1e-3)) {

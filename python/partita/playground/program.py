@@ -115,8 +115,8 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         and names.count(name) == 1
         and not (name.rpartition(".")[0] in massless and name.rpartition(".")[2] in ("mass", "com", "inertia"))
     ]
-    module, told = model.core.recorded([name for name, _ in chosen], state.t, state.q)
-    about = json.loads(told)
+    module, reported = model.core.recorded([name for name, _ in chosen], state.t, state.q)
+    about = json.loads(reported)
     about |= {
         "drives": drives,
         "values": {name: list(values) for name, values in chosen if name in about["parameters"]},

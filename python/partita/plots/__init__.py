@@ -21,7 +21,7 @@ except ImportError as error:
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
-from ..readable import Readable, checked_run
+from ..result_view import ResultView, checked_run
 from .abscissa import Abscissa, abscissa
 from .files import PathLike, figure_path, save_figure
 from .joint import draw_joint
@@ -55,10 +55,10 @@ __all__ = [
 class Drawn:
     """How a word is drawn, and what may be said of it."""
 
-    draw: Callable[[Readable, Canvas, Wanted], object]
-    height: float | Callable[[Readable, Wanted], float]
+    draw: Callable[[ResultView, Canvas, Wanted], object]
+    height: float | Callable[[ResultView, Wanted], float]
     """In inches."""
-    panel: Callable[[Readable, Axes, Wanted], object] | None = None
+    panel: Callable[[ResultView, Axes, Wanted], object] | None = None
     """How it is drawn into given axes; None for several panels."""
     over: bool = False
     """Can it stand over something else than time?"""
@@ -75,7 +75,7 @@ class Wanted:
 def _one(draw: Callable[..., object], height: float, *, over: bool = True) -> Drawn:
     """A word of one panel."""
 
-    def panel(result: Readable, ax: Axes, wanted: Wanted) -> object:
+    def panel(result: ResultView, ax: Axes, wanted: Wanted) -> object:
         return draw(result, ax, wanted.x) if over else draw(result, ax)
 
     return Drawn(lambda result, canvas, wanted: panel(result, canvas.subplots(), wanted), height, panel, over)
@@ -102,7 +102,7 @@ SENSOR_HEIGHT = 3.0
 
 
 def plot(
-    result: Readable,
+    result: ResultView,
     *what: str,
     path: PathLike | None = None,
     x: str | None = None,
@@ -144,7 +144,7 @@ def plot(
     return _saved(figure, path)
 
 
-def _into(result: Readable, words: Sequence[str], parts: Sequence[Drawn], wanted: Wanted, ax: Any) -> Figure:
+def _into(result: ResultView, words: Sequence[str], parts: Sequence[Drawn], wanted: Wanted, ax: Any) -> Figure:
     if not isinstance(ax, Axes):
         raise ArgumentError(f"ax must be axes of matplotlib, not {shown(ax)}", argument="ax")
     panel = parts[0].panel
@@ -160,7 +160,7 @@ def _into(result: Readable, words: Sequence[str], parts: Sequence[Drawn], wanted
     return figure
 
 
-def _part(result: Readable, word: str) -> Drawn:
+def _part(result: ResultView, word: str) -> Drawn:
     if isinstance(word, str) and word in WORDS:
         return WORDS[word]
     sensors = [item["name"] for item in result.summary.get("sensors", ())]
@@ -171,28 +171,28 @@ def _part(result: Readable, word: str) -> Drawn:
     return Drawn(lambda result, canvas, wanted: draw_joint(result, name, canvas, x=wanted.x), JOINT_HEIGHT, over=True)
 
 
-def overview(result: Readable, path: PathLike | None = None) -> Figure:
+def overview(result: ResultView, path: PathLike | None = None) -> Figure:
     """The run at a glance: coordinates, velocities, accelerations, forces, speeds and forces over the angle of a
     crank where one turns; then measure, closure, energy balance."""
     return plot(result, "overview", path=path)
 
 
-def plot_energy(result: Readable, path: PathLike | None = None) -> Figure:
+def plot_energy(result: ResultView, path: PathLike | None = None) -> Figure:
     """Kinetic, potential and total energy and the work put in [J]."""
     return plot(result, "energy", path=path)
 
 
-def plot_measure(result: Readable, path: PathLike | None = None) -> Figure:
+def plot_measure(result: ResultView, path: PathLike | None = None) -> Figure:
     """Projective measure of the coordinates over time; a strip on top shows which were independent."""
     return plot(result, "measure", path=path)
 
 
-def plot_reactions(result: Readable, path: PathLike | None = None) -> Figure:
+def plot_reactions(result: ResultView, path: PathLike | None = None) -> Figure:
     """Size of force [N] and moment [N m] of every joint; of many, the most loaded."""
     return plot(result, "reactions", path=path)
 
 
-def plot_joint(result: Readable, name: str, path: PathLike | None = None, *, axes: str = "world") -> Figure:
+def plot_joint(result: ResultView, name: str, path: PathLike | None = None, *, axes: str = "world") -> Figure:
     """Position, velocity, force and moment of the joint `name`, the last two in "world" or "joint" axes.
 
     Components that are not unique are dashed. `UnknownNameError` with the nearest names.

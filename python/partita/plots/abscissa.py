@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
-from ..readable import FEW, Readable, turn_between_outputs
+from ..result_view import FEW, ResultView, turn_between_outputs
 from .style import shortened
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ class Abscissa:
         ax.set_xlabel(self.label, fontsize=9)
 
 
-def abscissa(result: Readable, x: Any) -> Abscissa:
+def abscissa(result: ResultView, x: Any) -> Abscissa:
     """Time for None; else the coordinate, joint or sensor `x`: angles in degrees, of one turn where there are more."""
     if x is None:
         name, step = turn_between_outputs(result)
@@ -98,7 +98,7 @@ def abscissa(result: Readable, x: Any) -> Abscissa:
     return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)
 
 
-def crank(result: Readable) -> str | None:
+def crank(result: ResultView) -> str | None:
     """The first joint that turns on about its one axis, once around at least; None where none does."""
     for about in result.summary.get("joints", ()):
         if joint_units(about)[0] != ["rad"]:
@@ -109,7 +109,7 @@ def crank(result: Readable) -> str | None:
     return None
 
 
-def _numbers(result: Readable, name: str) -> tuple[FloatArray, str]:
+def _numbers(result: ResultView, name: str) -> tuple[FloatArray, str]:
     if name in result.names.coordinates:
         i = list(result.names.coordinates).index(name)
         return np.asarray(result.q[:, i]), coordinate_units(result.summary, result.names)[0][i]

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..naming import column_names, joint_units
-from ..readable import Readable
+from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa
 from .style import COLOURS, Canvas, dressed, empty, ending, legend, level, unit_label
 
 
-def draw_joint(result: Readable, name: str, canvas: Canvas, axes: str = "world", x: Abscissa | None = None) -> None:
+def draw_joint(result: ResultView, name: str, canvas: Canvas, axes: str = "world", x: Abscissa | None = None) -> None:
     """Position, velocity, force and moment of the joint `name` in four panels.
 
     Reaction components that are not unique are drawn dashed and marked in the legend.

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
-from ..readable import Readable
+from ..result_view import ResultView
 from .style import COLOURS, Canvas, dressed, empty, legend, shortened, telling
 
 GREY = "#bbbbbb"
 STRIPS = 6
 
 
-def draw_measure(result: Readable, canvas: Canvas, place: SubplotSpec) -> None:
+def draw_measure(result: ResultView, canvas: Canvas, place: SubplotSpec) -> None:
     """rho of each coordinate over time below, which were independent above."""
     rows = min(result.independent.shape[1], STRIPS)
     if rows == 0 or len(result.t) == 0:
@@ -38,7 +38,7 @@ def draw_measure(result: Readable, canvas: Canvas, place: SubplotSpec) -> None:
     strip.tick_params(labelbottom=False, length=0)
 
 
-def _draw_strip(result: Readable, ax: Axes, colour: dict[int, str], rows: int) -> None:
+def _draw_strip(result: ResultView, ax: Axes, colour: dict[int, str], rows: int) -> None:
     """One band per independent coordinate, in the colour of its line below."""
     for row, name_of_band in enumerate(bands(result)[:rows]):
         for start, end, i in name_of_band:
@@ -58,7 +58,7 @@ def _draw_strip(result: Readable, ax: Axes, colour: dict[int, str], rows: int) -
         ax.spines[side].set_visible(False)
 
 
-def bands(result: Readable) -> list[list[tuple[float, float, int]]]:
+def bands(result: ResultView) -> list[list[tuple[float, float, int]]]:
     """For each place among the independent: spans (from, to, column of v) between the outputs.
 
     A coordinate that stays keeps its place when another one is exchanged.

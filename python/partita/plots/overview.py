@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.gridspec import GridSpecFromSubplotSpec
 
-from ..readable import Readable
+from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa, crank
 from .measure import draw_measure
 from .reactions import draw_loads
@@ -15,12 +15,12 @@ ROW = 3.0
 """Height of a row of panels, in inches."""
 
 
-def overview_height(result: Readable, x: Abscissa) -> float:
+def overview_height(result: ResultView, x: Abscissa) -> float:
     """In inches: a row more where a crank turns."""
     return ROW * (4 if x.is_time and crank(result) else 3)
 
 
-def draw_overview(result: Readable, canvas: Canvas, x: Abscissa) -> None:
+def draw_overview(result: ResultView, canvas: Canvas, x: Abscissa) -> None:
     """How far, how fast, how loaded, and over which angle of a crank; then what the solver did: measure, closure,
     energy balance, over time."""
     turning = crank(result) if x.is_time else None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
-from ..readable import Readable
+from ..result_view import ResultView
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +22,7 @@ MOST_BEARINGS = 6
 TURNING = ("revolute", "cylindrical")
 
 
-def draw_paths(result: Readable, canvas: Canvas, points: Mapping[str, Any] | None = None) -> None:
+def draw_paths(result: ResultView, canvas: Canvas, points: Mapping[str, Any] | None = None) -> None:
     """Paths of `points`, {name: (body, place in body axes)}, or of joints that travel, true to scale in their plane."""
     ax = dressed(canvas.subplots(), "Paths of points" if points else "Paths of joints", "", time_axis=False)
     found = _asked(result, points) if points else {name: result.joint(name).point for name in result.names.joints}
@@ -46,7 +46,7 @@ def draw_paths(result: Readable, canvas: Canvas, points: Mapping[str, Any] | Non
     legend(ax, len(moving), len(found), "shown; dots: start")
 
 
-def _asked(result: Readable, points: Any) -> dict[str, FloatArray]:
+def _asked(result: ResultView, points: Any) -> dict[str, FloatArray]:
     if not isinstance(points, Mapping):
         raise ArgumentError(
             f"points must be a mapping from names to (body, place), not {shown(points)}", argument="points"
@@ -75,7 +75,7 @@ def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, str]]
     return axes[0], axes[1], ("along the widest direction", "across it")
 
 
-def draw_bearings(result: Readable, canvas: Canvas) -> None:
+def draw_bearings(result: ResultView, canvas: Canvas) -> None:
     """The force of each bearing as a polar curve: how much, in which direction across its axis; the most loaded ones.
 
     Directions are those of the joint's axes on its parent, so that a curve shows which part of the seat wears.

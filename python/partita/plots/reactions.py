@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..readable import Readable
+from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, shortened
 
@@ -13,7 +13,7 @@ PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
          "moment": (slice(3, 6), "Moments of the joints", "|moment| [N m]")}  # fmt: skip
 
 
-def draw_reactions(result: Readable, canvas: Canvas, x: Abscissa | None = None) -> None:
+def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None) -> None:
     """|force| and |moment| of each joint; of many joints, the most loaded. Dashed and marked * where what is not unique
     carries load."""
     carried = [key for key in PARTS if carries(result, key)]
@@ -27,7 +27,7 @@ def draw_reactions(result: Readable, canvas: Canvas, x: Abscissa | None = None) 
         canvas.supxlabel("; ".join(sorted(notes)), fontsize=8, color="#555555")
 
 
-def carries(result: Readable, key: str) -> bool:
+def carries(result: ResultView, key: str) -> bool:
     """Does any joint carry a force, or a moment, that is more than rounding?"""
     if not result.names.joints:
         return False
@@ -35,7 +35,7 @@ def carries(result: Readable, key: str) -> bool:
     return most > 1e-11 * max(1.0, force)
 
 
-def draw_loads(result: Readable, ax: Axes, key: str, x: Abscissa | None = None) -> str:
+def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None) -> str:
     """|force| or |moment| of the most loaded joints in one panel; what there is to say of those that are not unique.
 
     A joint is marked only where a part of its load that redundant constraints leave open carries something, and only

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..readable import Readable
+from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa
 from .bundle import draw_bundle, is_length
 from .style import COLOURS, dressed, empty, legend, level, positive, shortened, telling, unit_label
@@ -18,7 +18,7 @@ MOST_TURNS = 3.0
 """A coordinate that turns more often is told, not drawn, beside others that do not."""
 
 
-def draw_coordinates(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """q over time; where there are too many, the independent ones and those that move most."""
     columns = telling(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
     units, labels = coordinate_units(result.summary, result.names)[0], result.names.coordinates
@@ -36,13 +36,13 @@ def draw_coordinates(result: Readable, ax: Axes, x: Abscissa | None = None) -> N
         ax.text(0.01, 0.99, words, transform=ax.transAxes, va="top", fontsize=7, color="#555555", bbox=paper)
 
 
-def draw_velocities(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """v over time: how fast."""
     units = coordinate_units(result.summary, result.names)[1]
     _draw(result, ax, x, "Velocities", "v", result.v, telling(result, result.v), result.names.velocities, units)
 
 
-def draw_accelerations(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+def draw_accelerations(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """dv/dt over time; gaps where a singular position leaves it open."""
     units = [f"{unit}^2" if unit.endswith("/s") else unit for unit in coordinate_units(result.summary, result.names)[1]]
     vdot = np.asarray(result.vdot)
@@ -50,7 +50,7 @@ def draw_accelerations(result: Readable, ax: Axes, x: Abscissa | None = None) ->
 
 
 def _draw(
-    result: Readable, ax: Axes, x: Abscissa | None, title: str, symbol: str, values: NDArray[np.float64],
+    result: ResultView, ax: Axes, x: Abscissa | None, title: str, symbol: str, values: NDArray[np.float64],
     columns: list[int], labels: Sequence[str], units: Sequence[str],
     left_out: Sequence[int] = (),
 ) -> None:  # fmt: skip
@@ -72,13 +72,13 @@ def _draw(
             level(panel, values[:, own][np.isfinite(values[:, own])])
 
 
-def _widest(result: Readable) -> list[int]:
+def _widest(result: ResultView) -> list[int]:
     """With quaternions the columns of q are not those of v: choose by movement alone."""
     span = np.ptp(result.q, axis=0) if len(result.q) else np.zeros(result.q.shape[1])
     return sorted(int(i) for i in np.argsort(-span, kind="stable")[: len(COLOURS)])
 
 
-def draw_sensor(result: Readable, name: str, ax: Axes, x: Abscissa | None = None) -> None:
+def draw_sensor(result: ResultView, name: str, ax: Axes, x: Abscissa | None = None) -> None:
     """What a sensor read over time: a line for each of its numbers."""
     x = x or abscissa(result, None)
     read = result.sensor(name)
@@ -92,7 +92,7 @@ def draw_sensor(result: Readable, name: str, ax: Axes, x: Abscissa | None = None
         legend(ax, min(columns.shape[1], len(COLOURS)), columns.shape[1], "components")
 
 
-def draw_closure(result: Readable, ax: Axes) -> None:
+def draw_closure(result: ResultView, ax: Axes) -> None:
     """Largest closing errors over time, on a logarithmic axis."""
     dressed(ax, "Closure of the loops", "largest error")
     if result.multipliers.shape[1] == 0:
@@ -110,7 +110,7 @@ def draw_closure(result: Readable, ax: Axes) -> None:
     ax.legend(loc="upper right", fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1)
 
 
-def draw_balance(result: Readable, ax: Axes) -> None:
+def draw_balance(result: ResultView, ax: Axes) -> None:
     """Energy that came or went without a cause, relative to the energy exchanged."""
     dressed(ax, "Energy balance", "imbalance / exchanged energy")
     if not result.has_energy:
@@ -127,7 +127,7 @@ def draw_balance(result: Readable, ax: Axes) -> None:
     )  # fmt: skip
 
 
-def draw_energy(result: Readable, ax: Axes, x: Abscissa | None = None) -> None:
+def draw_energy(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """Kinetic, potential and total energy, and the work put in."""
     x = x or abscissa(result, None)
     dressed(ax, "Energy", "energy [J]")

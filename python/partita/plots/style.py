@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from ..readable import Readable
+from ..result_view import ResultView
 
 Canvas = Figure | SubFigure
 
@@ -67,7 +67,7 @@ def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(np.abs(values), FLOOR)
 
 
-def telling(result: Readable, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
+def telling(result: ResultView, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
     """Columns worth a line: those most often independent first, then the ones that move most; at most `limit`."""
     total = values.shape[1]
     if total <= limit:
@@ -85,13 +85,13 @@ def unit_label(units: Sequence[str]) -> str:
     return f" [{', '.join(known)}]" if known else ""
 
 
-def headline(result: Readable, canvas: Canvas) -> None:
+def headline(result: ResultView, canvas: Canvas) -> None:
     """Name of the mechanism and how the run ended, over the whole figure."""
     colour = "#222222" if result.success else "#a01010"
     canvas.suptitle(f"{result.title}{ending(result)}", fontsize=12, fontweight="bold", color=colour)
 
 
-def ending(result: Readable) -> str:
+def ending(result: ResultView) -> str:
     """A warning for titles when the run stopped early, else nothing."""
     return "" if result.success else f"  (stopped early: {result.status})"
 

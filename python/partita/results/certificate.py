@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PartitaError
-from ..readable import Readable
+from ..result_view import ResultView
 from .notebook import lines
 from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, word_of
 
@@ -78,19 +78,19 @@ class Certificate:
         return word_of(self.findings)
 
     @classmethod
-    def from_account(cls, told: Mapping[str, Any]) -> Certificate:
+    def from_account(cls, reported: Mapping[str, Any]) -> Certificate:
         """The inverse of `vars(certificate)` after a way through JSON."""
         known = {field.name for field in fields(cls)}
         own: dict[str, Any] = {
-            "notes": tuple(map(str, told["notes"])),
-            "bodies": tuple((str(name), float(worst), float(t)) for name, worst, t in told["bodies"]),
-            "rank": tuple(int(rank) for rank in told["rank"]),
-            "findings": tuple(findings_of(told["findings"])),
+            "notes": tuple(map(str, reported["notes"])),
+            "bodies": tuple((str(name), float(worst), float(t)) for name, worst, t in reported["bodies"]),
+            "rank": tuple(int(rank) for rank in reported["rank"]),
+            "findings": tuple(findings_of(reported["findings"])),
         }
-        return cls(**{key: value for key, value in told.items() if key in known} | own)
+        return cls(**{key: value for key, value in reported.items() if key in known} | own)
 
     def __str__(self) -> str:
-        told = [
+        reported = [
             _line("verdict", self.verdict),
             *(f"{word_of([finding])}: {finding.sentence}" for finding in self.findings),
             _line("loops open by", f"{_shown(self.closure)} m or rad{_who(self.closure_row, self.closure_t)}"),
@@ -119,14 +119,14 @@ class Certificate:
         notes = [f"note: {_cut(note)}" for note in kept[:NOTES]]
         if len(kept) > NOTES:
             notes.append(f"note: and {len(kept) - NOTES} more in certificate.notes")
-        return "\n".join([*told, *notes])
+        return "\n".join([*reported, *notes])
 
     def _repr_html_(self) -> str:
         """The same words, in a notebook."""
         return lines(str(self))
 
 
-def certify(result: Readable) -> Certificate:
+def certify(result: ResultView) -> Certificate:
     """Gather the certificate of a result; asks for the reactions, O(outputs x bodies)."""
     notes = list(result.notes)
     newton_euler = None
@@ -171,7 +171,7 @@ def certify(result: Readable) -> Certificate:
     )
 
 
-def _of_outputs(result: Readable) -> dict[str, Any]:
+def _of_outputs(result: ResultView) -> dict[str, Any]:
     """Who is open most and when, accelerations, rank and margin."""
     checks, names = result.checks, result.names.multipliers
 
@@ -195,7 +195,7 @@ def _of_outputs(result: Readable) -> dict[str, Any]:
     return found
 
 
-def _of_bodies(result: Readable) -> dict[str, Any]:
+def _of_bodies(result: ResultView) -> dict[str, Any]:
     """Newton-Euler residual body by body; of a singular position none is known."""
     residuals = np.nan_to_num(np.abs(result.reactions["residuals"]), nan=0.0)
     if residuals.shape != (len(result.t), len(result.names.bodies)) or not residuals.size:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..readable import Readable
+from ..result_view import ResultView
 from .record import exact, read_exact
 from .variables import Axis, Variable, axes, variables
 
@@ -44,12 +44,12 @@ class Content:
         return json.dumps(self.header(**more), separators=(",", ":"))
 
 
-def content_of(result: Readable) -> Content:
+def content_of(result: ResultView) -> Content:
     """What there is to store of `result`: asks for everything that it can tell."""
     found = tuple(_typed(v) for v in variables(result))
     used = {name for v in found for name in v.axes}
-    told = {**result.record.account(), "certificate": exact(vars(result.certificate))}
-    return Content(told, found, {name: axis for name, axis in axes(result).items() if name in used})
+    reported = {**result.record.account(), "certificate": exact(vars(result.certificate))}
+    return Content(reported, found, {name: axis for name, axis in axes(result).items() if name in used})
 
 
 def described(variable: Variable) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError
-from ..readable import FloatArray
+from ..result_view import FloatArray
 from .source import Source
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..extras import extra
-from ..readable import Readable
+from ..result_view import ResultView
 from .certificate import Certificate
 from .content import Content, content_of, read_header
 from .record import read_exact
@@ -22,7 +22,7 @@ LONGEST = 20_000
 """Letters of an attribute: HDF5 holds no more than 64 kB in one."""
 
 
-def to_xarray(result: Readable) -> xarray.Dataset:
+def to_xarray(result: ResultView) -> xarray.Dataset:
     """See `Result.to_xarray`."""
     extra("xarray", "xarray", "to_xarray")
     return dataset(content_of(result))

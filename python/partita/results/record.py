@@ -64,7 +64,7 @@ class Record:
     ) -> Record:
         """From the dictionary that the core returns."""
         return cls(
-            arrays=Tables(raw, raw.get("journal")),
+            arrays=Tables(raw, raw.get("log")),
             summary=dict(summary),
             partitions=[{key: plain(value) for key, value in entry.items()} for entry in raw.get("partitions", ())],
             notes=[str(note) for note in raw.get("notes", ())],
@@ -84,8 +84,8 @@ class Record:
 
     def account(self) -> dict[str, Any]:
         """Everything but the arrays, ready for JSON; the inverse is `from_account` of what `read_exact` finds."""
-        told = {"notes": self.all_notes, "findings": exact([*self.findings, *self.arrays.findings])}
-        return {key: exact(getattr(self, key)) for key in ACCOUNT} | told
+        reported = {"notes": self.all_notes, "findings": exact([*self.findings, *self.arrays.findings])}
+        return {key: exact(getattr(self, key)) for key in ACCOUNT} | reported
 
     @property
     def all_notes(self) -> list[str]:
@@ -97,12 +97,12 @@ class Record:
         """The inverse of `account`, with the arrays put back."""
         spec = account["spec"]
         own = ("spec", "steps_open", "gaps", "misfit", "findings", "version")
-        told = {key: account[key] for key in ACCOUNT if key not in own}
-        told["steps_open"], told["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
-        told["misfit"] = _pair((account.get("misfit", 0.0), 0.0))[0]
-        told["findings"] = findings_of(account.get("findings", ()))
-        told["version"] = str(account.get("version", ""))
-        return cls(arrays=Tables(arrays), **told, description=None if spec is None else json.dumps(spec))
+        reported = {key: account[key] for key in ACCOUNT if key not in own}
+        reported["steps_open"], reported["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
+        reported["misfit"] = _pair((account.get("misfit", 0.0), 0.0))[0]
+        reported["findings"] = findings_of(account.get("findings", ()))
+        reported["version"] = str(account.get("version", ""))
+        return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
 
 
 def _pair(values: Sequence[float | None] | None) -> tuple[float, float]:
@@ -146,9 +146,9 @@ def exact(value: Any) -> Any:
     return plain(value, lambda number: {NOT_FINITE: repr(number)})
 
 
-def read_exact(told: Any) -> Any:
+def read_exact(reported: Any) -> Any:
     """The inverse of `exact`, of a JSON text or of what was read from one."""
-    return json.loads(told if isinstance(told, str) else json.dumps(told), object_hook=_number)
+    return json.loads(reported if isinstance(reported, str) else json.dumps(reported), object_hook=_number)
 
 
 def _number(item: dict[str, Any]) -> Any:

@@ -116,8 +116,8 @@ class Run:
         """One warning for a result that is doubtful and not known to be broken."""
         if self._record.success and word_of(findings) == DOUBTFUL and not self._warned:
             self._warned = True
-            told = "; ".join(finding.sentence for finding in findings)
-            warnings.warn(f"the result is doubtful: {told}", DoubtfulResultWarning, stacklevel=4)
+            reported = "; ".join(finding.sentence for finding in findings)
+            warnings.warn(f"the result is doubtful: {reported}", DoubtfulResultWarning, stacklevel=4)
 
     @cached_property
     def names(self) -> Names:

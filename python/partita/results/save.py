@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import FileFormatError
 from ..extras import wanted
 from ..files import put, put_folder, target
-from ..readable import Readable
+from ..result_view import ResultView
 from .content import Content, content_of
 from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
 
@@ -59,7 +59,7 @@ def format_of(path: Path, failing: str) -> Format:
     return FORMATS[ending]
 
 
-def save(result: Readable, path: str | os.PathLike[str]) -> Path:
+def save(result: ResultView, path: str | os.PathLike[str]) -> Path:
     """Write `result` to `path`; a file there is replaced only when the new one is complete."""
     where = checked_path(path)
     written = FORMATS[where.suffix.lower()].write(content_of(result))

@@ -297,10 +297,10 @@ class StoredSource:
 def complete(source: Source) -> dict[str, NDArray[Any]]:
     """Everything that a source can tell, as a stored result holds it."""
     world, joint = source.determined
-    told = {**source.energies, **source.observed, **source.reactions, **source.checks}
+    reported = {**source.energies, **source.observed, **source.reactions, **source.checks}
     flags = {"determined_world": world, "determined_joint": joint, "determined_drive": source.determined_drive}
     more = {"joint_acceleration": source.joint_accelerations, "determined_effort": source.determined_efforts}
-    return {**told, **flags, **more}
+    return {**reported, **flags, **more}
 
 
 def alone(arrays: Arrays, keys: tuple[str, ...]) -> Arrays:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..extras import extra
-from ..readable import Readable
+from ..result_view import ResultView
 from .content import TYPES, Content, content_of
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _plan(header: Mapping[str, Any]) -> list[Place]:
         plan += _together([list(_columns_of(name, header, titles.get(name))) for name in group])
         if group == ["potential"] and "kinetic" in arrays:
             plan.append((TOTAL, "J", TOTAL, ()))
-    return _told_apart(plan)
+    return _distinct(plan)
 
 
 def _columns_of(name: str, header: Mapping[str, Any], title: str | None) -> Iterator[Place]:
@@ -156,7 +156,7 @@ def _together(found: Sequence[list[Place]]) -> list[Place]:
     return [column for i in range(count) for group in found for column in group if column[3][0] == i]
 
 
-def _told_apart(plan: list[Place]) -> list[Place]:
+def _distinct(plan: list[Place]) -> list[Place]:
     """The same with every name once: conditions may share a name, and a joint's may be made to look like another's."""
     seen: dict[str, int] = {}
     apart = []
@@ -166,7 +166,7 @@ def _told_apart(plan: list[Place]) -> list[Place]:
     return apart
 
 
-def to_pandas(result: Readable) -> pandas.DataFrame:
+def to_pandas(result: ResultView) -> pandas.DataFrame:
     """See `Result.to_pandas`."""
     pandas = extra("pandas", "pandas", "to_pandas")
     found = columns(content_of(result))

@@ -18,7 +18,7 @@ ASSESSED = (*ASSESSED_1D, *ASSESSED_2D)
 NAMES = ("t", *KEPT_2D, *KEPT_1D, *DESCRIBED_2D, *DESCRIBED_1D, *ASSESSED, "independent")
 
 
-class Journal(Protocol):
+class SolutionLog(Protocol):
     """What the core keeps of a run: the choices of coordinates and what else an instant is described by."""
 
     def describe(self) -> dict[str, Any]:
@@ -33,14 +33,14 @@ class Tables(Mapping[str, NDArray[Any]]):
     closures are computed together, for all outputs, when one of them is first asked for; so are measures and qualities.
     """
 
-    def __init__(self, arrays: Mapping[str, Any], journal: Journal | None = None) -> None:
-        self._journal = journal
+    def __init__(self, arrays: Mapping[str, Any], log: SolutionLog | None = None) -> None:
+        self._log = log
         t = np.atleast_1d(np.asarray(arrays.get("t", ()), dtype=float))
         self._arrays: dict[str, NDArray[Any]] = {"t": t}
         self._take(arrays, KEPT_1D, KEPT_2D)
         self._notes: list[str] = []
         self._findings: list[Finding] = []
-        if journal is None:
+        if log is None:
             self._describe(arrays)
             self._assess(arrays)
 
@@ -61,12 +61,12 @@ class Tables(Mapping[str, NDArray[Any]]):
         return self._findings
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if name in self._arrays or self._journal is None:
+        if name in self._arrays or self._log is None:
             return self._arrays[name]
         if name in ASSESSED:
-            self._assess(self._journal.assess())
+            self._assess(self._log.assess())
         elif name in NAMES:
-            found = self._journal.describe()
+            found = self._log.describe()
             self._describe(found)
             self._notes = [str(note) for note in found["notes"]]
             self._findings = findings_of(found["findings"])
@@ -79,7 +79,7 @@ class Tables(Mapping[str, NDArray[Any]]):
         return len(NAMES)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Tables:
-        other = Tables({}, self._journal)  # what the core keeps never changes
+        other = Tables({}, self._log)  # what the core keeps never changes
         other._arrays, other._notes = copy.deepcopy(self._arrays, memo), list(self._notes)
         other._findings = list(self._findings)
         return other

@@ -8,7 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..naming import column_names, coordinate_units, joint_units
-from ..readable import Readable
+from ..result_view import ResultView
 from .joint import COMPONENTS
 from .source import Arrays
 
@@ -93,7 +93,7 @@ DETERMINED = {
 }
 
 
-def variables(result: Readable) -> list[Variable]:
+def variables(result: ResultView) -> list[Variable]:
     """All arrays of `result`; asks for bodies and reactions. Arrays the run does not have are left out."""
     nt = len(result.t)
     found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
@@ -111,7 +111,7 @@ def variables(result: Readable) -> list[Variable]:
     return found
 
 
-def sensors(result: Readable) -> list[tuple[Variable, Axis | None]]:
+def sensors(result: ResultView) -> list[tuple[Variable, Axis | None]]:
     """What sensors read, each with an axis of its own where its columns are not x, y, z."""
     found: list[tuple[Variable, Axis | None]] = []
     for item in result.summary.get("sensors", ()):
@@ -130,7 +130,7 @@ def sensors(result: Readable) -> list[tuple[Variable, Axis | None]]:
     return found
 
 
-def units(result: Readable) -> dict[str, str | tuple[str, ...]]:
+def units(result: ResultView) -> dict[str, str | tuple[str, ...]]:
     """Unit of every array by its name; where columns differ, one for each. Nothing is computed for it."""
     tables = [RUN] if not result.is_mechanism else [RUN, OBSERVED, ACCELERATIONS, REACTIONS, CHECKS]
     columns = _own_axes(result)
@@ -154,7 +154,7 @@ def _over_time(table: dict[str, tuple[tuple[str, ...], str, str]], arrays: Array
     ]
 
 
-def axes(result: Readable) -> dict[str, Axis]:
+def axes(result: ResultView) -> dict[str, Axis]:
     """Labels of every axis the variables use, except time."""
     found = _own_axes(result)
     if result.is_mechanism:
@@ -162,7 +162,7 @@ def axes(result: Readable) -> dict[str, Axis]:
     return found
 
 
-def _own_axes(result: Readable) -> dict[str, Axis]:
+def _own_axes(result: ResultView) -> dict[str, Axis]:
     """Those of a run itself, for which no sensor is read."""
     names = result.names
     q_units, v_units = coordinate_units(result.summary, names)
@@ -186,7 +186,7 @@ def _own_axes(result: Readable) -> dict[str, Axis]:
     return {axis.name: axis for axis in listed}
 
 
-def _joint_axes(result: Readable) -> tuple[list[str], list[str], list[str], list[str]]:
+def _joint_axes(result: ResultView) -> tuple[list[str], list[str], list[str], list[str]]:
     """Labels and units of the columns of joint_position and joint_velocity."""
     q_labels: list[str] = []
     q_units: list[str] = []

@@ -24,9 +24,9 @@ class Finding(NamedTuple):
     sentence: str
 
 
-def findings_of(told: Iterable[Any]) -> list[Finding]:
+def findings_of(reported: Iterable[Any]) -> list[Finding]:
     """Findings out of plain data."""
-    return [Finding(bool(broken), float("nan") if t is None else float(t), str(words)) for broken, t, words in told]
+    return [Finding(bool(broken), float("nan") if t is None else float(t), str(words)) for broken, t, words in reported]
 
 
 def word_of(findings: Iterable[Finding]) -> str:

@@ -71,7 +71,7 @@ def text_of(record: SensorRecord) -> str:
         return record.text
     data, of = record.data, record.data["of"]
     if of == "expression":
-        return _told(data["expression"])
+        return _text_of_tree(data["expression"])
     if of == "function":
         return f"function of {', '.join(data['sensors'])}"
     axes = data.get("axes", "world")
@@ -92,10 +92,10 @@ def text_of(record: SensorRecord) -> str:
     return f"{data['reads'].replace('_', ' ')} of {what}{along}"
 
 
-def _told(tree: Any) -> str:
+def _text_of_tree(tree: Any) -> str:
     if not isinstance(tree, list | tuple):
         return str(tree) if isinstance(tree, str) else f"{tree:g}"
     if tree[0] in ("norm", "dot", "component"):
-        return f"{tree[0]}({', '.join(map(_told, tree[1:]))})"
+        return f"{tree[0]}({', '.join(map(_text_of_tree, tree[1:]))})"
     sign = {"sum": " + ", "product": " * ", "quotient": " / "}[tree[0]]
-    return f"({sign.join(map(_told, tree[1:]))})"
+    return f"({sign.join(map(_text_of_tree, tree[1:]))})"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..readable import Readable
+from ..result_view import ResultView
 
 FloatArray = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ MOST_COLUMNS = 400
 MOST_LINES = 5
 
 
-def curves(result: Readable) -> tuple[list[dict[str, Any]], list[int], dict[str, FloatArray]]:
+def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[str, FloatArray]]:
     """Curves of the page, those shown first, and the tables (nt, columns) they are read from."""
     found, tables = _coordinates(result)
     found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS]
@@ -43,7 +43,7 @@ def _curve(group: str, name: str, table: str, columns: Any, unit: str, labels: l
     }  # fmt: skip
 
 
-def _coordinates(result: Readable) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
+def _coordinates(result: ResultView) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
     q, v = np.asarray(result.q, dtype=float), np.asarray(result.v, dtype=float)
     names = result.names
     q_units, v_units = coordinate_units(result.summary, names)
@@ -60,13 +60,13 @@ def _coordinates(result: Readable) -> tuple[list[dict[str, Any]], dict[str, Floa
     return found, tables
 
 
-def _load(result: Readable, name: str, what: str, unit: str) -> dict[str, Any]:
+def _load(result: ResultView, name: str, what: str, unit: str) -> dict[str, Any]:
     at = 3 * list(result.names.joints).index(name)
     curve = _curve(f"{what}s of joints", f"{what} in {name}", what, range(at, at + 3), unit, [""])
     return curve | {"size": True, "open": loads_open(result, name)[what == "moment"]}
 
 
-def _first(result: Readable, found: list[dict[str, Any]]) -> list[int]:
+def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
     """A coordinate that leads, the joint with the largest force, and the first sensors: three plots."""
     chosen: list[int] = []
     groups = [curve["group"] for curve in found]
@@ -83,7 +83,7 @@ def _first(result: Readable, found: list[dict[str, Any]]) -> list[int]:
     return chosen
 
 
-def loads_open(result: Readable, name: str) -> list[bool]:
+def loads_open(result: ResultView, name: str) -> list[bool]:
     """Of a joint's force and moment: does any of what is drawn of it stand open (redundant constraints)?"""
     joint = result.joint(name).in_frame("joint")
     found = []

@@ -18,7 +18,7 @@ from ..errors import ArgumentError, FileFormatError, MissingDependencyError
 from ..extras import extra
 from ..files import put, target
 from ..numeric import shown
-from ..readable import Readable, checked_run
+from ..result_view import ResultView, checked_run
 from .hints import solids, traced
 from .pose import Pose
 from .scene import describe
@@ -31,7 +31,7 @@ MOST_PICTURES = 900
 
 
 def save_film(
-    result: Readable,
+    result: ResultView,
     path: str | os.PathLike[str],
     *,
     fps: float = 20.0,

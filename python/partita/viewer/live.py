@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..extras import extra
 from ..numeric import shown
-from ..readable import Readable
+from ..result_view import ResultView
 from .hints import solids
 from .scene import describe
 
@@ -46,7 +46,7 @@ class LiveView:
     It is served by this process as long as the process lives or until `close`; `with sim.show() as view:` closes it.
     """
 
-    def __init__(self, at: Readable, now: Callable[[], Poses], shapes: Any, host: str, port: int) -> None:
+    def __init__(self, at: ResultView, now: Callable[[], Poses], shapes: Any, host: str, port: int) -> None:
         viser = extra("viser", "live", "a live view")
         _checked(host, port)
         bodies = list(at.names.bodies)
@@ -292,7 +292,7 @@ def _end(spring: Mapping[str, Any], end: int, poses: Poses) -> FloatArray:
     return point if body < 0 else poses.position[body] + poses.rotation[body] @ point
 
 
-def _middle(at: Readable) -> FloatArray:
+def _middle(at: ResultView) -> FloatArray:
     """The middle of the box around bodies and joints."""
     places = [at.body(name).position[0] for name in at.names.bodies]
     places += [at.joint(name).point[0] for name in at.names.joints]

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import ArgumentError
 from ..files import put, target
 from ..numeric import shown
-from ..readable import Readable, checked_run
+from ..result_view import ResultView, checked_run
 from ..webpage import part_of, whole_page
 from .hints import solids, traced
 from .scene import describe
@@ -23,7 +23,7 @@ SCRIPTS = (
 
 
 def html(
-    result: Readable,
+    result: ResultView,
     title: str | None = None,
     *,
     shapes: Mapping[str, Any] | None = None,
@@ -66,7 +66,7 @@ def html(
 
 
 def write_html(
-    result: Readable,
+    result: ResultView,
     path: str | PathLike[str],
     title: str | None = None,
     *,

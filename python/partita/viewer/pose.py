@@ -33,9 +33,9 @@ class Pose:
             axis=-2,
         )
         kinds = [body["kind"] for body in scene["bodies"]]
-        told = {wheel["body"] for wheel in scene["wheels"] if not wheel["ring"]}
-        told |= {line["body"] for line in scene["lines"] if line["look"] == "cam"}
-        self.hidden = {b for b in told if b >= 0 and kinds[b] == "ball"}
+        reported = {wheel["body"] for wheel in scene["wheels"] if not wheel["ring"]}
+        reported |= {line["body"] for line in scene["lines"] if line["look"] == "cam"}
+        self.hidden = {b for b in reported if b >= 0 and kinds[b] == "ball"}
 
     def turned(self, frame: int, body: int, directions: FloatArray) -> FloatArray:
         """Directions (..., 3) of a body, in the world."""

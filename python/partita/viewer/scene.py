@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..readable import FEW, Readable, turn_between_outputs
+from ..result_view import FEW, ResultView, turn_between_outputs
 from .couplings import Pictures, pictures
 from .curves import curves, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -23,7 +23,7 @@ SLIDING = ("prismatic", "cylindrical", "screw")
 ENOUGH = np.radians(10.0)
 """A turn from output to output that is seen as motion."""
 MOST_SWITCHES = 2000
-MOST_TOLD = 400
+MOST_FULL = 400
 """Exchanges that are told in words; of more, the times are marked."""
 
 
@@ -44,7 +44,7 @@ class Motion:
 
 
 def describe(
-    result: Readable,
+    result: ResultView,
     title: str | None,
     solids: Mapping[int, list[dict[str, Any]]] | None = None,
     traced: Sequence[dict[str, Any]] = (),
@@ -118,7 +118,7 @@ def describe(
     }
 
 
-def _apart(result: Readable) -> dict[str, Any] | None:
+def _apart(result: ResultView) -> dict[str, Any] | None:
     """The coordinate that turns too far between outputs for lines, how far [deg], and a step in time that would do."""
     name, step = turn_between_outputs(result)
     if step <= FEW:
@@ -127,7 +127,7 @@ def _apart(result: Readable) -> dict[str, Any] | None:
     return {"name": name, "degrees": float(np.degrees(step)), "step": usual * ENOUGH / step}
 
 
-def _motion(result: Readable) -> Motion:
+def _motion(result: ResultView) -> Motion:
     nt = len(result.t)
     bodies = [result.body(name) for name in result.names.bodies]
     position = np.array([b.position for b in bodies], dtype=float).reshape(-1, nt, 3).transpose(1, 0, 2)
@@ -140,7 +140,7 @@ def _motion(result: Readable) -> Motion:
     return Motion(position, rotation, point, size or 1.0)
 
 
-def _tables(result: Readable, motion: Motion) -> dict[str, FloatArray]:
+def _tables(result: ResultView, motion: Motion) -> dict[str, FloatArray]:
     """Everything that changes with time, each (nt, columns)."""
     nt = len(result.t)
     joints = [result.joint(name) for name in result.names.joints]
@@ -292,7 +292,7 @@ def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list
 
 
 def _bodies(
-    result: Readable, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], coupled: Pictures
+    result: ResultView, spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]], coupled: Pictures
 ) -> list[dict[str, Any]]:
     """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
@@ -381,7 +381,7 @@ def _springs(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
     ]
 
 
-def _loads(result: Readable) -> tuple[list[str], dict[str, FloatArray]]:
+def _loads(result: ResultView) -> tuple[list[str], dict[str, FloatArray]]:
     """Names of the loads that push at a point, and a table (nt, 6) of place and force for each, in the world."""
     names: list[str] = []
     tables: dict[str, FloatArray] = {}
@@ -420,11 +420,11 @@ def _choices(independent: NDArray[Any]) -> list[list[Any]]:
     return choices
 
 
-def _switches(result: Readable) -> list[dict[str, Any]]:
+def _switches(result: ResultView) -> list[dict[str, Any]]:
     """The log of exchanges; the first choice of a run is not one."""
     changes = [change for change in result.partitions if change.entering or change.leaving]
     return [{"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
-            for c in changes[:MOST_TOLD]] + [{"t": float(c.t)} for c in changes[MOST_TOLD:MOST_SWITCHES]]  # fmt: skip
+            for c in changes[:MOST_FULL]] + [{"t": float(c.t)} for c in changes[MOST_FULL:MOST_SWITCHES]]  # fmt: skip
 
 
 def _listed(axis: FloatArray | None) -> list[float] | None:

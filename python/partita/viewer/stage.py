@@ -108,12 +108,12 @@ class Stage:
         self.springs(sheet, frame)
         self.joints(sheet, frame)
         sheet.paint()
-        told = self.arrows(sheet, frame) if self.forces else set()
+        reported = self.arrows(sheet, frame) if self.forces else set()
         for point in self.scene["points"]:
             x, y = self.at(self.pose.placed(frame, point["body"], point["at"]))
             d = 4.0 * FINER
             sheet.polygon([(x - d, y), (x, y - d), (x + d, y), (x, y + d)], INK, PAPER, FINER)
-        self.words(sheet, frame, told)
+        self.words(sheet, frame, reported)
         return image.resize(self.size, Image.Resampling.LANCZOS)
 
     # ---- parts
@@ -430,9 +430,9 @@ class Stage:
 
     def arrows(self, sheet: Sheet, frame: int) -> set[str]:
         """Forces and loads; what there is to say of them: which are hollow, which longer than drawn."""
-        told: set[str] = set()
+        reported: set[str] = set()
         if not self.unit > 0:
-            return told
+            return reported
         for start, force, colour, is_open in self.pose.pushes(frame, FORCE, LOAD):
             size = float(np.linalg.norm(force))
             if not np.isfinite(start).all() or not size > 0:
@@ -451,18 +451,18 @@ class Stage:
             head = [q, q - h * u + 0.38 * h * side, q - h * u - 0.38 * h * side]
             sheet.polygon(head, PAPER if is_open else colour, colour, 1.6 * FINER)
             if is_open:
-                told.add(HOLLOW)
+                reported.add(HOLLOW)
             if size > MOST_ARROW * self.unit * (1.0 + 1e-9):
-                told.add(LONGER)
+                reported.add(LONGER)
                 for shift in (-2.5, 2.5):
                     at = p + 0.55 * (end - p) + shift * FINER * u
                     stroke = [at - 6 * FINER * side, at + 6 * FINER * side]
                     sheet.line(stroke, PAPER, 4.0 * FINER)
                     sheet.line(stroke, colour, 1.6 * FINER)
-        return told
+        return reported
 
-    def words(self, sheet: Sheet, frame: int, told: set[str]) -> None:
-        """Title, time and how fast it runs above; a length, a force and what is `told` of arrows below."""
+    def words(self, sheet: Sheet, frame: int, reported: set[str]) -> None:
+        """Title, time and how fast it runs above; a length, a force and what is `reported` of arrows below."""
         margin = 14 * FINER
         sheet.draw.text((margin, 10 * FINER), self.fitted(sheet, self.scene["title"], 0.6), fill=INK, font=self.font)
         pace = "" if abs(self.factor - 1.0) < 1e-9 else f"   {self.factor:.2g}×"
@@ -485,7 +485,7 @@ class Stage:
             at = (right - length - ends[2] - 8 * FINER, y - (ends[1] + ends[3]) / 2)
             sheet.draw.text(at, said, fill=colour, font=self.font)
             y -= 20 * FINER
-        for text in sorted(told):
+        for text in sorted(reported):
             said = self.fitted(sheet, text, 0.9)
             right = self.width - margin - sheet.draw.textlength(said, font=self.font)
             ends = sheet.draw.textbbox((0, 0), said, font=self.font)

@@ -34,29 +34,29 @@ def main(count: int) -> int:
     with Pool(os.cpu_count()) as pool:
         tasks = [(form, rtol, seed) for form in FULL for rtol in (1e-3, 1e-4, 1e-5) for seed in range(35)]
         full = pool.map(all_velocities, tasks, chunksize=8)
-        told("of all velocities at loose tolerances", full)
+        reported("of all velocities at loose tolerances", full)
         if any(x.outcome == "wrong" or not x.steady for x in full):
             return 1
-        told("at loose tolerances", pool.map(one, [(LOOSE, i) for i in range(loose)], chunksize=8))
+        reported("at loose tolerances", pool.map(one, [(LOOSE, i) for i in range(loose)], chunksize=8))
         found = pool.map(one, [(USUAL, i) for i in range(count)], chunksize=8)
-    return told("at the default tolerance and tighter", found)
+    return reported("at the default tolerance and tighter", found)
 
 
-def told(where: str, found: list[Seen]) -> int:
+def reported(where: str, found: list[Seen]) -> int:
     """Print what was counted and the first that went wrong; 1 if any did."""
     count = len(found)
     outcomes = Counter(x.outcome for x in found)
-    untold = [x for x in found if x.outcome == "right" and x.told != x.passed]
+    untold = [x for x in found if x.outcome == "right" and x.reported != x.passed]
     print(
         f"{count} runs through singular positions {where}: "
         + ", ".join(f"{n} {what}" for what, n in sorted(outcomes.items()))
     )
     print(
-        f"{sum(x.told for x in found)} positions told, {len(untold)} runs with more or fewer told than passed",
+        f"{sum(x.reported for x in found)} positions told, {len(untold)} runs with more or fewer told than passed",
         flush=True,
     )
     for x in [*(x for x in found if x.outcome != "right"), *untold][:10]:
-        print(f"  {x.outcome}, {x.told} told of {x.passed}: {x.words}")
+        print(f"  {x.outcome}, {x.reported} told of {x.passed}: {x.words}")
     return int(outcomes["wrong"] > 0 or outcomes["right"] < 0.98 * count)
 
 

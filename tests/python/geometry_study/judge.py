@@ -86,15 +86,15 @@ def _outcome(case: Case, coordinates: str, program: Program, truth: tuple[Array,
     m = case.drawn.mechanism(case.name)
     said: list[str] = []
     try:
-        told = m.compile(coordinates=coordinates).mobility
+        of_model = m.compile(coordinates=coordinates).mobility
         report = m.report(coordinates=coordinates)
         reported = report.to_dict()["mobility"]
     except pt.errors.PartitaError as error:
         return refusal(case, said, f"{type(error).__name__}: {error}")
-    if told != case.mobility:
-        said.append(f"mobility {told}, truth {case.mobility}")
-    if reported != told:
-        said.append(f"report {reported}, model {told}")
+    if of_model != case.mobility:
+        said.append(f"mobility {of_model}, truth {case.mobility}")
+    if reported != of_model:
+        said.append(f"report {reported}, model {of_model}")
     if case.structure:
         words = str(report)
         if not any(j.name in words for j in case.drawn.joints):

@@ -213,15 +213,15 @@ class Drawing:
             )
         for j in self.joints:
             call, arguments = joint_call(j)
-            told = ", ".join(f"{key}={words(value)}" for key, value in arguments.items())
-            out.append(f"m.{call}({j.name!r}, {j.parent!r}, {j.child!r}, {told})")
+            reported = ", ".join(f"{key}={words(value)}" for key, value in arguments.items())
+            out.append(f"m.{call}({j.name!r}, {j.parent!r}, {j.child!r}, {reported})")
         for f in self.forces:
             call, positional, named = force_call(f)
-            told = ", ".join([*map(words, positional), *(f"{key}={words(value)}" for key, value in named.items())])
+            reported = ", ".join([*map(words, positional), *(f"{key}={words(value)}" for key, value in named.items())])
             if isinstance(f, Load) and f.swing:
-                told = f"{f.body!r}, lambda t, s: np.cos({f.swing!r} * t) * np.array({words(f.force)}), "
-                told += f"point={words(f.point)}, axes={f.axes!r}, name={f.name!r}"
-            out.append(f"m.{call}({told})")
+                reported = f"{f.body!r}, lambda t, s: np.cos({f.swing!r} * t) * np.array({words(f.force)}), "
+                reported += f"point={words(f.point)}, axes={f.axes!r}, name={f.name!r}"
+            out.append(f"m.{call}({reported})")
         for d in self.drives:
             x = f"{d.rate!r} * t + {d.amplitude!r} * (1 - np.cos({d.frequency!r} * t))"
             out.append(f"m.add_drive({d.joint!r}, lambda t: {x}, coordinate={d.coordinate}, name={d.name!r})")

@@ -19,8 +19,8 @@ def report(seed: int, verdict: Verdict) -> str:
     """The first difference on a mechanism, and the shortest drawing that still shows it."""
     kind = kind_of(verdict.wrong[0])
     short = shrunk(chance.mechanism(seed), lambda d: any(kind_of(line) == kind for line in compare(d).wrong))
-    told = "\n  ".join(compare(short).wrong[:5] or verdict.wrong[:5])
-    return f"mechanism {seed} ({short.words}): {len(verdict.wrong)} differences, such as\n  {told}\n{short.lines()}"
+    reported = "\n  ".join(compare(short).wrong[:5] or verdict.wrong[:5])
+    return f"mechanism {seed} ({short.words}): {len(verdict.wrong)} differences, such as\n  {reported}\n{short.lines()}"
 
 
 def study(seeds: Iterable[int]) -> tuple[Counter[str], dict[str, float], list[tuple[int, Verdict]]]:

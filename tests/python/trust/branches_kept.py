@@ -72,9 +72,9 @@ def crossed_run(formulation: str, rtol: float, coordinates: str = "relative") ->
     yield Held("rocker", np.sin(angles[1] - crossed_angle(angles[0])), 0.0, 1e-7)
     done(run)
     passed = np.sum(np.abs(np.diff(np.floor(known / np.pi))))
-    told = sum(int(note.split()[0]) for note in run.notes if "were stepped over" in note)
+    reported = sum(int(note.split()[0]) for note in run.notes if "were stepped over" in note)
     if formulation == "projective":
-        yield Held("positions told", told, passed, 0.0)
+        yield Held("positions told", reported, passed, 0.0)
 
 
 def crossed_case(formulation: str, rtol: float, coordinates: str = "relative") -> Case:
@@ -116,7 +116,7 @@ def followed(family: str, seed: int, rtol: float) -> Case:
     def ask() -> Iterator[Held]:
         seen = trial(family, seed, rtol)
         yield Held(seen.words, seen.outcome == "right", True, 0.0)
-        yield Held("positions told", seen.told, seen.passed, 0.0)
+        yield Held("positions told", seen.reported, seen.passed, 0.0)
 
     return replace(ask, name=f"{family.replace(' ', '_').replace('-', '_')}_{rtol:.0e}".replace("-", "_"))
 

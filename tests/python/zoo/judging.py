@@ -30,10 +30,10 @@ class Judged:
     until: float | None = None
 
 
-def judge(name: str, result: Result, told: Truth | None = None) -> Judged:
-    """A run of the mechanism `name` in relative coordinates at all its outputs; `told`: the truth, if not its own."""
+def judge(name: str, result: Result, given: Truth | None = None) -> Judged:
+    """A run of the mechanism `name` in relative coordinates at all its outputs; `given`: the truth, if not its own."""
     entry = pt.catalogue.entry(name)
-    truth, mechanism, found = told or entry.truth, entry.mechanism(), Judged(name)
+    truth, mechanism, found = given or entry.truth, entry.mechanism(), Judged(name)
     assert truth is not None
     if not result.success:
         found.wrong.append(f"{result.status}: {result.message}")

@@ -185,7 +185,7 @@ pub fn load<E: Send + From<SystemError> + From<AnalysisError>>(
         rows.row(0, i)[0] = found.power;
         rows.row(1, i)[0] = found.potential;
         rows.row(2, i)[0] = found.effort.unwrap_or(f64::NAN);
-        for (place, push) in found.pushes.iter().take(bodies).enumerate() {
+        for (place, push) in found.wrenches.iter().take(bodies).enumerate() {
             for (table, x) in push.iter().enumerate() {
                 rows.row(3 + table, i)[3 * place..][..3].copy_from_slice(&x.0);
             }

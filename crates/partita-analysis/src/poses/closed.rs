@@ -1,6 +1,6 @@
 //! The loops of a mechanism closed from a drawing, in whatever coordinates.
 
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly::{self, Assembly};
 use partita_system::{ConstrainedSystem, SystemError};
@@ -34,7 +34,7 @@ pub fn closed(
 
 fn by_joints(model: &Model, t: f64, drawn: &[f64], tolerance: f64) -> Option<Vec<f64>> {
     let twin = model.in_coordinates(Coordinates::Relative).ok()?;
-    let mut q = twin.carried_over(model, drawn, &vec![0.0; model.size().nv]).0;
+    let mut q = twin.transferred(model, drawn, &vec![0.0; model.size().nv]).0;
     assembly::close(&twin, t, &mut q, tolerance, &[]).ok()?;
-    Some(model.carried_over(&twin, &q, &vec![0.0; twin.size().nv]).0)
+    Some(model.transferred(&twin, &q, &vec![0.0; twin.size().nv]).0)
 }

@@ -21,7 +21,7 @@ pub fn driven_beyond(model: &Model, t: f64, q: &[f64], until: f64) -> Option<Str
     let twin = model.without_drives().ok()?;
     let size = model.size();
     let rest = vec![0.0; size.nv];
-    let (from, _) = twin.carried_over(model, q, &rest);
+    let (from, _) = twin.transferred(model, q, &rest);
     let (mut s, mut phi) = (model.scratch(), vec![0.0; size.holonomic]);
     let (mut c, mut a) = (vec![0.0; model.pattern().col_idx.len()], vec![0.0; size.rows]);
     for part in AHEAD {

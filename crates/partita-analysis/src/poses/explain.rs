@@ -1,12 +1,12 @@
 //! Why targets cannot be met: which of them contradict each other, where a joint ends, and what is missing.
 
+use super::continuation::{Continuation, Ending, CLOSED};
 use super::field::Duty;
 use super::goal::Target;
+use super::messages::{gap, listed, loop_of};
 use super::nearest::nearest;
 use super::one::Ask;
-use super::way::{Ending, Way, CLOSED};
-use super::words::{gap, listed, loop_of};
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -17,10 +17,10 @@ const LISTED: usize = 6;
 const SAME: f64 = 1e-6;
 
 /// How far the goals of a way are from their aims at q, in reaches.
-pub(super) fn off(way: &mut Way, q: &[f64], aims: &[f64]) -> f64 {
-    way.field.look(q);
-    let f = &way.field;
-    let far = f.y.iter().zip(aims).zip(f.targets).map(|((y, aim), x)| (y - aim).abs() / x.reach);
+pub(super) fn off(continuation: &mut Continuation, q: &[f64], aims: &[f64]) -> f64 {
+    continuation.field.look(q);
+    let f = &continuation.field;
+    let far = f.y.iter().zip(aims).zip(f.targets).map(|((y, aim), x)| (y - aim).abs() / x.displacement);
     far.fold(0.0, f64::max)
 }
 
@@ -80,7 +80,7 @@ fn by_joints(model: &Model, q: &[f64], wanted: &[(Target, f64)]) -> Option<Asked
         return None;
     }
     let twin = model.in_coordinates(Coordinates::Relative).ok()?;
-    let (q, _) = twin.carried_over(model, q, &vec![0.0; model.size().nv]);
+    let (q, _) = twin.transferred(model, q, &vec![0.0; model.size().nv]);
     let again = |(x, value): &(Target, f64)| Target::new(&twin, &x.goal, &x.name).ok().map(|x| (x, *value));
     let wanted: Option<Vec<_>> = wanted.iter().map(again).collect();
     wanted.map(|wanted| (twin, q, wanted))
@@ -97,16 +97,16 @@ fn explained(
     let mut here = q.to_vec();
     // one after the other: the first that cannot be met when those before it are
     for k in 0..all.len() {
-        let mut way = Way::new(model, &all[..=k], t);
-        let start = way.start(&here)?;
+        let mut continuation = Continuation::new(model, &all[..=k], t);
+        let start = continuation.start(&here)?;
         let mut there = here.clone();
-        let ending = if start.free[k] { way.go(&start, &aims[..=k], &mut there)? } else { Ending::There };
-        if ending == Ending::There && off(&mut way, &there, &aims[..=k]) <= CLOSED.sqrt() {
+        let ending = if start.free[k] { continuation.go(&start, &aims[..=k], &mut there)? } else { Ending::There };
+        if ending == Ending::There && off(&mut continuation, &there, &aims[..=k]) <= CLOSED.sqrt() {
             here = there;
             continue;
         }
         let x = &all[k];
-        let (held, turn) = (words_of(&all[..k], &aims[..k]), format!("{} = {:.6}", x.name, aims[k]));
+        let (held, turn) = (targets_text(&all[..k], &aims[..k]), format!("{} = {:.6}", x.name, aims[k]));
         if !start.free[k] {
             let (values, others) = possible(model, t, &here, &all[..k], x);
             let can = listed_or(&values.iter().map(|v| format!("{v:.6}")).collect::<Vec<_>>());
@@ -123,9 +123,9 @@ fn explained(
             };
             return Ok(Some(targets_error(e, message, f64::NAN, String::new())));
         }
-        way.field.look(&there);
-        let end = way.field.y[k];
-        let f = &mut way.field;
+        continuation.field.look(&there);
+        let end = continuation.field.y[k];
+        let f = &mut continuation.field;
         let m = f.closings();
         f.duty[..m].fill(Duty::Soft);
         f.duty[m..].fill(Duty::Hard);
@@ -160,7 +160,7 @@ fn explained(
     Ok(None)
 }
 
-fn words_of(targets: &[Target], aims: &[f64]) -> String {
+fn targets_text(targets: &[Target], aims: &[f64]) -> String {
     listed(&targets.iter().zip(aims).map(|(x, aim)| format!("{} = {aim:.6}", x.name)).collect::<Vec<_>>())
 }
 
@@ -180,7 +180,7 @@ fn possible(model: &Model, t: f64, q: &[f64], others: &[Target], x: &Target) -> 
     let all = inputs.and_then(|inputs| model.assemblies(t, q, Some(&inputs)).ok());
     for one in all.iter().flat_map(|all| &all.found) {
         let value = x.value(model, &one.q, &rest, &mut s, values[0]);
-        if values.iter().all(|v| (v - value).abs() > SAME * x.reach) {
+        if values.iter().all(|v| (v - value).abs() > SAME * x.displacement) {
             values.push(value);
         }
     }

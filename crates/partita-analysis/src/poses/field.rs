@@ -24,7 +24,7 @@ pub(super) enum Duty {
     Idle,
 }
 
-/// `Φ_i / L_i` and `C_ij reach_j / L_i`, and behind them the same for each goal's difference from its aim.
+/// `Φ_i / L_i` and `C_ij displacement_j / L_i`, and behind them the same for each goal's difference from its aim.
 pub(super) struct Field<'m> {
     pub model: &'m Model,
     pub targets: &'m [Target],
@@ -32,7 +32,7 @@ pub(super) struct Field<'m> {
     levels: Levels<'m, Model>,
     solver: LeastNorm,
     pub pattern: Pattern,
-    pub reach: Vec<f64>,
+    pub displacement: Vec<f64>,
     length: Vec<f64>,
     /// Residuals of the closing conditions, then of the goals.
     pub phi: Vec<f64>,
@@ -69,8 +69,8 @@ impl<'m> Field<'m> {
             t,
             levels: Levels::new(model),
             solver: LeastNorm::new(&pattern),
-            reach: (0..size.nv).map(|i| model.reach(i)).collect(),
-            length: (0..size.holonomic).map(|i| model.row_reach(i).unwrap_or(1.0)).collect(),
+            displacement: (0..size.nv).map(|i| model.characteristic_displacement(i)).collect(),
+            length: (0..size.holonomic).map(|i| model.row_displacement(i).unwrap_or(1.0)).collect(),
             phi: vec![0.0; rows],
             c: vec![0.0; pattern.nnz()],
             y: vec![0.0; targets.len()],
@@ -109,16 +109,16 @@ impl<'m> Field<'m> {
         for i in 0..m {
             self.phi[i] = self.levels.phi[i] / self.length[i];
             for e in self.pattern.row(i) {
-                self.c[e] = self.levels.c[e] * self.reach[self.pattern.col_idx[e]] / self.length[i];
+                self.c[e] = self.levels.c[e] * self.displacement[self.pattern.col_idx[e]] / self.length[i];
             }
         }
         for (k, x) in self.targets.iter().enumerate() {
             let s = &mut self.levels.scratch;
             self.next[k] = x.value(self.model, q, &self.rest, s, self.y[k]);
-            self.phi[m + k] = (self.next[k] - self.aims[k]) / x.reach;
+            self.phi[m + k] = (self.next[k] - self.aims[k]) / x.displacement;
             let mut e = self.pattern.row_ptr[m + k];
             x.gradient(self.model, q, &mut self.rest, s, |g| {
-                self.c[e] = g * self.reach[self.pattern.col_idx[e]] / x.reach;
+                self.c[e] = g * self.displacement[self.pattern.col_idx[e]] / x.displacement;
                 e += 1;
             });
         }
@@ -189,8 +189,8 @@ impl<'m> Field<'m> {
 
     /// q moved by `part` of `dv`.
     pub fn step(&mut self, q: &mut [f64], part: f64) {
-        for (to, (x, reach)) in self.scaled.iter_mut().zip(self.dv.iter().zip(&self.reach)) {
-            *to = part * x * reach;
+        for (to, (x, displacement)) in self.scaled.iter_mut().zip(self.dv.iter().zip(&self.displacement)) {
+            *to = part * x * displacement;
         }
         self.model.step(q, &self.scaled);
         self.model.normalise(q);

@@ -51,7 +51,7 @@ pub struct Target {
     /// As it is called.
     pub name: String,
     /// A large change: 1 for an angle, a length for a displacement.
-    pub reach: f64,
+    pub displacement: f64,
     /// "rad" or "m".
     pub unit: &'static str,
     /// Velocities that may change it.
@@ -91,17 +91,17 @@ impl Target {
             );
             SystemError::argument("targets", message)
         };
-        let named = |source, reach, unit, velocities, part| {
+        let named = |source, displacement, unit, velocities, part| {
             let name = name.to_string();
-            Self { source, goal: goal.clone(), name, reach, unit, velocities, part }
+            Self { source, goal: goal.clone(), name, displacement, unit, velocities, part }
         };
         let unit = |turn: bool| if turn { "rad" } else { "m" };
         match *goal {
             Goal::Own { q } => {
                 let v = model.velocity_of_coordinate(q).ok_or_else(refuse)?;
-                let reach = model.reach(v);
+                let displacement = model.characteristic_displacement(v);
                 let turn = model.placed.links.iter().any(|l| l.v == v && matches!(l.motion, Motion::Turn(_)));
-                Ok(named(Source::Own { q, v }, reach, unit(turn), vec![v], Part::default()))
+                Ok(named(Source::Own { q, v }, displacement, unit(turn), vec![v], Part::default()))
             }
             Goal::Joint { joint, coordinate } => {
                 let p = &model.placed.joints[joint];
@@ -121,8 +121,8 @@ impl Target {
                         // what carries both sides changes nothing between them
                         let between = velocities(model, sides[0].symmetric_difference(&sides[1]).copied());
                         let source = Source::Joint { joint, position, velocity, wraps };
-                        let reach = if turn { 1.0 } else { model.placed.length };
-                        return Ok(named(source, reach, unit(turn), between, model.part_of_joint(joint)));
+                        let displacement = if turn { 1.0 } else { model.placed.length };
+                        return Ok(named(source, displacement, unit(turn), between, model.part_of_joint(joint)));
                     }
                     position += motion.coordinates();
                     velocity += motion.velocities();
@@ -155,9 +155,9 @@ impl Target {
     ///
     /// # Errors
     /// `Wound`.
-    pub fn told(&self, model: &Model, value: f64) -> Result<(), SystemError> {
+    pub fn check_turns(&self, model: &Model, value: f64) -> Result<(), SystemError> {
         match self.source {
-            Source::Joint { joint, velocity, wraps: true, .. } => model.told_at(joint, velocity, value),
+            Source::Joint { joint, velocity, wraps: true, .. } => model.check_turns_at(joint, velocity, value),
             _ => Ok(()),
         }
     }

@@ -1,9 +1,9 @@
 //! Thousands of positions for values of the goals, each on the branch of one state.
 
+use super::continuation::{Continuation, Ending, Start, CLOSED};
 use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
-use super::way::{Ending, Start, Way, CLOSED};
 use crate::instant::Levels;
 use crate::outputs::{tables, Rows, Watch};
 use partita_model::loop_closure::LoopClosing;
@@ -101,8 +101,9 @@ fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
         _ => rows.row(0, i).fill(f64::NAN),
     }
     rows.row(1, i).copy_from_slice(reached);
-    let told = [number as f64, found.shortfall, found.angle, found.culprit as f64, f64::from(u8::from(found.detour))];
-    rows.row(2, i).copy_from_slice(&told);
+    let reported =
+        [number as f64, found.shortfall, found.angle, found.culprit as f64, f64::from(u8::from(found.detour))];
+    rows.row(2, i).copy_from_slice(&reported);
 }
 
 /// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
@@ -129,10 +130,10 @@ pub fn many<E: Send + From<SystemError>>(
     let count = values.len() / width;
     let widths = [model.size().nq, width, RESULT];
     let chunk = if model.calls_functions() { usize::MAX } else { 1 };
-    let start = Way::new(model, targets, t).start(q)?;
+    let start = Continuation::new(model, targets, t).start(q)?;
     for (i, &value) in values.iter().enumerate() {
         let (x, here) = (&targets[i % width], start.y[i % width]);
-        if (value - here).abs() > FARTHEST * x.reach {
+        if (value - here).abs() > FARTHEST * x.displacement {
             let message = format!(
                 "{} = {value} of pose {} is more than ten thousand radians, or lengths of the mechanism, away from the branch's \
                  state, in which it is {here:.6} {}",
@@ -169,9 +170,9 @@ pub fn many<E: Send + From<SystemError>>(
     };
     let mut tables = tables.into_iter();
     let mut next = || tables.next().unwrap_or_default();
-    let (q, reached, told) = (next(), next(), next());
+    let (q, reached, reported) = (next(), next(), next());
     let mut poses = Poses { q, reached, ..Poses::default() };
-    for (i, x) in told.chunks(RESULT).enumerate() {
+    for (i, x) in reported.chunks(RESULT).enumerate() {
         let outcome = Outcome::ALL[x[0] as usize];
         let found = Found { outcome, shortfall: x[1], angle: x[2], culprit: x[3] as usize, detour: x[4] != 0.0 };
         if outcome != Outcome::Closed {
@@ -278,7 +279,7 @@ impl<'m> Explicit<'m> {
             Err(e) => return Err(e),
         }
         self.levels.position(self.t, &self.trial)?;
-        let open = |(i, x): (usize, &f64)| x.abs() / self.model.row_reach(i).unwrap_or(1.0);
+        let open = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
         let worst = self.levels.phi.iter().enumerate().map(open).fold(0.0, f64::max);
         if !worst.is_finite() {
             return Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t });
@@ -297,7 +298,7 @@ impl<'m> Explicit<'m> {
         self.pivots.clone_from(&self.first);
         let mut far = 0.0f64;
         for (x, &value) in self.targets.iter().zip(values) {
-            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.reach));
+            far = x.own().map_or(far, |(at, _)| far.max((value - self.q[at]).abs() / x.displacement));
         }
         let longest = STRIDE / far;
         let (mut done, mut stride) = (0.0f64, longest);
@@ -376,14 +377,14 @@ impl<'m> Explicit<'m> {
 
 /// Poses by following the motion.
 struct Numeric<'m> {
-    way: Way<'m>,
+    continuation: Continuation<'m>,
     start: &'m Start,
     there: Vec<f64>,
 }
 
 impl<'m> Numeric<'m> {
     fn new(model: &'m Model, t: f64, targets: &'m [Target], start: &'m Start) -> Self {
-        Self { way: Way::new(model, targets, t), start, there: start.q.clone() }
+        Self { continuation: Continuation::new(model, targets, t), start, there: start.q.clone() }
     }
 
     /// Places between which the goals go one after the other, forward and backward.
@@ -402,22 +403,22 @@ impl<'m> Numeric<'m> {
     }
 
     fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
-        let first = self.way.go(self.start, values, &mut self.there)?;
+        let first = self.continuation.go(self.start, values, &mut self.there)?;
         if first == Ending::There {
             return Ok((self.agreeing(values, false), values.to_vec()));
         }
-        let reached = self.way.field.y.clone();
+        let reached = self.continuation.field.y.clone();
         let here = self.there.clone();
         if self.start.free.iter().filter(|f| **f).count() > 1 {
             for by in self.detours(values) {
-                if self.way.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
+                if self.continuation.go_by(self.start, &by, values, &mut self.there)? == Ending::There {
                     return Ok((self.agreeing(values, true), values.to_vec()));
                 }
             }
         }
         // from where the straight way ended: how open are the loops with the goals there?
         self.there.clone_from(&here);
-        let f = &mut self.way.field;
+        let f = &mut self.continuation.field;
         f.y.copy_from_slice(&reached);
         let m = f.closings();
         f.duty[..m].fill(Duty::Soft);
@@ -436,9 +437,9 @@ impl<'m> Numeric<'m> {
 
     /// Goals that follow from the others must have come out as they were asked for.
     fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
-        self.way.field.look(&self.there);
-        let f = &self.way.field;
-        let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].reach;
+        self.continuation.field.look(&self.there);
+        let f = &self.continuation.field;
+        let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;
         let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
         match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
             Some(k) if off(k) > AGREE => {
@@ -463,7 +464,7 @@ impl Asked<'_> {
     /// "A = 1 and E = 2".
     fn goals(&self, which: impl Fn(usize) -> bool) -> String {
         let of = (0..self.wanted.len()).filter(|&k| which(k));
-        super::words::listed(
+        super::messages::listed(
             &of.map(|k| format!("{} = {:.6}", self.targets[k].name, self.wanted[k])).collect::<Vec<_>>(),
         )
     }
@@ -474,15 +475,15 @@ impl Asked<'_> {
             let x = &self.targets[k];
             format!("{} at {:.6} {} of {:.6}", x.name, self.reached[k], x.unit, self.wanted[k])
         });
-        super::words::listed(&words.collect::<Vec<_>>())
+        super::messages::listed(&words.collect::<Vec<_>>())
     }
 
     fn reason(&self, found: &Found, explicit: Option<&Explicit>) -> String {
         let place = match explicit {
             Some(x) => x.closing.blocks().get(found.culprit).map_or_else(String::new, |b| b.words.clone()),
-            None => super::words::loop_of(self.model, found.culprit),
+            None => super::messages::loop_of(self.model, found.culprit),
         };
-        let open = super::words::gap(found.shortfall, found.angle);
+        let open = super::messages::gap(found.shortfall, found.angle);
         let (goals, ends) = (self.goals(|_| true), self.ends());
         match found.outcome {
             Outcome::Closed => String::new(),

@@ -1,16 +1,16 @@
 //! Positions for goals: coordinates of any joint, places of points, met from a given state on its branch.
 
 mod closed;
+mod continuation;
 mod driven;
 mod explain;
 mod field;
 mod goal;
 mod many;
+mod messages;
 mod nearest;
 mod one;
 mod rates;
-mod way;
-mod words;
 
 pub use closed::closed;
 pub use driven::driven_beyond;

@@ -1,11 +1,11 @@
 //! One position: closed from a drawing or a guess, held where it is to be held, brought to its targets in their order.
 
 use super::closed::closed;
+use super::continuation::{Continuation, Ending, CLOSED};
 use super::explain;
 use super::field::Duty;
 use super::goal::Target;
 use super::nearest::nearest;
-use super::way::{Ending, Way, CLOSED};
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -86,7 +86,7 @@ pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemErr
     let (rest, mut s) = (vec![0.0; model.size().nv], model.scratch());
     for (level, (x, asked)) in asked {
         let value = x.value(model, &found.q, &rest, &mut s, *asked);
-        x.told(model, value)?;
+        x.check_turns(model, value)?;
         found.met.push(Met { name: x.name.clone(), level, asked: *asked, value });
     }
     model.held_on(q, &found.q)?;
@@ -112,8 +112,8 @@ fn guess(model: &Model, t: f64, q: &mut Vec<f64>, guess: &[(Target, f64)]) -> Re
         return Ok(());
     }
     let (targets, aims): (Vec<Target>, Vec<f64>) = guess.iter().cloned().unzip();
-    let mut way = Way::new(model, &targets, t);
-    let f = &mut way.field;
+    let mut continuation = Continuation::new(model, &targets, t);
+    let f = &mut continuation.field;
     let m = f.closings();
     f.duty[..m].fill(Duty::Idle);
     for (k, x) in targets.iter().enumerate() {
@@ -151,10 +151,10 @@ fn meet(model: &Model, t: f64, found: &mut One, wanted: &[(Target, f64)], tolera
         },
         None => {
             let (targets, aims): (Vec<Target>, Vec<f64>) = wanted.iter().cloned().unzip();
-            let mut way = Way::new(model, &targets, t);
-            let start = way.start(&closed)?;
-            let ending = way.go(&start, &aims, &mut found.q)?;
-            let off = explain::off(&mut way, &found.q, &aims);
+            let mut continuation = Continuation::new(model, &targets, t);
+            let start = continuation.start(&closed)?;
+            let ending = continuation.go(&start, &aims, &mut found.q)?;
+            let off = explain::off(&mut continuation, &found.q, &aims);
             if ending != Ending::There || off > CLOSED.sqrt() {
                 let nothing = SystemError::Targets {
                     message: "the targets cannot be met".into(),
@@ -183,8 +183,8 @@ fn wish(
     let first = kept.len();
     kept.extend_from_slice(wishes);
     let (targets, mut aims): (Vec<Target>, Vec<f64>) = kept.iter().cloned().unzip();
-    let mut way = Way::new(model, &targets, t);
-    let start = way.start(&found.q)?;
+    let mut continuation = Continuation::new(model, &targets, t);
+    let start = continuation.start(&found.q)?;
     // angles read off poses are wished to the nearest of their turns
     for k in first..aims.len() {
         if targets[k].wraps() {
@@ -194,8 +194,8 @@ fn wish(
     }
     aims[..first].copy_from_slice(&start.y[..first]);
     // straight there where that can be; else on from where it ends
-    way.go(&start, &aims, &mut found.q)?;
-    let f = &mut way.field;
+    continuation.go(&start, &aims, &mut found.q)?;
+    let f = &mut continuation.field;
     let m = f.closings();
     for k in 0..targets.len() {
         f.duty[m + k] = if k < first { Duty::Hard } else { Duty::Soft };

@@ -6,7 +6,7 @@ use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
-use partita_system::branching::ways::{self, Asked};
+use partita_system::branching::branch_directions::{self, Asked};
 use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -33,12 +33,12 @@ fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)
     let of_own = own.iter().map(|&(i, rate)| {
         let mut row = vec![0.0; n];
         row[i] = 1.0;
-        Asked { name: model.velocity_name(i), row, reach: model.reach(i), rate }
+        Asked { name: model.velocity_name(i), row, displacement: model.characteristic_displacement(i), rate }
     });
     let mut all: Vec<Asked> = of_own.collect();
     for (x, rate) in others {
         let row = gradient(model, q, x, &mut room, &mut s);
-        all.push(Asked { name: x.name.clone(), row, reach: x.reach, rate: *rate });
+        all.push(Asked { name: x.name.clone(), row, displacement: x.displacement, rate: *rate });
     }
     all
 }
@@ -58,7 +58,7 @@ pub fn with_rates(
 ) -> Result<Vec<f64>, SystemError> {
     let found = match start::analyse(model, t, q) {
         Err(e @ SystemError::SingularStart { .. }) => {
-            return ways::singled_out(model, (t, q, near), &asked(model, q, own, others), e);
+            return branch_directions::singled_out(model, (t, q, near), &asked(model, q, own, others), e);
         }
         found => found?,
     };
@@ -122,9 +122,9 @@ pub fn with_rates(
     for (part, m) in parts.iter().zip(&moves) {
         v.iter_mut().zip(m).for_each(|(v, m)| *v += part * m);
     }
-    let speed = |x: &Target, rate: f64| rate.abs() / x.reach;
+    let speed = |x: &Target, rate: f64| rate.abs() / x.displacement;
     let asked = rows.iter().fold(0.0, |m: f64, (x, rate)| m.max(speed(x, *rate)));
-    let fastest = (0..n).fold(asked, |m: f64, i| m.max(v[i].abs() / model.reach(i)));
+    let fastest = (0..n).fold(asked, |m: f64, i| m.max(v[i].abs() / model.characteristic_displacement(i)));
     let miss = |i: usize| dense::dot(&gradients[i], &v) - rows[i].1;
     let met = met(&mut r);
     if (0..p).any(|i| speed(rows[i].0, miss(i)) > met * fastest) {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::examples::{bricard, chain, compiled, four_bar, model, spherical_four_bar, tilted};
-use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Cylindrical, Revolute, Spherical, Universal};
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::{ConstrainedSystem, SystemError};
@@ -74,7 +74,7 @@ fn gradients_are_those_of_the_values() {
 
 /// Loops whose conditions depend on each other, and one with a link that spins: closed with all rows where a walk leads.
 #[test]
-fn poses_are_where_a_walk_leads() {
+fn poses_are_where_continuation_leads() {
     let kinds = [Revolute, Spherical, Spherical, Revolute];
     for (spec, far) in [
         (tilted(four_bar([Revolute; 4])), 0.6),

@@ -4,7 +4,7 @@ use super::verdict::Finding;
 use crate::{doubtful, poses};
 use partita_model::spec::Spec;
 use partita_model::Model;
-use partita_system::equations::{derivatives, ByHand, Equations};
+use partita_system::equations::{derivatives, Equations, UserSystem};
 use partita_system::error::six_digits;
 use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
@@ -97,7 +97,7 @@ impl Balance for Model {
     }
 }
 
-impl<E: Equations> Balance for ByHand<E> {
+impl<E: Equations> Balance for UserSystem<E> {
     fn residual(&self, _at: &Sample, _scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
         Ok(None)
     }

@@ -6,7 +6,7 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::TangentMap;
-use partita_system::record::{Journal as Record, Output, PartitionEvent, Sample};
+use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -84,8 +84,8 @@ impl Formulation for Noted<'_> {
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.formulation.describe(at, within, out)
     }
-    fn journal(&self) -> Record {
-        self.formulation.journal()
+    fn history(&self) -> History {
+        self.formulation.history()
     }
 }
 
@@ -114,7 +114,7 @@ impl<'s> Trial<'s> {
             let t_end = place.t + steps as f64 * contender.step;
             let request = Request { t0: place.t, t_end, ..contender.request.clone() };
             let prepared = match Prepared::new(system, &request, contender.tangent.clone(), (&place.q, &place.v)) {
-                Ok(prepared) if prepared.departure.is_none() => prepared,
+                Ok(prepared) if prepared.singular_start.is_none() => prepared,
                 // one that does not work there has no cost
                 Ok(_)
                 | Err(

@@ -1,7 +1,7 @@
 //! A start that does not satisfy the constraints: told, with what became of it.
 
 use crate::error::AnalysisError;
-use partita_math::told;
+use partita_math::formatted;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::ConstrainedSystem;
@@ -37,21 +37,21 @@ pub(super) fn see<S: ConstrainedSystem>(
     r.weigh_reaches(!system.lacks_mass()); // where all that moves has mass, masses have no say in it
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let (open, row) = r.openness();
+    let (open, row) = r.closure_error();
     if 4.0 * f64::EPSILON * open >= ELSEWHERE {
         return Err(AnalysisError::Argument {
             argument: "initial",
             message: format!(
                 "the start does not satisfy the constraints: {} is open by {}; start from what assemble() makes of it",
                 system.row_name(row),
-                told(r.phi[row].abs())
+                formatted(r.phi[row].abs())
             ),
         });
     }
-    let (open, row) = r.openness();
+    let (open, row) = r.closure_error();
     let mut said = Vec::new();
     if open > OPEN {
-        said.push(format!("{} is open by {}", system.row_name(row), told(r.phi[row].abs())));
+        said.push(format!("{} is open by {}", system.row_name(row), formatted(r.phi[row].abs())));
     }
     let pattern = system.pattern();
     let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
@@ -60,14 +60,14 @@ pub(super) fn see<S: ConstrainedSystem>(
         let (mut sum, mut arm) = (r.a[i].abs(), 0.0f64);
         for e in pattern.row(i) {
             sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
-            arm = arm.max(r.c[e].abs() * system.reach(pattern.col_idx[e]));
+            arm = arm.max(r.c[e].abs() * system.characteristic_displacement(pattern.col_idx[e]));
         }
         if x.abs() > OFF * sum && x.abs() > STANDING * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());
         }
     }
     if worst.0 > 0.0 {
-        said.push(format!("{} opens by {} a second", system.row_name(worst.1), told(worst.2)));
+        said.push(format!("{} opens by {} a second", system.row_name(worst.1), formatted(worst.2)));
     }
     Ok(Seen { said, open: open > OPEN })
 }
@@ -88,8 +88,8 @@ pub(super) fn note<S: ConstrainedSystem>(
             let names = (0..v.len()).map(|i| system.velocity_name(i));
             let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
-            let position = if *open { format!("positions by up to {}, ", told(far)) } else { String::new() };
-            format!("the first output is moved from it: {position}velocities by up to {} ({})", told(by.1), by.0)
+            let position = if *open { format!("positions by up to {}, ", formatted(far)) } else { String::new() };
+            format!("the first output is moved from it: {position}velocities by up to {} ({})", formatted(by.1), by.0)
         }
     };
     Some(format!("the start does not satisfy the constraints: {}; {moved}", said.join(", ")))

@@ -2,18 +2,18 @@
 
 pub mod balance;
 pub mod cost;
-mod departure;
 mod inconsistent;
-mod journal;
 mod prepared;
 mod request;
+mod singular_start;
+mod solution_log;
 mod stepping;
 mod verdict;
 
 pub use balance::Balance;
-pub use journal::{Assessed, Described, Journal};
 pub use prepared::{Looked, Prepared, Recipe};
 pub use request::Request;
+pub use solution_log::{Assessed, Described, SolutionLog};
 pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
@@ -32,7 +32,7 @@ pub struct Run {
     /// How it ended.
     pub outcome: Outcome,
     /// The outputs and the choices in use.
-    pub journal: Journal,
+    pub log: SolutionLog,
     /// Work done below the integrator.
     pub counters: FormulationCounters,
     /// Rows kept at the end.
@@ -54,19 +54,19 @@ fn some<T>(all: &[T], word: impl Fn(&T) -> String) -> String {
     format!("{}{more}", first.join(", "))
 }
 
-fn note_of_passages(outcome: &Outcome) -> String {
+fn note_of_crossings(outcome: &Outcome) -> String {
     format!(
         "{} singular positions of the mechanism were stepped over (t = {}); around them the loops were closed inside every \
          evaluation, and {} steps were taken with an error estimate above the tolerance because it was round-off",
-        outcome.passages.len(),
-        some(&outcome.passages, |t| format!("{t:.4}")),
+        outcome.crossings.len(),
+        some(&outcome.crossings, |t| format!("{t:.4}")),
         outcome.counters.lenient
     )
 }
 
 /// A motion that stopped in a position: was it driven to where the joints do not go? Whether the step or the pivot was the
 /// first to give way there is a matter of rounding.
-fn tell_driven_beyond<S: Balance>(
+fn report_driven_beyond<S: Balance>(
     system: &S,
     request: &Request,
     last: Option<&Output>,
@@ -96,19 +96,20 @@ pub fn run<S: Balance<Scratch: Send>>(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
-    let Prepared { formulation: mut f, recipe, settings, limits, mut notes, rigid, ends, mut departure, seen, .. } =
-        Prepared::new(system, request, tangent, (q, v))?;
-    let (t, q_start, v_start) = match &departure {
-        Some(x) => (x.launch.t, x.launch.q.clone(), x.launch.v.clone()),
+    let Prepared {
+        formulation: mut f, recipe, settings, limits, mut notes, rigid, ends, mut singular_start, seen, ..
+    } = Prepared::new(system, request, tangent, (q, v))?;
+    let (t, q_start, v_start) = match &singular_start {
+        Some(x) => (x.step.t, x.step.q.clone(), x.step.v.clone()),
         None => (request.t0, q.to_vec(), v.to_vec()),
     };
     let mut outputs = Vec::with_capacity(t_eval.len());
     let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
-    let done = match &mut departure {
-        Some(departure) => departure.outputs(reached, &mut outputs)?,
+    let done = match &mut singular_start {
+        Some(singular_start) => singular_start.outputs(reached, &mut outputs)?,
         None => 0,
     };
-    let work = departure.as_ref().map_or(0.0, |x| x.launch.work);
+    let work = singular_start.as_ref().map_or(0.0, |x| x.step.work);
     let mut sink = |output: &Output| {
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
@@ -118,8 +119,8 @@ pub fn run<S: Balance<Scratch: Send>>(
         Err(e) => return Err(prepared::explained(system, e.into())),
         Ok(outcome) => outcome,
     };
-    if let Some(departure) = &departure {
-        departure.tell(&mut outcome, &mut notes);
+    if let Some(singular_start) = &singular_start {
+        singular_start.report(&mut outcome, &mut notes);
     }
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
         outcome.status = Status::EvaluationFailed;
@@ -129,18 +130,19 @@ pub fn run<S: Balance<Scratch: Send>>(
             request.t_end
         );
     }
-    tell_driven_beyond(system, request, outputs.last(), q, &mut outcome);
+    report_driven_beyond(system, request, outputs.last(), q, &mut outcome);
     notes.extend(inconsistent::note(system, &seen, (request.t0, q, v), outputs.first()));
-    let told = f.journal();
-    notes.extend(told.notes);
-    if !outcome.passages.is_empty() {
-        notes.push(note_of_passages(&outcome));
+    let reported = f.history();
+    notes.extend(reported.notes);
+    if !outcome.crossings.is_empty() {
+        notes.push(note_of_crossings(&outcome));
     }
-    let (rows, counters, events, open, gaps) = (told.rows, told.counters, told.events, told.open, told.gaps);
-    let journal = Journal { recipe, events, outputs, limits };
+    let (rows, counters, events, open, gaps) =
+        (reported.rows, reported.counters, reported.events, reported.open, reported.gaps);
+    let log = SolutionLog { recipe, events, outputs, limits };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
-    limits.judge_checks(system, &told.checks, &mut findings);
-    verdict::conclude(system, &mut f, &journal, &mut outcome, &mut findings);
-    Ok(Run { outcome, journal, counters, rows, open, gaps, notes, findings })
+    limits.judge_checks(system, &reported.checks, &mut findings);
+    verdict::conclude(system, &mut f, &log, &mut outcome, &mut findings);
+    Ok(Run { outcome, log, counters, rows, open, gaps, notes, findings })
 }

@@ -1,8 +1,8 @@
 //! From a system, a request and a state to something that marches: the one set-up of runs, steppers, timings and pages.
 
 use super::balance::Balance;
-use super::departure::{self, Departure};
 use super::inconsistent::{self, Seen};
+use super::singular_start::{self, BranchStart};
 use super::{some, Limits, Request};
 use crate::error::AnalysisError;
 use partita_integrate::simulate::Settings;
@@ -43,7 +43,7 @@ pub struct Looked<'s, S: ConstrainedSystem> {
     /// Rank and redundant rows.
     pub start: Start,
     /// The way out of a singular position.
-    pub(super) departure: Option<Departure<'s, S>>,
+    pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// What the state leaves open.
     seen: Seen,
 }
@@ -61,24 +61,24 @@ impl<'s, S: ConstrainedSystem> Looked<'s, S> {
         longest: f64,
     ) -> Result<Self, AnalysisError> {
         let mut probe = Reduction::new(system, 0);
-        let (start, departure) = match start::analyse_with(&mut probe, t, q) {
+        let (start, singular_start) = match start::analyse_with(&mut probe, t, q) {
             Err(e @ SystemError::SingularStart { .. }) => {
-                let departure = departure::depart(system, (t, q, v), (end, tolerance), e)?;
-                (start::analyse(system, departure.launch.t, &departure.launch.q)?, Some(departure))
+                let singular_start = singular_start::start_singular(system, (t, q, v), (end, tolerance), e)?;
+                (start::analyse(system, singular_start.step.t, &singular_start.step.q)?, Some(singular_start))
             }
             found => (found?, None),
         };
         let given = (t, q, v);
-        let (t, q, v) = departure.as_ref().map_or(given, |x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]));
+        let (t, q, v) = singular_start.as_ref().map_or(given, |x| (x.step.t, &x.step.q[..], &x.step.v[..]));
         consistency::check(system, &start, (t, q, v), longest)?;
         let seen = inconsistent::see(&mut probe, given)?;
         weight::refuse(system, t, q, start.rank)?;
-        Ok(Self { start, departure, seen })
+        Ok(Self { start, singular_start, seen })
     }
 
     /// Where the way out ends.
     fn state(&self) -> Option<(f64, &[f64], &[f64])> {
-        self.departure.as_ref().map(|x| (x.launch.t, &x.launch.q[..], &x.launch.v[..]))
+        self.singular_start.as_ref().map(|x| (x.step.t, &x.step.q[..], &x.step.v[..]))
     }
 }
 
@@ -100,7 +100,7 @@ pub struct Prepared<'s, S: Balance> {
     /// What ends the march before the request does, and when.
     pub(super) ends: Option<(f64, String)>,
     /// The first step, where the start is singular.
-    pub(super) departure: Option<Departure<'s, S>>,
+    pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// What the start leaves open.
     pub(super) seen: Seen,
 }
@@ -128,8 +128,8 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         let t0 = request.t0;
         system.agree(t0, q, v)?;
         let mut settings = request.settings()?;
-        settings.options.corners = system.corners();
-        let ends = system.horizon().filter(|(end, _)| within(*end, request));
+        settings.options.discontinuities = system.discontinuities();
+        let ends = system.time_domain().filter(|(end, _)| within(*end, request));
         if let Some((end, _)) = &ends {
             settings.t_end = *end;
         }
@@ -140,8 +140,8 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         if !unread.is_empty() {
             notes.push(format!("formulation \"{}\" has no use for {}", request.formulation, unread.join(", ")));
         }
-        let corner = settings.options.corners.iter().copied().find(|t| *t > t0);
-        let end = corner.map_or(settings.t_end, |corner| corner.min(settings.t_end));
+        let discontinuity = settings.options.discontinuities.iter().copied().find(|t| *t > t0);
+        let end = discontinuity.map_or(settings.t_end, |discontinuity| discontinuity.min(settings.t_end));
         let looked = Looked::at(system, (t0, q, v), (end, request.rtol), request.t_end - t0)?;
         let (_, q, v) = looked.state().unwrap_or((t0, q, v));
         let found = &looked.start;
@@ -158,8 +158,8 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         let formulation = recipe
             .make(system)
             .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
-        let Looked { departure, seen, .. } = looked;
-        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, departure, seen })
+        let Looked { singular_start, seen, .. } = looked;
+        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, singular_start, seen })
     }
 
     /// Does nothing ever move, whatever the time?

@@ -130,7 +130,7 @@ impl Request {
             max_step: self.max_step.unwrap_or(f64::INFINITY),
             fixed_step: self.step,
             first_step: None,
-            corners: Vec::new(),
+            discontinuities: Vec::new(),
         };
         Ok(Settings { t_end: self.t_end, tableau, options, max_steps: self.max_steps })
     }

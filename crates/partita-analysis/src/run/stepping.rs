@@ -1,8 +1,8 @@
 //! A motion taken tick by tick, for control loops: the same formulation, corrections and exchanges as a run.
 
-use super::departure::Departure;
 use super::prepared::CANNOT_MOVE;
-use super::{verdict, Balance, Journal, Limits, Looked, Prepared, Recipe, Request, Run};
+use super::singular_start::BranchStart;
+use super::{verdict, Balance, Limits, Looked, Prepared, Recipe, Request, Run, SolutionLog};
 use crate::error::AnalysisError;
 use partita_integrate::counters::Counters;
 use partita_integrate::failure::StepFailure;
@@ -25,7 +25,7 @@ pub struct Stepping<'s, S: Balance> {
     count: u64,
     rtol: f64,
     /// The first step, where it began in a singular position, as long as it stands there.
-    departure: Option<Departure<'s, S>>,
+    singular_start: Option<BranchStart<'s, S>>,
     /// What is told of it.
     departed: Option<String>,
     recipe: Recipe,
@@ -60,7 +60,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
-        let Prepared { formulation, recipe, settings, limits, notes, departure, .. } = prepared;
+        let Prepared { formulation, recipe, settings, limits, notes, singular_start, .. } = prepared;
         let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
         let march = March::new(&formulation, q.len(), settings.tableau, options, Control::Ticks { steps })
             .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })?;
@@ -74,7 +74,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             origin: t,
             count: 0,
             rtol: request.rtol,
-            departure: None,
+            singular_start: None,
             departed: None,
             recipe,
             limits,
@@ -86,7 +86,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
-        stepping.stand((t, q, v), departure, || ())?;
+        stepping.stand((t, q, v), singular_start, || ())?;
         Ok(stepping)
     }
 
@@ -98,7 +98,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         let end = t + self.length;
         let seen = Looked::at(self.system, (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
             if looked.start.rank == self.recipe.rank {
-                return Ok(looked.departure);
+                return Ok(looked.singular_start);
             }
             let message = format!(
                 "its conditions have the rank {} there and {} where the stepper was made; make another one",
@@ -107,7 +107,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             Err(SystemError::Tick { t, message }.into())
         });
         match seen {
-            Ok(departure) => self.stand((t, q, v), departure, undo),
+            Ok(singular_start) => self.stand((t, q, v), singular_start, undo),
             Err(e) => {
                 undo();
                 Err(e)
@@ -119,27 +119,27 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     fn stand(
         &mut self,
         (t, q, v): (f64, &[f64], &[f64]),
-        mut departure: Option<Departure<'s, S>>,
+        mut singular_start: Option<BranchStart<'s, S>>,
         undo: impl FnOnce(),
     ) -> Result<(), AnalysisError> {
         let zero = vec![0; q.len()];
         let mut now = Output { turns: zero, ..Output::default() };
-        let begun = match &mut departure {
+        let begun = match &mut singular_start {
             None => self
                 .march
                 .begin(&mut self.formulation, t, (q, v), None)
                 .and_then(|()| self.formulation.state_at(t, self.march.state(), &mut now)),
             Some(x) => {
-                let begun = self.march.begin(&mut self.formulation, x.launch.t, (&x.launch.q, &x.launch.v), None);
-                begun.and_then(|()| x.launch.output(t, &mut now))
+                let begun = self.march.begin(&mut self.formulation, x.step.t, (&x.step.q, &x.step.v), None);
+                begun.and_then(|()| x.step.output(t, &mut now))
             }
         };
         match begun {
             Ok(()) => {
                 self.now = now;
-                self.work = departure.as_ref().map_or(0.0, |x| x.launch.work);
-                self.departed = departure.as_ref().map(|x| x.note.clone());
-                self.departure = departure;
+                self.work = singular_start.as_ref().map_or(0.0, |x| x.step.work);
+                self.departed = singular_start.as_ref().map(|x| x.note.clone());
+                self.singular_start = singular_start;
                 (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
                 (self.origin, self.count) = (t, 0);
                 self.formulation.forget_gaps();
@@ -163,8 +163,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     fn back(&mut self) -> Result<(), AnalysisError> {
         self.formulation.forget_gaps();
         let f = &mut self.formulation;
-        if let Some(x) = &self.departure {
-            return Ok(self.march.begin(f, x.launch.t, (&x.launch.q, &x.launch.v), None)?);
+        if let Some(x) = &self.singular_start {
+            return Ok(self.march.begin(f, x.step.t, (&x.step.q, &x.step.v), None)?);
         }
         self.work = self.now.work;
         Ok(self.march.begin(f, self.now.t, (&self.now.q, &self.now.v), Some(&self.now.turns))?)
@@ -190,12 +190,12 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             let mut now = std::mem::take(&mut self.now);
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.march.turns());
-            let told = self.formulation.state_at(t, self.march.state(), &mut now);
-            match told.and_then(|()| self.holds(t)) {
+            let reported = self.formulation.state_at(t, self.march.state(), &mut now);
+            match reported.and_then(|()| self.holds(t)) {
                 Ok(()) => {
                     now.work += self.work;
                     self.now = now;
-                    self.departure = None;
+                    self.singular_start = None;
                     self.count += 1;
                     self.steps += 1;
                     self.gaps.raise(&self.formulation.gaps());
@@ -255,8 +255,8 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
     }
 
     /// All that was kept, as what a run leaves; with `here` no more than where it stands.
-    pub fn told(&mut self, here: bool) -> Run {
-        let told = self.formulation.journal();
+    pub fn reported(&mut self, here: bool) -> Run {
+        let reported = self.formulation.history();
         let outputs = match &self.kept {
             Some(kept) if !here => kept.clone(),
             _ => vec![self.now.clone()],
@@ -266,20 +266,20 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
             message: format!("stepped to t = {}", self.now.t),
             t: self.now.t,
             counters: Counters { steps: self.steps, ..Counters::default() },
-            passages: Vec::new(),
+            crossings: Vec::new(),
             error: None,
         };
         let mut notes = self.notes.clone();
         notes.extend(self.departed.clone());
-        notes.extend(told.notes);
+        notes.extend(reported.notes);
         let mut findings = Vec::new();
         self.limits.judge(self.system, &self.gaps, "the end of the step", &mut findings);
         self.limits.judge_checks(self.system, &self.checks, &mut findings);
-        let journal = Journal { recipe: self.recipe.clone(), events: told.events, outputs, limits: self.limits };
+        let log = SolutionLog { recipe: self.recipe.clone(), events: reported.events, outputs, limits: self.limits };
         if !here {
-            verdict::conclude(self.system, &mut self.formulation, &journal, &mut outcome, &mut findings);
+            verdict::conclude(self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
         }
-        let (counters, rows, open, gaps) = (told.counters, told.rows, told.open, self.gaps);
-        Run { outcome, journal, counters, rows, open, gaps, notes, findings }
+        let (counters, rows, open, gaps) = (reported.counters, reported.rows, reported.open, self.gaps);
+        Run { outcome, log, counters, rows, open, gaps, notes, findings }
     }
 }

@@ -2,12 +2,12 @@
 //! and forces out of balance. It is decided once, when the run ends.
 
 use super::balance::{self, Asked, Balance, Energy};
-use super::{Journal, Request};
+use super::{Request, SolutionLog};
 use partita_integrate::simulate::{Outcome, Status};
 use partita_system::error::six_digits;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Gap, Gaps, Output, Sample, StepChecks};
-use partita_system::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
+use partita_system::reduction::closure_error::{CLOSED, OPEN, OPEN_RATE};
 use partita_system::{ConstrainedSystem, SystemError};
 
 /// Of its own accord a run leaves conditions open by no more than this many tolerances: the error of a step, over the steps of
@@ -98,7 +98,7 @@ impl Limits {
         if let Some(limits) = self.acceleration {
             let gap = checks.acceleration;
             look(gap, limits, &|t| {
-                let row = system.row_words(gap.row);
+                let row = system.row_description(gap.row);
                 let (part, holds) = (gap.part, limits.0);
                 format!("the acceleration of {row} is off by {part:.1e} of the strongest at t = {t} s; up to {holds:.0e} holds")
             });
@@ -131,7 +131,7 @@ impl Limits {
     pub fn judge<S: ConstrainedSystem>(&self, system: &S, gaps: &Gaps, what: &str, found: &mut Vec<Finding>) {
         let mut look = |gap: Gap, (doubtful, broken): (f64, f64), kind: &str, of: &str| {
             if gap.part > doubtful || gap.part.is_nan() {
-                let row = system.row_words(gap.row);
+                let row = system.row_description(gap.row);
                 found.push(Finding {
                     broken: gap.part > broken || gap.part.is_nan(),
                     t: gap.t,
@@ -162,24 +162,24 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
 pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
-    journal: &Journal,
+    log: &SolutionLog,
     outcome: &mut Outcome,
     found: &mut Vec<Finding>,
 ) {
     of_steps(outcome, found);
-    of_numbers(&journal.outputs, found);
+    of_numbers(&log.outputs, found);
     if outcome.status != Status::Finished {
         return;
     }
-    if let Err((t, error)) = agree(system, &journal.outputs) {
+    if let Err((t, error)) = agree(system, &log.outputs) {
         outcome.status = Status::EvaluationFailed;
         outcome.message = format!("the run cannot be right: {error}");
         (outcome.t, outcome.error) = (t, Some(error));
         return;
     }
     let mut scratch = system.scratch();
-    found.extend(of_ends(system, formulation, journal, &mut scratch));
-    found.extend(of_energies(system, journal, outcome.counters.steps, &mut scratch));
+    found.extend(of_ends(system, formulation, log, &mut scratch));
+    found.extend(of_energies(system, log, outcome.counters.steps, &mut scratch));
     if let Some(broken) = found.iter().find(|x| x.broken) {
         outcome.status = Status::Broken;
         outcome.message = format!("{}, but the result is broken: {}", outcome.message, broken.sentence);
@@ -200,17 +200,17 @@ fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemE
 fn of_ends<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
-    journal: &Journal,
+    log: &SolutionLog,
     scratch: &mut S::Scratch,
 ) -> Option<Finding> {
-    let (limits, outputs) = (&journal.limits, &journal.outputs);
+    let (limits, outputs) = (&log.limits, &log.outputs);
     let ends = [outputs.first(), outputs.last().filter(|_| outputs.len() > 1)];
     let mut residuals = Vec::with_capacity(2);
     let mut sample = Sample { brief: true, ..Sample::default() };
     for x in ends.into_iter().flatten().filter(|x| !x.singular) {
-        let told = formulation.describe(x, journal.events.get(x.choice), &mut sample);
+        let reported = formulation.describe(x, log.events.get(x.choice), &mut sample);
         let finite = sample.vdot.iter().chain(&sample.multipliers).all(|x| x.is_finite());
-        match told {
+        match reported {
             Ok(()) if finite => {}
             Ok(()) if sample.note.is_some() => continue, // next to a singular position nothing is determined
             Ok(()) => {
@@ -229,8 +229,8 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
 }
 
 /// The energy over some outputs.
-fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64, scratch: &mut S::Scratch) -> Option<Finding> {
-    let some = balance::some(&journal.outputs);
+fn of_energies<S: Balance>(system: &S, log: &SolutionLog, steps: u64, scratch: &mut S::Scratch) -> Option<Finding> {
+    let some = balance::some(&log.outputs);
     if some.len() < 2 {
         return None; // a balance is between two
     }
@@ -238,19 +238,19 @@ fn of_energies<S: Balance>(system: &S, journal: &Journal, steps: u64, scratch: &
     let at =
         some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
     let at: Vec<Energy> = at.collect();
-    balance::of_energy(&at, journal.limits.asked, steps, system.energy_floor(journal.limits.atol))
+    balance::of_energy(&at, log.limits.asked, steps, system.energy_floor(log.limits.atol))
 }
 
 /// Steps that were accepted beyond the tolerance: told where a singular position does not explain them.
 pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
-    let (lenient, passages) = (outcome.counters.lenient, outcome.passages.len() as u64);
-    let explained = LENIENT_EACH * passages.max(1);
+    let (lenient, crossings) = (outcome.counters.lenient, outcome.crossings.len() as u64);
+    let explained = LENIENT_EACH * crossings.max(1);
     if lenient > explained {
         found.push(Finding {
             broken: false,
             t: outcome.t,
             sentence: format!(
-                "{lenient} of {} steps were accepted with an error beyond the tolerance, {passages} singular positions \
+                "{lenient} of {} steps were accepted with an error beyond the tolerance, {crossings} singular positions \
                  explain {explained}",
                 outcome.counters.steps
             ),
@@ -304,17 +304,17 @@ mod tests {
     /// Twenty steps beyond the tolerance are one crossing, sixty-one are more than three.
     #[test]
     fn steps_beyond_the_tolerance_from_both_sides() {
-        let found = |lenient: u64, passages: usize| {
+        let found = |lenient: u64, crossings: usize| {
             let counters = Counters { steps: 100, lenient, ..Counters::default() };
-            let (message, passages) = (String::new(), vec![0.5; passages]);
-            let outcome = Outcome { status: Status::Finished, message, t: 1.0, counters, passages, error: None };
+            let (message, crossings) = (String::new(), vec![0.5; crossings]);
+            let outcome = Outcome { status: Status::Finished, message, t: 1.0, counters, crossings, error: None };
             let mut found = Vec::new();
             of_steps(&outcome, &mut found);
             found
         };
-        for (lenient, passages, doubtful) in [(0, 0, 0), (20, 0, 0), (21, 0, 1), (21, 1, 1), (60, 3, 0), (61, 3, 1)] {
-            let found = found(lenient, passages);
-            assert_eq!(found.len(), doubtful, "{lenient} {passages}");
+        for (lenient, crossings, doubtful) in [(0, 0, 0), (20, 0, 0), (21, 0, 1), (21, 1, 1), (60, 3, 0), (61, 3, 1)] {
+            let found = found(lenient, crossings);
+            assert_eq!(found.len(), doubtful, "{lenient} {crossings}");
             assert!(found.iter().all(|f| !f.broken && f.t == 1.0 && f.sentence.starts_with(&lenient.to_string())));
         }
     }

@@ -124,9 +124,9 @@ impl<S: Scalar> Mat3<S> {
         ]);
         // more: about an axis, as long as the plane of the turn can be told
         let s = v.norm();
-        let told = s - S::from_f64(1e-14);
-        let axis = Vec3::where_positive(told, v.direction(), a.across());
-        let (sin, cos) = told.where_positive(s, S::zero()).atan2(c).sin_cos();
+        let turned = s - S::from_f64(1e-14);
+        let axis = Vec3::where_positive(turned, v.direction(), a.across());
+        let (sin, cos) = turned.where_positive(s, S::zero()).atan2(c).sin_cos();
         Self::where_positive(c, &near, &Self::about(axis, sin, cos))
     }
 }

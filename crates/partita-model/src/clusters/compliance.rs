@@ -58,7 +58,7 @@ impl<G: Space> Tree<G> {
             lambda: zeros(plan.rows.len()),
             rates: zeros(self.nv),
         };
-        let mut own: Vec<Vec<usize>> = vec![Vec::new(); plan.ways.len()];
+        let mut own: Vec<Vec<usize>> = vec![Vec::new(); plan.routes.len()];
         for &i in independent {
             own[cluster_of[i] as usize].push(i);
         }

@@ -18,7 +18,7 @@ mod plan;
 mod sweep;
 
 pub use crate::memory::ClusterScratch;
-pub use plan::{Plan, Preference, Way};
+pub use plan::{Plan, Preference, Route};
 pub(crate) use sweep::Given;
 pub use sweep::Tangents;
 

@@ -17,7 +17,7 @@ const FEW: usize = 4;
 
 /// The way through a cluster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Route {
     /// Partial velocities S D_cᵀ.
     PartialVelocities,
     /// Range space on the cluster's tree.
@@ -111,7 +111,7 @@ pub(super) struct RangePlan {
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
     /// Way of each cluster.
-    pub ways: Vec<Way>,
+    pub routes: Vec<Route>,
     /// Columns that Dᵀ needs: the most freedoms of a cluster that goes by partial velocities.
     pub columns: usize,
     /// Multiplications of one recursion, roughly.
@@ -158,56 +158,56 @@ impl Plan {
         }
         // range space wants inertia on each joint with the loops open, D on what they leave
         let mut short = vec![false; clusters.count];
-        tree.light.iter().for_each(|x| short[clusters.of_velocity[tree.links[x.link].v] as usize] = true);
-        let by_range = Self::with_ways(tree, pattern, &links_of, &rows_of, |c| match () {
-            () if rows_of[c].is_empty() => Way::Free,
-            () if short[c] => Way::PartialVelocities,
-            () => Way::RangeSpace,
+        tree.massless.iter().for_each(|x| short[clusters.of_velocity[tree.links[x.link].v] as usize] = true);
+        let by_range = Self::with_routes(tree, pattern, &links_of, &rows_of, |c| match () {
+            () if rows_of[c].is_empty() => Route::Free,
+            () if short[c] => Route::PartialVelocities,
+            () => Route::RangeSpace,
         });
         if preference == Preference::RangeSpace {
             return by_range;
         }
         let range_cost = by_range.cluster_costs(tree, clusters);
-        Self::with_ways(tree, pattern, &links_of, &rows_of, |c| {
+        Self::with_routes(tree, pattern, &links_of, &rows_of, |c| {
             let (k, n) = (velocities[c].saturating_sub(rows_of[c].len()), links_of[c].len());
             let at_ground = links_of[c].first().is_some_and(|&i| tree.links[i].parent == 0);
             match () {
-                () if rows_of[c].is_empty() => Way::Free,
-                () if preference == Preference::PartialVelocities || short[c] => Way::PartialVelocities,
+                () if rows_of[c].is_empty() => Route::Free,
+                () if preference == Preference::PartialVelocities || short[c] => Route::PartialVelocities,
                 () if k <= FEW || few_cost::<G>(n, k, rows_of[c].len(), at_ground) <= range_cost[c] => {
-                    Way::PartialVelocities
+                    Route::PartialVelocities
                 }
-                () => Way::RangeSpace,
+                () => Route::RangeSpace,
             }
         })
     }
 
-    fn with_ways<G: Space>(
+    fn with_routes<G: Space>(
         tree: &Tree<G>,
         pattern: &Pattern,
         links_of: &[Vec<usize>],
         rows_of: &[Vec<usize>],
-        way: impl Fn(usize) -> Way,
+        route: impl Fn(usize) -> Route,
     ) -> Self {
         let nothing = LinkPlan { duty: Duty::Own, carried: 0..0, pairs: 0, complete: 0..0 };
         let mut plan = Self {
-            ways: (0..links_of.len()).map(way).collect(),
+            routes: (0..links_of.len()).map(route).collect(),
             links: vec![nothing; tree.links.len()],
             starts_from_bias: vec![false; tree.nv],
             ..Self::default()
         };
         let mut ranged = Vec::new();
         for (c, links) in links_of.iter().enumerate() {
-            match plan.ways[c] {
-                Way::Free => {}
-                Way::RangeSpace => {
+            match plan.routes[c] {
+                Route::Free => {}
+                Route::RangeSpace => {
                     ranged.extend_from_slice(&rows_of[c]);
                     // the first link's parent is no link of the cluster
                     let base = tree.links[links[0]].parent;
                     let links = links.iter().map(|&i| i as u32).collect();
                     plan.ranged.push(RangePlan { cluster: c as u32, base, links, at_base: Vec::new() });
                 }
-                Way::PartialVelocities => plan.add_few(tree, c, links, rows_of[c].len()),
+                Route::PartialVelocities => plan.add_few(tree, c, links, rows_of[c].len()),
             }
         }
         delassus::plan(&mut plan, tree, pattern, &ranged);

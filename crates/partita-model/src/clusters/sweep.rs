@@ -210,7 +210,8 @@ impl<G: Space> Tree<G> {
             let (before, rest) = x.motion.split_at_mut(i * d);
             shift_motion::<G>(&arm, &before[p * d..(p + 1) * d], rest);
             for v in link.v..link.v + freedoms(&link.motion) {
-                let (w, u) = self.carry(i, s, G::Ang::default(), G::Vec::default(), |j| if j == v { one } else { o });
+                let (w, u) =
+                    self.propagate(i, s, G::Ang::default(), G::Vec::default(), |j| if j == v { one } else { o });
                 let axis = &mut x.axis[v * d..(v + 1) * d];
                 axis.copy_from_slice(&G::flat(w, u)[..d]);
                 if plan.starts_from_bias[v] {

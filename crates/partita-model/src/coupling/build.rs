@@ -2,13 +2,13 @@
 
 use super::{order, wraps, Condition, Contact, Law, Orientation, Place, Rolling, Says};
 use crate::error::DescriptionError;
-use crate::gauge::{Maker, Mover, Quantity, Reading};
 use crate::joint::Own;
+use crate::measurement::{Maker, Measurement, Mover, Quantity};
 use crate::numbers::Numbers;
-use crate::place::Placed;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Drive, Level, Measure, Said, Spec, Turning};
 use crate::tree::{LinkMotion, Tree};
+use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
 use std::f64::consts::TAU;
@@ -24,20 +24,20 @@ pub(crate) fn all<G: Space>(
     if places.is_empty() {
         return Ok(Vec::new());
     }
-    let gauges = Maker::<G>::new(spec, placed, numbers, tree)?;
+    let measurements = Maker::<G>::new(spec, placed, numbers, tree)?;
     let (mut row, mut entry) = (tree.rows, tree.entries);
     let mut conditions = Vec::with_capacity(places.len());
     for place in places {
         let (name, says) = match place.owner {
-            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, numbers, &place, &gauges)),
+            Owner::Joint(j) => (spec.joints[j].name.clone(), own(j, placed, numbers, &place, &measurements)),
             Owner::Coupling(i) => {
-                (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &gauges)?)
+                (spec.couplings[i].name().to_string(), coupling(spec, i, placed, numbers, &place, &measurements)?)
             }
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
-                let law = |law| Ok(Says::Law(law, vec![gauges.driven(d)?]));
+                let law = |law| Ok(Says::Law(law, vec![measurements.driven(d)?]));
                 let says = match (&d.turning, d.level) {
-                    (Some(turning), _) => orientation(turning, d, placed, &gauges)?,
+                    (Some(turning), _) => orientation(turning, d, placed, &measurements)?,
                     (None, Level::Position) => law(Law::Motion { motion: d.motion.clone(), period: place.period })?,
                     (None, Level::Velocity) => law(Law::Rate(d.motion.clone()))?,
                 };
@@ -53,16 +53,22 @@ pub(crate) fn all<G: Space>(
     Ok(conditions)
 }
 
-fn own<G: Space>(j: usize, placed: &Placed, numbers: &Numbers<G::S>, place: &Place, gauges: &Maker<G>) -> Says<G> {
+fn own<G: Space>(
+    j: usize,
+    placed: &Placed,
+    numbers: &Numbers<G::S>,
+    place: &Place,
+    measurements: &Maker<G>,
+) -> Says<G> {
     let linear = |factors: Vec<G::S>, period| Law::Linear { factors, offset: G::S::zero(), period };
     match placed.joints[j].shape.own {
         Some(Own::Advance(_)) => {
             let per_radian = numbers.pitches[j] / G::S::from_f64(TAU);
             let period = place.period.map(|_| per_radian.scale(TAU));
-            let readings = vec![gauges.coordinate(j, 0), gauges.coordinate(j, 1)];
+            let readings = vec![measurements.coordinate(j, 0), measurements.coordinate(j, 1)];
             Says::Law(linear(vec![G::S::one(), -per_radian], period), readings)
         }
-        Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()], None), vec![gauges.twist(j)]),
+        Some(Own::Twist) | None => Says::Law(linear(vec![G::S::one()], None), vec![measurements.twist(j)]),
     }
 }
 
@@ -71,14 +77,14 @@ fn orientation<G: Space>(
     turning: &Turning,
     d: &Drive,
     placed: &Placed,
-    gauges: &Maker<G>,
+    measurements: &Maker<G>,
 ) -> Result<Says<G>, DescriptionError> {
     let fail = || DescriptionError::new("drive", &d.name, "an orientation is prescribed of a turn in space alone");
     let Measure::Joint { joint, coordinate } = &d.measure else { return Err(fail()) };
-    let (j, component) = gauges.turn_in_space(joint, *coordinate, &d.name)?.ok_or_else(fail)?;
+    let (j, component) = measurements.turn_in_space(joint, *coordinate, &d.name)?.ok_or_else(fail)?;
     let p = &placed.joints[j];
-    let (on_a, on_b) = (gauges.axes(&p.on_parent), gauges.axes(&p.on_child));
-    let Reading { links, nodes, movers, .. } = gauges.spin(p, component);
+    let (on_a, on_b) = (measurements.axes(&p.on_parent), measurements.axes(&p.on_child));
+    let Measurement { links, nodes, movers, .. } = measurements.spin(p, component);
     Ok(Says::Turning(Box::new(Orientation { on_a, on_b, component, turning: turning.clone(), links, nodes, movers })))
 }
 
@@ -88,11 +94,11 @@ fn coupling<G: Space>(
     placed: &Placed,
     numbers: &Numbers<G::S>,
     place: &Place,
-    gauges: &Maker<G>,
+    measurements: &Maker<G>,
 ) -> Result<Says<G>, DescriptionError> {
     let c = &spec.couplings[i];
-    let read = |terms: &[Measure]| -> Result<Vec<Reading<G>>, DescriptionError> {
-        terms.iter().map(|m| gauges.reading(m, "coupling", c.name())).collect()
+    let read = |terms: &[Measure]| -> Result<Vec<Measurement<G>>, DescriptionError> {
+        terms.iter().map(|m| measurements.reading(m, "coupling", c.name())).collect()
     };
     Ok(match c {
         Coupling::Linear { terms, said, .. } => {
@@ -105,8 +111,8 @@ fn coupling<G: Space>(
             });
             let readings = match (said, &terms[..]) {
                 (Some(Said::Length), [Measure::Distance { body1, body2, .. }]) => {
-                    let nodes = [gauges.node(body1), gauges.node(body2)];
-                    vec![gauges.distance(nodes, [given.vector("point1"), given.vector("point2")])]
+                    let nodes = [measurements.node(body1), measurements.node(body2)];
+                    vec![measurements.distance(nodes, [given.vector("point1"), given.vector("point2")])]
                 }
                 _ => read(terms)?,
             };
@@ -119,7 +125,7 @@ fn coupling<G: Space>(
         Coupling::Function { terms, function, .. } => Says::Law(Law::Function(*function), read(terms)?),
         Coupling::Roll { body, axis, on, normal, .. } => {
             let given = &numbers.couplings[i];
-            let [a, b] = [gauges.node(on), gauges.node(body)];
+            let [a, b] = [measurements.node(on), measurements.node(body)];
             let points = [
                 numbers.point_on(placed, a, given.vector("point")),
                 numbers.point_on(placed, b, given.vector("center")),
@@ -133,9 +139,9 @@ fn coupling<G: Space>(
             let n = unit(normal, a, "normal")?;
             let (t1, t2) = n.complement();
             let axis = axis.as_ref().map(|x| unit(x, b, "axis")).transpose()?;
-            let ends = gauges.ends([a, b], points);
+            let ends = measurements.ends([a, b], points);
             // any quantity of displacements has the links between the two
-            let between = gauges.between([a, b], Quantity::Along(ends, G::Vec::default()));
+            let between = measurements.between([a, b], Quantity::Along(ends, G::Vec::default()));
             let rolling = Rolling {
                 ends,
                 axis: axis.map(|x| G::vec_from(x.0)),

@@ -4,7 +4,7 @@
 //! Φ = F     C = Σ F_i C_i     a = F_t     b = Σ F_i b_i + F''|r''=0
 //! ```
 
-use crate::gauge::Reading;
+use crate::measurement::Measurement;
 use crate::spec::{Table, Value};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, failed, finite, Callers, Instant};
@@ -89,7 +89,7 @@ impl<S: Scalar> Law<S> {
         tree: &Tree<G>,
         s: &TreeScratch<G>,
         at: &Instant<S>,
-        readings: &[Reading<G>],
+        readings: &[Measurement<G>],
         name: &str,
         room: &mut Vec<f64>,
     ) -> Result<Found<'a, S>, SystemError> {
@@ -137,7 +137,7 @@ impl<S: Scalar> Law<S> {
         tree: &Tree<G>,
         s: &TreeScratch<G>,
         at: &Instant<S>,
-        readings: &[Reading<G>],
+        readings: &[Measurement<G>],
         name: &str,
         room: &mut Vec<f64>,
     ) -> Result<S, SystemError> {

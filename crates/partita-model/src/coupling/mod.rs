@@ -6,7 +6,7 @@
 //!                             │  as positions (S3, S4)  │   as rates alone (S4: nonholonomic)
 //! ```
 //!
-//! A condition is a law over readings ([`crate::gauge`]): gradient and bias of the readings are theirs, the law adds its own
+//! A condition is a law over readings ([`crate::measurement`]): gradient and bias of the readings are theirs, the law adds its own
 //! derivatives. What rolls has a geometry of its own.
 
 mod build;
@@ -21,7 +21,7 @@ pub use order::{order, wraps, Place};
 pub use orientation::Orientation;
 pub use rolling::{Contact, Rolling};
 
-use crate::gauge::{power_columns, Mover, Quantity, Reading, Unit};
+use crate::measurement::{power_columns, Measurement, Mover, Quantity, Unit};
 use crate::rows::{Owner, Row};
 use crate::spec::Spec;
 use crate::tree::{Tree, TreeScratch};
@@ -37,7 +37,7 @@ const IN_TREE: [usize; 2] = [0, 0];
 #[derive(Clone, Debug)]
 pub enum Says<G: Space> {
     /// A law over readings.
-    Law(Law<G::S>, Vec<Reading<G>>),
+    Law(Law<G::S>, Vec<Measurement<G>>),
     /// A disc or a ball touches a plane, or rolls on it.
     Rolling(Rolling<G>, Contact),
     /// A component of a prescribed orientation.
@@ -141,7 +141,7 @@ impl<G: Space> Condition<G> {
 
     /// What the multipliers of its own rows do: `put(multiplier, wrench)` for each pair of bodies pushed, `along(velocity, effort)`
     /// for coordinates of the tree.
-    pub(crate) fn acts(
+    pub(crate) fn apply(
         &self,
         tree: &Tree<G>,
         s: &TreeScratch<G>,
@@ -157,7 +157,7 @@ impl<G: Space> Condition<G> {
                     let effort = lambda[0] * *factor;
                     match (reading.unit(tree, s), &reading.quantity) {
                         (Some(unit), Quantity::Spin(_)) if reading.nodes == IN_TREE => {
-                            self.act_along(&reading.movers, &unit, effort, tree, s, &mut along);
+                            self.apply_along(&reading.movers, &unit, effort, tree, s, &mut along);
                         }
                         (Some(unit), _) => put(effort, &Pushed { nodes: reading.nodes, unit }),
                         (None, Quantity::Coordinate { v, .. }) => along(*v, effort),
@@ -171,9 +171,9 @@ impl<G: Space> Condition<G> {
                 }
             }
             Says::Turning(x) => {
-                let unit = x.pushes(tree, s, at, &self.name)?;
+                let unit = x.wrenches(tree, s, at, &self.name)?;
                 match x.nodes == IN_TREE {
-                    true => self.act_along(&x.movers, &unit, lambda[0], tree, s, &mut along),
+                    true => self.apply_along(&x.movers, &unit, lambda[0], tree, s, &mut along),
                     false => put(lambda[0], &Pushed { nodes: x.nodes, unit }),
                 }
             }
@@ -182,7 +182,7 @@ impl<G: Space> Condition<G> {
     }
 
     /// A moment in a turn in space of the tree, as efforts along its velocities.
-    fn act_along(
+    fn apply_along(
         &self,
         movers: &[Mover],
         unit: &Unit<G>,
@@ -249,7 +249,7 @@ impl<G: Space> Condition<G> {
     }
 
     /// What it reads.
-    pub fn readings(&self) -> &[Reading<G>] {
+    pub fn readings(&self) -> &[Measurement<G>] {
         match &self.says {
             Says::Law(_, readings) => readings,
             Says::Rolling(..) | Says::Turning(_) => &[],

@@ -1,11 +1,11 @@
 //! Which conditions there are, and the order of their rows.
 
 use crate::error::DescriptionError;
-use crate::gauge;
 use crate::joint::Own;
-use crate::place::Placed;
+use crate::measurement;
 use crate::rows::Owner;
 use crate::spec::{Coupling, Level, Measure, Spec};
+use crate::zero_position::Placed;
 
 /// A condition in the order of the rows.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +41,7 @@ fn common(numbers: &[f64]) -> f64 {
 pub fn wraps(placed: &Placed, m: &Measure) -> bool {
     let Some(joint) = m.of_joint() else { return false };
     let in_tree = placed.joint_numbers.get(joint).is_some_and(|&j| placed.joints[j].links.is_some());
-    gauge::is_angle(placed, m) && !in_tree && !placed.planar
+    measurement::is_angle(placed, m) && !in_tree && !placed.planar
 }
 
 /// All conditions in the order of their rows behind those of the closings.
@@ -61,7 +61,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
     }
     for (i, c) in spec.couplings.iter().enumerate() {
         let (owner, name) = (Owner::Coupling(i), c.name());
-        c.terms().iter().try_for_each(|m| gauge::known(m, placed, "coupling", name))?;
+        c.terms().iter().try_for_each(|m| measurement::known(m, placed, "coupling", name))?;
         let one = Place { owner, holonomic: true, rows: 1, period: None };
         match c {
             Coupling::Linear { terms, factors, .. } => {
@@ -69,8 +69,12 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
                     terms.iter().zip(factors).filter(|(m, _)| wraps(placed, m)).map(|(_, f)| f * turn).collect();
                 let period = common(&uncounted);
                 let largest = uncounted.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-                let told = uncounted.is_empty() || period > SMALLEST_PERIOD / turn * largest;
-                places.push(Place { holonomic: told, period: (period > 0.0 && told).then_some(period), ..one });
+                let known_turns = uncounted.is_empty() || period > SMALLEST_PERIOD / turn * largest;
+                places.push(Place {
+                    holonomic: known_turns,
+                    period: (period > 0.0 && known_turns).then_some(period),
+                    ..one
+                });
             }
             Coupling::Curve { terms, periodic, curve, .. } => {
                 if wraps(placed, &terms[1]) && !periodic {
@@ -99,7 +103,7 @@ pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<Place>, DescriptionErro
         }
     }
     for (i, d) in spec.drives.iter().enumerate() {
-        gauge::drivable(d, placed)?;
+        measurement::drivable(d, placed)?;
         let period = wraps(placed, &d.measure).then_some(turn);
         places.push(Place { owner: Owner::Drive(i), holonomic: d.level == Level::Position, rows: 1, period });
     }

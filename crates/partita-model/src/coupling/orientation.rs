@@ -10,7 +10,7 @@
 //! `Q(t)` goes wherever it likes, by any number of turns: ρ is what is left of it, which vanishes in one position only and
 //! grows all the way to the opposite one, so that closing a drawing finds its way from anywhere.
 
-use crate::gauge::{power_columns, Mover, Unit};
+use crate::measurement::{power_columns, Mover, Unit};
 use crate::spec::Turning;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, Instant, Turned};
@@ -160,7 +160,7 @@ impl<G: Space> Orientation<G> {
     }
 
     /// Its unit moment on B at the last poses.
-    pub(super) fn pushes(
+    pub(super) fn wrenches(
         &self,
         tree: &Tree<G>,
         s: &TreeScratch<G>,

@@ -8,7 +8,7 @@
 //!      rolling    t₁ · V = t₂ · V = 0        conditions on rates alone
 //! ```
 
-use crate::gauge::{power_columns, Ends, Mover, Unit};
+use crate::measurement::{power_columns, Ends, Mover, Unit};
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;

@@ -7,14 +7,14 @@ use super::{
 };
 use crate::compile;
 use crate::error::DescriptionError;
-use crate::gauge;
 use crate::joint::Motion;
+use crate::measurement;
 use crate::numbers::{DescribedForce, Numbers};
-use crate::place::{Placed, PlacedJoint};
 use crate::spec::{Axes, Force, Spec, Table, Value};
 use crate::tree::Tree;
 use crate::validate;
 use crate::value::{Source, VectorSource};
+use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
@@ -106,7 +106,8 @@ impl<G: Space> Element<G> {
                 }
                 Force::Torque { name, joint, coordinate, value: Value::Table(curve), over: Some(over), periodic } => {
                     let along = Reading::new(placed, numbers, name, (joint, *coordinate), G::S::zero())?;
-                    let over = gauge::Maker::<G>::new(spec, placed, numbers, tree)?.reading(over, "force", name)?;
+                    let over =
+                        measurement::Maker::<G>::new(spec, placed, numbers, tree)?.reading(over, "force", name)?;
                     let (name, curve, periodic) = (name.clone(), curve.clone(), *periodic);
                     let turns = over.wraps && over.adds_up.is_empty() && !(periodic && each_turn(&curve));
                     elements.push(Self::EffortOver(Box::new(EffortOver { name, along, over, curve, periodic, turns })));

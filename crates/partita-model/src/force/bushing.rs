@@ -58,8 +58,8 @@ impl<G: Space> Bushing<G> {
         let along: [G::S; 6] = std::array::from_fn(|i| -(elastic[i] + other[i]));
         let force = frame.apply(Vec3([along[0], along[1], along[2]]));
         let moment = frame.apply(moment_of(turn, curl, Vec3([along[3], along[4], along[5]])));
-        let acts = at.pair(two, one, point, moment, force);
-        Ok(Effect { acts, potential: dot(&x, &elastic).scale(0.5), power })
+        let application = at.pair(two, one, point, moment, force);
+        Ok(Effect { application, potential: dot(&x, &elastic).scale(0.5), power })
     }
 }
 

@@ -65,6 +65,6 @@ impl<G: Space> Contact<G> {
             force -= along.times(drag);
             power -= drag * square;
         }
-        Effect { acts: at.pair(one, two, point, spot::none(), force), potential: pressed.potential, power }
+        Effect { application: at.pair(one, two, point, spot::none(), force), potential: pressed.potential, power }
     }
 }

@@ -1,6 +1,6 @@
 //! Effort in a joint that no velocity of the tree stands for: a wrench on the child, its opposite on the parent.
 
-use super::{Acts, At, Effect, Place, Push};
+use super::{AppliedWrench, At, Effect, ForceApplication, Place};
 use crate::value::Source;
 use partita_math::spatial::Space;
 use partita_system::SystemError;
@@ -43,7 +43,7 @@ impl<G: Space> Unit<G> {
     }
 
     /// How many unit efforts a push on the child is.
-    pub(crate) fn effort(&self, at: &At<G>, parent: usize, on: &Push<G>) -> G::S {
+    pub(crate) fn effort(&self, at: &At<G>, parent: usize, on: &AppliedWrench<G>) -> G::S {
         let (axis, direction) = self.now(at, parent, on.link);
         let size = G::dot_ang(axis, axis) + G::dot(direction, direction);
         (G::dot_ang(axis, on.moment) + G::dot(direction, on.force)) / size
@@ -52,7 +52,7 @@ impl<G: Space> Unit<G> {
 
 impl<G: Space> CutEffort<G> {
     /// The effort that a push on the child is.
-    pub(crate) fn effort(&self, at: &At<G>, on: &Push<G>) -> G::S {
+    pub(crate) fn effort(&self, at: &At<G>, on: &AppliedWrench<G>) -> G::S {
         self.unit.effort(at, self.parent.link, on)
     }
 
@@ -75,9 +75,12 @@ impl<G: Space> CutEffort<G> {
                 (G::Ang::default(), G::scale(d, x), G::dot(d, rate))
             }
         };
-        let push = |e: &Place<G>, arm, moment, force| Push { node: e.node, link: e.link, arm, moment, force };
+        let push = |e: &Place<G>, arm, moment, force| AppliedWrench { node: e.node, link: e.link, arm, moment, force };
         Ok(Effect {
-            acts: Acts::Between(push(&self.child, arm, moment, force), push(&self.parent, back, -moment, -force)),
+            application: ForceApplication::Between(
+                push(&self.child, arm, moment, force),
+                push(&self.parent, back, -moment, -force),
+            ),
             potential: G::S::default(),
             power: x * rate,
         })

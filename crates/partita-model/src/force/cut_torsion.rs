@@ -30,7 +30,7 @@ impl<G: Space> CutTorsion<G> {
         self.along.known(&self.name, stretch, KNOWN)?;
         let effort = -(self.stiffness * stretch + self.damping * read.rate);
         Ok(Effect {
-            acts: self.along.acts(&read, effort),
+            application: self.along.application(&read, effort),
             potential: stored(self.stiffness, stretch),
             power: -(self.damping * read.rate * read.rate),
         })

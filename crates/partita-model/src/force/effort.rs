@@ -1,6 +1,6 @@
 //! Effort along a velocity of the tree: a torque or a force in a joint.
 
-use super::{Acts, At, Effect};
+use super::{At, Effect, ForceApplication};
 use crate::value::Source;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
@@ -32,6 +32,6 @@ impl<S: Scalar> Effort<S> {
             (Some(q), Source::Constant(_)) => (-(x * at.instant.q[q]), S::zero()),
             _ => (S::zero(), x * at.instant.v[self.v]),
         };
-        Ok(Effect { acts: Acts::Along(self.v, x), potential, power })
+        Ok(Effect { application: ForceApplication::Along(self.v, x), potential, power })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::reading::KNOWN;
 use super::{At, Effect, Reading};
-use crate::gauge;
+use crate::measurement;
 use crate::spec::Table;
 use crate::value;
 use partita_math::scalar::Scalar;
@@ -17,7 +17,7 @@ pub struct EffortOver<G: Space> {
     /// The coordinate it acts along.
     pub along: Reading<G>,
     /// What it depends on.
-    pub over: gauge::Reading<G>,
+    pub over: measurement::Measurement<G>,
     /// The curve.
     pub curve: Table,
     /// Does it repeat itself after its last break?
@@ -36,6 +36,6 @@ impl<G: Space> EffortOver<G> {
         }
         let [effort, _, _] = value::curve_at(&self.curve, self.periodic, x, &self.name)?;
         let power = effort * read.rate;
-        Ok(Effect { acts: self.along.acts(&read, effort), potential: G::S::default(), power })
+        Ok(Effect { application: self.along.application(&read, effort), potential: G::S::default(), power })
     }
 }

@@ -59,7 +59,7 @@ impl<G: Space> Friction<G> {
         let (dynamic, held) = match &self.follows {
             Some(bearing) => {
                 // nothing before it is found
-                let pressed = room.grips.get(bearing.place).copied().unwrap_or_default();
+                let pressed = room.normal_forces.get(bearing.place).copied().unwrap_or_default();
                 (bearing.coefficient * pressed, bearing.held * pressed)
             }
             None => {
@@ -73,6 +73,10 @@ impl<G: Space> Friction<G> {
         };
         let read = self.along.read(at);
         let effort = -(self.law(dynamic, held).per_speed(read.rate * read.rate) * read.rate);
-        Ok(Effect { acts: self.along.acts(&read, effort), potential: G::S::zero(), power: effort * read.rate })
+        Ok(Effect {
+            application: self.along.application(&read, effort),
+            potential: G::S::zero(),
+            power: effort * read.rate,
+        })
     }
 }

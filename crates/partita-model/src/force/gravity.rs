@@ -1,6 +1,6 @@
 //! Gravity that changes: one acceleration for all bodies.
 
-use super::{Acts, At, Effect, Place, Push, Room};
+use super::{AppliedWrench, At, Effect, ForceApplication, Place, Room};
 use crate::value::VectorSource;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
@@ -23,13 +23,13 @@ impl<G: Space> Gravity<G> {
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
         let value = self.value.at(&at.instant, &self.name, &mut room.plain)?;
         let gravity = G::vec_in(self.axes.apply(value));
-        room.pushes.clear();
+        room.wrenches.clear();
         let mut power = G::S::zero();
         for (p, mass) in &self.on {
             let (arm, force) = (at.arm(p), G::scale(gravity, *mass));
             power += G::dot(force, at.velocity(p.link, arm));
-            room.pushes.push(Push { node: p.node, link: p.link, arm, moment: G::Ang::default(), force });
+            room.wrenches.push(AppliedWrench { node: p.node, link: p.link, arm, moment: G::Ang::default(), force });
         }
-        Ok(Effect { acts: Acts::Listed, potential: G::S::zero(), power })
+        Ok(Effect { application: ForceApplication::Listed, potential: G::S::zero(), power })
     }
 }

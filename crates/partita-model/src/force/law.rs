@@ -1,7 +1,7 @@
 //! A function of whatever it asks to see.
 
 use super::spot::Spot;
-use super::{Acts, At, Effect, Reading, Room};
+use super::{At, Effect, ForceApplication, Reading, Room};
 use crate::value::failed;
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::{Mat3, Space, Vec3};
@@ -74,7 +74,7 @@ pub struct Law<G: Space> {
 
 impl<G: Space> Law<G> {
     pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
-        let Room { plain, seen, answers, pushes, .. } = room;
+        let Room { plain, seen, answers, wrenches, .. } = room;
         seen.clear();
         self.sees.iter().for_each(|sight| sight.show(at, &self.out, seen));
         answers.clear();
@@ -88,7 +88,7 @@ impl<G: Space> Law<G> {
                 false => Err(SystemError::NotFinite { what: self.name.clone(), t }),
             }
         })?;
-        pushes.clear();
+        wrenches.clear();
         let mut power = G::S::zero();
         for (p, w) in self.on.iter().zip(answers.chunks_exact(WRENCH)) {
             let own = |w: &[G::S]| self.out.apply_transposed(Vec3([w[0], w[1], w[2]]));
@@ -97,8 +97,8 @@ impl<G: Space> Law<G> {
             // in the plane of a planar mechanism alone is there work
             power += G::dot(push.force, at.velocity(p.place.link, push.arm));
             power += G::dot_ang(push.moment, at.s.links[p.place.link].w);
-            pushes.push(push);
+            wrenches.push(push);
         }
-        Ok(Effect { acts: Acts::Listed, potential: G::S::zero(), power })
+        Ok(Effect { application: ForceApplication::Listed, potential: G::S::zero(), power })
     }
 }

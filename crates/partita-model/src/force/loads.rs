@@ -8,9 +8,9 @@ use super::{
 };
 use crate::error::DescriptionError;
 use crate::numbers::{DescribedForce, Numbers};
-use crate::place::Placed;
 use crate::spec::{self, Force, Sight, Spec};
 use crate::value::{Source, VectorSource};
+use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space, Vec3};
 use std::collections::{HashMap, HashSet};
@@ -152,13 +152,13 @@ pub(super) fn element<G: Space>(
             Element::Weightless(Weightless { on: maker.place(node, b.com), mass: b.mass })
         }
         Force::Gravity(x) => {
-            let light: HashSet<&str> = spec
+            let massless: HashSet<&str> = spec
                 .forces
                 .iter()
                 .filter_map(|f| if let Force::Weightless(w) = f { Some(w.body.as_str()) } else { None })
                 .collect();
             let heavy = (0..spec.bodies.len())
-                .filter(|&i| spec.bodies[i].mass > 0.0 && !light.contains(spec.bodies[i].name.as_str()));
+                .filter(|&i| spec.bodies[i].mass > 0.0 && !massless.contains(spec.bodies[i].name.as_str()));
             let on = heavy.map(|i| (maker.place(i + 1, numbers.bodies[i].com), numbers.bodies[i].mass)).collect();
             let axes = Mat3::from_f64(placed.basis.0);
             Element::Gravity(Box::new(Gravity {

@@ -48,7 +48,7 @@ pub use torsion::Torsion;
 pub use tyre::Tyre;
 pub use weightless::Weightless;
 
-use crate::gauge::Quantity;
+use crate::measurement::Quantity;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{Instant, Source};
 use partita_math::scalar::Scalar;
@@ -98,10 +98,10 @@ pub struct Room<G: Space> {
     /// What a law sees, and what it answers.
     seen: Vec<G::S>,
     answers: Vec<G::S>,
-    /// Wrenches of an element that has many: see [`Acts::Listed`].
-    pub(crate) pushes: Vec<Push<G>>,
+    /// Wrenches of an element that has many: see [`ForceApplication::Listed`].
+    pub(crate) wrenches: Vec<AppliedWrench<G>>,
     /// What presses each friction whose level follows a reaction, arms included.
-    pub(crate) grips: Vec<G::S>,
+    pub(crate) normal_forces: Vec<G::S>,
     /// Coordinates and velocities as functions see them.
     pub(crate) q: Vec<G::S>,
     pub(crate) v: Vec<G::S>,
@@ -109,8 +109,8 @@ pub struct Room<G: Space> {
 
 impl<G: Space> Room<G> {
     /// Empty, but for what presses frictions in another.
-    pub(crate) fn gripping(other: &Self) -> Self {
-        Self { grips: other.grips.clone(), ..Self::default() }
+    pub(crate) fn with_normal_forces(other: &Self) -> Self {
+        Self { normal_forces: other.normal_forces.clone(), ..Self::default() }
     }
 }
 
@@ -120,8 +120,8 @@ impl<G: Space> Default for Room<G> {
             plain: Vec::new(),
             seen: Vec::new(),
             answers: Vec::new(),
-            pushes: Vec::new(),
-            grips: Vec::new(),
+            wrenches: Vec::new(),
+            normal_forces: Vec::new(),
             q: Vec::new(),
             v: Vec::new(),
         }
@@ -141,7 +141,7 @@ pub struct Place<G: Space> {
 
 /// A wrench on one link, world axes.
 #[derive(Clone, Copy, Debug)]
-pub struct Push<G: Space> {
+pub struct AppliedWrench<G: Space> {
     /// Node of the body (0 is the ground).
     pub node: usize,
     /// Its link.
@@ -156,13 +156,13 @@ pub struct Push<G: Space> {
 
 /// How an element acts.
 #[derive(Clone, Copy, Debug)]
-pub enum Acts<G: Space> {
+pub enum ForceApplication<G: Space> {
     /// Along a tree velocity.
     Along(usize, G::S),
     /// On a body.
-    On(Push<G>),
+    On(AppliedWrench<G>),
     /// On two bodies.
-    Between(Push<G>, Push<G>),
+    Between(AppliedWrench<G>, AppliedWrench<G>),
     /// On as many as are listed in the room.
     Listed,
 }
@@ -171,7 +171,7 @@ pub enum Acts<G: Space> {
 #[derive(Clone, Copy, Debug)]
 pub struct Effect<G: Space> {
     /// What acts.
-    pub acts: Acts<G>,
+    pub application: ForceApplication<G>,
     /// Its potential, 0 if it has none.
     pub potential: G::S,
     /// Power of what acts, so far as the potential does not account for it.
@@ -217,14 +217,14 @@ impl<G: Space> Element<G> {
 
     /// Effort along the coordinate of a joint that an effect of it is.
     pub(crate) fn effort(&self, at: &At<G>, effect: &Effect<G>) -> Option<G::S> {
-        let along = |reading: &Reading<G>, on: &Push<G>| reading.effort(at, on);
-        match (&effect.acts, self) {
-            (Acts::Along(_, effort), _) => Some(*effort),
-            (Acts::Between(on, _), Self::CutEffort(e)) => Some(e.effort(at, on)),
-            (Acts::Between(on, _), Self::CutTorsion(e)) => along(&e.along, on),
-            (Acts::Between(on, _), Self::EffortOver(e)) => along(&e.along, on),
-            (Acts::Between(on, _), Self::Friction(e)) => along(&e.along, on),
-            (Acts::Between(on, _), Self::Stop(e)) => along(&e.along, on),
+        let along = |reading: &Reading<G>, on: &AppliedWrench<G>| reading.effort(at, on);
+        match (&effect.application, self) {
+            (ForceApplication::Along(_, effort), _) => Some(*effort),
+            (ForceApplication::Between(on, _), Self::CutEffort(e)) => Some(e.effort(at, on)),
+            (ForceApplication::Between(on, _), Self::CutTorsion(e)) => along(&e.along, on),
+            (ForceApplication::Between(on, _), Self::EffortOver(e)) => along(&e.along, on),
+            (ForceApplication::Between(on, _), Self::Friction(e)) => along(&e.along, on),
+            (ForceApplication::Between(on, _), Self::Stop(e)) => along(&e.along, on),
             _ => None,
         }
     }
@@ -284,7 +284,7 @@ impl<G: Space> Element<G> {
 
     /// Name of an element that counts turns of an angle which is read off the pose, about which value it can tell them, and how
     /// far from it.
-    pub fn told(&self) -> Option<(&str, f64, f64)>
+    pub fn turn_range(&self) -> Option<(&str, f64, f64)>
     where
         G: Space<S = f64>,
     {
@@ -398,19 +398,19 @@ impl<G: Space> Tree<G> {
     /// Adds what an element does to the applied forces.
     #[inline(always)]
     pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>, room: &Room<G>) {
-        match &effect.acts {
-            Acts::Along(v, effort) => s.effort[*v] += *effort,
-            Acts::On(p) => self.add_push(s, p),
-            Acts::Between(p, other) => {
-                self.add_push(s, p);
-                self.add_push(s, other);
+        match &effect.application {
+            ForceApplication::Along(v, effort) => s.effort[*v] += *effort,
+            ForceApplication::On(p) => self.add_wrench(s, p),
+            ForceApplication::Between(p, other) => {
+                self.add_wrench(s, p);
+                self.add_wrench(s, other);
             }
-            Acts::Listed => room.pushes.iter().for_each(|p| self.add_push(s, p)),
+            ForceApplication::Listed => room.wrenches.iter().for_each(|p| self.add_wrench(s, p)),
         }
     }
 
     #[inline(always)]
-    fn add_push(&self, s: &mut TreeScratch<G>, p: &Push<G>) {
+    fn add_wrench(&self, s: &mut TreeScratch<G>, p: &AppliedWrench<G>) {
         self.add_force(s, p.link, p.arm, p.force);
         s.links[p.link].moment += p.moment;
     }

@@ -1,6 +1,6 @@
 //! Force at a point of a body.
 
-use super::{Acts, At, Effect, Place, Push};
+use super::{AppliedWrench, At, Effect, ForceApplication, Place};
 use crate::value::VectorSource;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
@@ -39,7 +39,7 @@ impl<G: Space> PointForce<G> {
         } else {
             (G::S::zero(), G::dot(force, at.velocity(link, arm)))
         };
-        let push = Push { node: self.on.node, link, arm, moment: G::Ang::default(), force };
-        Ok(Effect { acts: Acts::On(push), potential, power })
+        let push = AppliedWrench { node: self.on.node, link, arm, moment: G::Ang::default(), force };
+        Ok(Effect { application: ForceApplication::On(push), potential, power })
     }
 }

@@ -1,12 +1,12 @@
 //! A joint coordinate that a force reads and acts along: its value, its rate and its unit wrench, in the tree or cut.
 
 use super::build::{joint_index, tree_coordinate, unit};
-use super::{Acts, At, Place, Push, Unit};
+use super::{AppliedWrench, At, ForceApplication, Place, Unit};
 use crate::error::DescriptionError;
-use crate::gauge;
 use crate::joint::Motion;
+use crate::measurement;
 use crate::numbers::Numbers;
-use crate::place::{Placed, PlacedJoint};
+use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Vec3};
 use partita_system::SystemError;
@@ -116,7 +116,7 @@ impl<G: Space> Reading<G> {
         let (parent_point, child_point) = numbers.joints[j];
         let value = match motion {
             Motion::Slide(_) | Motion::Ball => Value::Slide,
-            Motion::Turn(axis) if placed.planar => Value::Sum(gauge::in_plane(placed, p, axis)),
+            Motion::Turn(axis) if placed.planar => Value::Sum(measurement::in_plane(placed, p, axis)),
             Motion::Turn(axis) => match middle.outside(-PI, PI) {
                 None => angle(p, axis, middle),
                 Some(middle) => {
@@ -186,7 +186,7 @@ impl<G: Space> Reading<G> {
     }
 
     /// The effort that a push on the child is; none for a coordinate of the tree.
-    pub(crate) fn effort(&self, at: &At<G>, on: &Push<G>) -> Option<G::S> {
+    pub(crate) fn effort(&self, at: &At<G>, on: &AppliedWrench<G>) -> Option<G::S> {
         match self {
             Self::Tree { .. } => None,
             Self::Cut(c) => Some(c.unit.effort(at, c.parent.link, on)),
@@ -195,15 +195,16 @@ impl<G: Space> Reading<G> {
 
     /// An effort along the coordinate: on the child, its opposite on the parent.
     #[inline(always)]
-    pub(crate) fn acts(&self, read: &Read<G>, effort: G::S) -> Acts<G> {
+    pub(crate) fn application(&self, read: &Read<G>, effort: G::S) -> ForceApplication<G> {
         match (self, &read.held) {
             (Self::Cut(c), Some(Held { back, arm, axis, direction })) => {
                 let (moment, force) = (G::scale_ang(*axis, effort), G::scale(*direction, effort));
-                let push = |e: &Place<G>, arm, moment, force| Push { node: e.node, link: e.link, arm, moment, force };
-                Acts::Between(push(&c.child, *arm, moment, force), push(&c.parent, *back, -moment, -force))
+                let push =
+                    |e: &Place<G>, arm, moment, force| AppliedWrench { node: e.node, link: e.link, arm, moment, force };
+                ForceApplication::Between(push(&c.child, *arm, moment, force), push(&c.parent, *back, -moment, -force))
             }
-            (Self::Tree { v, .. }, _) => Acts::Along(*v, effort),
-            (Self::Cut(_), None) => Acts::Along(0, G::S::zero()),
+            (Self::Tree { v, .. }, _) => ForceApplication::Along(*v, effort),
+            (Self::Cut(_), None) => ForceApplication::Along(0, G::S::zero()),
         }
     }
 }

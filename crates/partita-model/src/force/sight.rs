@@ -5,7 +5,7 @@ use super::{At, Reading};
 use crate::error::DescriptionError;
 use crate::joint::Motion;
 use crate::numbers::Numbers;
-use crate::place::Placed;
+use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
 

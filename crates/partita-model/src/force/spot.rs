@@ -1,6 +1,6 @@
 //! Places in space of things that ride on links, also of a planar mechanism: what lies out of the plane stays there.
 
-use super::{Acts, At, Place, Push};
+use super::{AppliedWrench, At, ForceApplication, Place};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space, Vec3};
 
@@ -46,8 +46,8 @@ impl<G: Space> At<'_, G> {
 
     /// A wrench at a point of space on a link.
     #[inline(always)]
-    pub(super) fn push(&self, on: &Place<G>, x: Vec3<G::S>, moment: Vec3<G::S>, force: Vec3<G::S>) -> Push<G> {
-        Push {
+    pub(super) fn push(&self, on: &Place<G>, x: Vec3<G::S>, moment: Vec3<G::S>, force: Vec3<G::S>) -> AppliedWrench<G> {
+        AppliedWrench {
             node: on.node,
             link: on.link,
             arm: self.reach(on.link, x),
@@ -65,8 +65,8 @@ impl<G: Space> At<'_, G> {
         x: Vec3<G::S>,
         moment: Vec3<G::S>,
         force: Vec3<G::S>,
-    ) -> Acts<G> {
-        Acts::Between(self.push(on, x, moment, force), self.push(other, x, -moment, -force))
+    ) -> ForceApplication<G> {
+        ForceApplication::Between(self.push(on, x, moment, force), self.push(other, x, -moment, -force))
     }
 }
 

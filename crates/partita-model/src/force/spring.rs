@@ -1,6 +1,6 @@
 //! Spring and damper between two points.
 
-use super::{stored, Acts, At, Effect, Place, Push};
+use super::{stored, AppliedWrench, At, Effect, ForceApplication, Place};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
@@ -40,9 +40,18 @@ impl<G: Space> Spring<G> {
         let stretch = length - self.length;
         let tension = stretch * self.stiffness + speed * self.damping;
         let pull = G::scale(gap, tension.over_or_zero(length));
-        let end = |e: &Place<G>, arm, force| Push { node: e.node, link: e.link, arm, moment: G::Ang::default(), force };
+        let end = |e: &Place<G>, arm, force| AppliedWrench {
+            node: e.node,
+            link: e.link,
+            arm,
+            moment: G::Ang::default(),
+            force,
+        };
         Effect {
-            acts: Acts::Between(end(&self.a, ra + self.grounded[0], pull), end(&self.b, rb + self.grounded[1], -pull)),
+            application: ForceApplication::Between(
+                end(&self.a, ra + self.grounded[0], pull),
+                end(&self.b, rb + self.grounded[1], -pull),
+            ),
             potential: stored(self.stiffness, stretch),
             power: -(self.damping * speed * speed),
         }

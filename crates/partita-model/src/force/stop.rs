@@ -41,6 +41,6 @@ impl<G: Space> Stop<G> {
             potential += x.potential;
             power += x.power;
         }
-        Ok(Effect { acts: self.along.acts(&read, effort), potential, power })
+        Ok(Effect { application: self.along.application(&read, effort), potential, power })
     }
 }

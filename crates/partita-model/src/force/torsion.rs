@@ -1,6 +1,6 @@
 //! Spring and damper in a coordinate of the tree.
 
-use super::{stored, Acts, At, Effect};
+use super::{stored, At, Effect, ForceApplication};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
@@ -26,7 +26,7 @@ impl<S: Scalar> Torsion<S> {
     pub(crate) fn wrench<G: Space<S = S>>(&self, at: &At<G>) -> Effect<G> {
         let (stretch, speed) = (at.instant.q[self.q] - self.angle, at.instant.v[self.v]);
         Effect {
-            acts: Acts::Along(self.v, -(self.stiffness * stretch + self.damping * speed)),
+            application: ForceApplication::Along(self.v, -(self.stiffness * stretch + self.damping * speed)),
             potential: stored(self.stiffness, stretch),
             power: -(self.damping * speed * speed),
         }

@@ -70,6 +70,6 @@ impl<G: Space> Tyre<G> {
             power += grip.dot(slip);
         }
         let moment = (lowest - point).cross(push);
-        Effect { acts: at.pair(wheel, road, point, moment, force), potential: pressed.potential, power }
+        Effect { application: at.pair(wheel, road, point, moment, force), potential: pressed.potential, power }
     }
 }

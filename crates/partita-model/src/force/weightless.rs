@@ -1,6 +1,6 @@
 //! No gravity on a body: its weight is taken off again.
 
-use super::{Acts, At, Effect, Place, Push};
+use super::{AppliedWrench, At, Effect, ForceApplication, Place};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
 
@@ -19,7 +19,7 @@ impl<G: Space> Weightless<G> {
         let arm = at.arm(&self.on);
         let force = -G::scale(at.tree.gravity, self.mass);
         let potential = -G::dot(force, at.tree.place(self.on.link, at.s) + arm);
-        let push = Push { node: self.on.node, link: self.on.link, arm, moment: G::Ang::default(), force };
-        Effect { acts: Acts::On(push), potential, power: G::S::zero() }
+        let push = AppliedWrench { node: self.on.node, link: self.on.link, arm, moment: G::Ang::default(), force };
+        Effect { application: ForceApplication::On(push), potential, power: G::S::zero() }
     }
 }

@@ -37,14 +37,14 @@ pub(super) struct Pose<S> {
 
 /// An arm in the plane: the vector from start to end in the axes of its first node, and the turn of its last node.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FlatArm<S> {
+pub(super) struct PlanarArm<S> {
     pub vector: [S; 2],
     pub turn: S,
     /// Length of the vector.
     pub length: S,
 }
 
-impl<S: Scalar> FlatArm<S> {
+impl<S: Scalar> PlanarArm<S> {
     pub fn new(vector: [S; 2], turn: S) -> Self {
         Self { vector, turn, length: (vector[0] * vector[0] + vector[1] * vector[1]).sqrt() }
     }
@@ -125,30 +125,30 @@ impl<S: Scalar> Pose<S> {
 
 /// An arm of turns in a mechanism that is planar as a whole.
 #[derive(Clone, Debug)]
-pub(super) struct Walk {
+pub(super) struct Chain {
     /// From its start to the first turn.
     start: [f64; 2],
     /// Edge of each turn, its sense and constant part, and the vector from there to the next.
     turns: Vec<(usize, f64, f64, [f64; 2])>,
 }
 
-impl Walk {
+impl Chain {
     /// For the coordinates of the edges.
     #[inline]
-    pub fn at(&self, x: &[f64]) -> FlatArm<f64> {
+    pub fn at(&self, x: &[f64]) -> PlanarArm<f64> {
         let (mut vector, mut turn) = (self.start, 0.0);
         for &(edge, sense, rest, d) in &self.turns {
             turn += sense * x[edge] + rest;
             let d = rotated(d, turn);
             vector = [vector[0] + d[0], vector[1] + d[1]];
         }
-        FlatArm::new(vector, turn)
+        PlanarArm::new(vector, turn)
     }
 }
 
 impl Arm {
     /// In a mechanism that is planar as a whole.
-    pub fn flat<S: Scalar>(&self, g: &Graph, p: &Pose<S>) -> FlatArm<S> {
+    pub fn planar<S: Scalar>(&self, g: &Graph, p: &Pose<S>) -> PlanarArm<S> {
         let mut at = p.point(self.start);
         let (mut vector, mut turn) = ([S::zero(); 2], S::zero());
         let (mut s, mut c) = (S::zero(), S::one());
@@ -180,32 +180,32 @@ impl Arm {
         }
         let end = p.point(self.end);
         add([end.0[0] - at.0[0], end.0[1] - at.0[1]], s, c);
-        FlatArm::new(vector, turn)
+        PlanarArm::new(vector, turn)
     }
 
     /// The same arm with all that no coordinate changes put together, where it has but turns.
-    pub fn walk(&self, g: &Graph, p: &Pose<f64>) -> Option<Walk> {
-        let mut walk = Walk { start: [0.0; 2], turns: Vec::new() };
+    pub fn chain(&self, g: &Graph, p: &Pose<f64>) -> Option<Chain> {
+        let mut chain = Chain { start: [0.0; 2], turns: Vec::new() };
         let mut at = p.point(self.start);
-        let mut add = |walk: &mut Walk, to: Vec3<f64>, next: Vec3<f64>| {
-            let last = walk.turns.last_mut().map_or(&mut walk.start, |turn| &mut turn.3);
+        let mut add = |chain: &mut Chain, to: Vec3<f64>, next: Vec3<f64>| {
+            let last = chain.turns.last_mut().map_or(&mut chain.start, |turn| &mut turn.3);
             (last[0], last[1]) = (last[0] + to.0[0] - at.0[0], last[1] + to.0[1] - at.0[1]);
             at = next;
         };
         for &(i, forward) in &self.path {
             let e = &g.edges[i];
             let (near, far) = p.sides(i, forward);
-            add(&mut walk, near, far);
+            add(&mut chain, near, far);
             let sense = if forward { 1.0 } else { -1.0 };
             match e.kind {
-                Kind::Turn => walk.turns.push((i, sense * e.axis.0[2], sense * e.turned, [0.0; 2])),
+                Kind::Turn => chain.turns.push((i, sense * e.axis.0[2], sense * e.turned, [0.0; 2])),
                 Kind::Rigid if e.turned == 0.0 => {}
                 _ => return None,
             }
         }
         let end = p.point(self.end);
-        add(&mut walk, end, end);
-        Some(walk)
+        add(&mut chain, end, end);
+        Some(chain)
     }
 
     /// Does no coordinate move its ends against each other?

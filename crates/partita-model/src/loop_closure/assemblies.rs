@@ -50,7 +50,10 @@ impl LoopClosing<'_> {
 
     /// Largest |Φ| in reaches at the last [`residual`](Self::residual).
     fn open(&self) -> f64 {
-        self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_reach(i).unwrap_or(1.0)))
+        self.phi
+            .iter()
+            .enumerate()
+            .fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_displacement(i).unwrap_or(1.0)))
     }
 }
 
@@ -174,7 +177,7 @@ impl Model {
         let far = targets
             .iter()
             .zip(&inputs)
-            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.reach(v)));
+            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.characteristic_displacement(v)));
         let strides = (far / STRIDE).ceil().max(1.0);
         // a target a hundred thousand strides away is a slip of the pen, as for the walk
         if strides > 1e5 {

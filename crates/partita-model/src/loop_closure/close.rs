@@ -1,9 +1,9 @@
 //! Following the plan: positions, branches and pivots for given inputs.                                      (37)
 
-use super::arm::{lift, rotated, turn_of, FlatArm, Pose};
+use super::arm::{lift, rotated, turn_of, PlanarArm, Pose};
 use super::graph::{Home, Kind};
 use super::implicit::Field;
-use super::planar::{self, FlatJoint, Shortfall};
+use super::planar::{self, PlanarJoint, Shortfall};
 use super::polygon::{turn_in, Polygon};
 use super::{spatial, Graph, LoopClosing, Work};
 use crate::evaluator::Engine;
@@ -174,8 +174,8 @@ impl LoopClosing<'_> {
                 let mut sides = step.rigid;
                 for (k, side) in sides.iter_mut().enumerate().take(joints.len()) {
                     if step.moving[k] {
-                        *side = match &step.walks[k] {
-                            Some(walk) => walk.at(&self.pose.x),
+                        *side = match &step.chains[k] {
+                            Some(chain) => chain.at(&self.pose.x),
                             None => planar_side(p, k, &self.graph, &self.pose),
                         };
                     }
@@ -205,7 +205,7 @@ impl LoopClosing<'_> {
     /// In the plane a joint that locks a turn locks it with its whole turns: what the nearest angles miss of them is
     /// given to the angle that has moved the most. True if q changed.
     fn whole_turns(&self, q: &mut [f64]) -> Result<bool, SystemError> {
-        let Engine::Flat(tree) = &self.model.engine else { return Ok(false) };
+        let Engine::Planar(tree) = &self.model.engine else { return Ok(false) };
         let locked = || tree.closings.iter().filter(|k| !k.locks.is_empty());
         let missing = |k: &CutJoint<Planar<f64>>, q: &[f64]| {
             let mut angle = -k.locks[0];
@@ -259,18 +259,18 @@ fn contradiction() -> SystemError {
 }
 
 /// Side k of a polygon in its plane.
-pub(super) fn planar_side<S: Scalar>(p: &Polygon, k: usize, g: &Graph, pose: &Pose<S>) -> FlatArm<S> {
+pub(super) fn planar_side<S: Scalar>(p: &Polygon, k: usize, g: &Graph, pose: &Pose<S>) -> PlanarArm<S> {
     match &p.plane {
-        None => p.sides[k].flat(g, pose),
+        None => p.sides[k].planar(g, pose),
         Some(plane) => {
             let (r, v) = p.sides[k].spatial(g, pose);
-            FlatArm::new([v.dot(lift(plane[1])), v.dot(lift(plane[2]))], turn_in(plane, &r))
+            PlanarArm::new([v.dot(lift(plane[1])), v.dot(lift(plane[2]))], turn_in(plane, &r))
         }
     }
 }
 
 /// The joints of a polygon as its plane sees them.
-pub(super) fn flat_joints(p: &Polygon, g: &Graph) -> Vec<FlatJoint> {
+pub(super) fn planar_joints(p: &Polygon, g: &Graph) -> Vec<PlanarJoint> {
     p.joints
         .iter()
         .map(|j| {
@@ -285,7 +285,7 @@ pub(super) fn flat_joints(p: &Polygon, g: &Graph) -> Vec<FlatJoint> {
             let (sense, rest) = if forward { (1.0, rest) } else { (-1.0, -rest) };
             // going backward the axis is met behind the constant turn
             let along = if forward { axis } else { rotated([-axis[0], -axis[1]], rest) };
-            FlatJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
+            PlanarJoint { edge: i, turns: e.kind == Kind::Turn, sign: sense * normal.signum(), rest, axis: along }
         })
         .collect()
 }

@@ -109,14 +109,17 @@ impl Implicit {
         let n = self.rows.len();
         out.fill(S::zero());
         for &(i, j, e) in &self.places {
-            let (reach, size) = (model.reach(self.unknown[j]), model.row_reach(self.rows[i]).unwrap_or(1.0));
-            out[i * n + j] = c[e].scale(reach) / S::from_f64(size);
+            let (displacement, size) = (
+                model.characteristic_displacement(self.unknown[j]),
+                model.row_displacement(self.rows[i]).unwrap_or(1.0),
+            );
+            out[i * n + j] = c[e].scale(displacement) / S::from_f64(size);
         }
     }
 
     /// Matrix and right-hand side of one move: of Newton's method, or of Gauss' where rows follow from others.
     fn equations<S: Scalar>(&self, model: &Model, c: &[S], phi: &[S], matrix: &mut [S], x: &mut [S]) {
-        let size = |row: usize| S::from_f64(model.row_reach(row).unwrap_or(1.0));
+        let size = |row: usize| S::from_f64(model.row_displacement(row).unwrap_or(1.0));
         if self.closed.len() == self.rows.len() {
             self.jacobian(model, c, matrix);
             for (x, &r) in x.iter_mut().zip(&self.rows) {
@@ -129,7 +132,9 @@ impl Implicit {
         x.fill(S::zero());
         for row in self.places.chunk_by(|a, b| a.0 == b.0) {
             let r = self.closed[row[0].0];
-            let entry = |&(_, j, e): &(usize, usize, usize)| c[e].scale(model.reach(self.unknown[j])) / size(r);
+            let entry = |&(_, j, e): &(usize, usize, usize)| {
+                c[e].scale(model.characteristic_displacement(self.unknown[j])) / size(r)
+            };
             for one in row {
                 let value = entry(one);
                 x[one.1] -= value * phi[r] / size(r);
@@ -159,7 +164,7 @@ impl Implicit {
             largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
             room.dv.fill(S::zero());
             for (x, &u) in x.iter().zip(&self.unknown) {
-                room.dv[u] = x.scale(model.reach(u));
+                room.dv[u] = x.scale(model.characteristic_displacement(u));
             }
             e.step(q, &room.dv);
             e.normalise(q);
@@ -203,7 +208,7 @@ impl Linearization for Rows<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         let f = &mut *self.f;
         f.model.position(self.t, q, f.scratch, f.phi, f.c, f.a)?;
-        let size = |row: usize| f.model.row_reach(row).unwrap_or(1.0);
+        let size = |row: usize| f.model.row_displacement(row).unwrap_or(1.0);
         self.open = Open::of(self.block.closed.iter().map(|&r| f.phi[r] / size(r)));
         match self.open.worst.is_finite() {
             true => Ok(()),
@@ -235,7 +240,7 @@ impl Linearization for Rows<'_, '_> {
         let f = &mut *self.f;
         f.dv.fill(0.0);
         for (x, &u) in f.room.x.iter().zip(&self.block.unknown) {
-            f.dv[u] = x * f.model.reach(u);
+            f.dv[u] = x * f.model.characteristic_displacement(u);
         }
         f.model.step(q, f.dv);
         f.model.normalise(q);

@@ -2,7 +2,7 @@
 
 use super::btf;
 use crate::model::Model;
-use crate::place::Coordinates;
+use crate::zero_position::Coordinates;
 use partita_math::dense::dot;
 use partita_math::elimination::Pattern;
 use partita_math::rank::independent_rows;
@@ -45,15 +45,15 @@ impl<'m> Instant<'m> {
         let mut c = vec![0.0; model.pattern().nnz()];
         model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
         for (i, x) in phi.iter().enumerate() {
-            let open = x.abs() / model.row_reach(i).unwrap_or(1.0);
+            let open = x.abs() / model.row_displacement(i).unwrap_or(1.0);
             if !open.is_finite() {
-                return Err(SystemError::NotFinite { what: model.row_words(i), t });
+                return Err(SystemError::NotFinite { what: model.row_description(i), t });
             }
             if open > NEARLY_CLOSED {
                 let message = format!(
                     "{} is open by {}: explicit closing starts from a closed position, assemble first",
-                    model.row_words(i),
-                    partita_math::told(x.abs())
+                    model.row_description(i),
+                    partita_math::formatted(x.abs())
                 );
                 return Err(SystemError::argument("q", message));
             }
@@ -63,11 +63,14 @@ impl<'m> Instant<'m> {
 
     /// Independent rows of the columns that `within` names; rows that are nearly nothing there do not count.
     pub fn rows(&self, within: &[bool]) -> Vec<usize> {
-        let scale: Vec<f64> =
-            within.iter().enumerate().map(|(v, &w)| if w { self.model.reach(v) } else { 0.0 }).collect();
+        let scale: Vec<f64> = within
+            .iter()
+            .enumerate()
+            .map(|(v, &w)| if w { self.model.characteristic_displacement(v) } else { 0.0 })
+            .collect();
         let mut c = self.c.clone();
         for i in 0..self.pattern.rows {
-            let size = self.model.row_reach(i).unwrap_or(1.0);
+            let size = self.model.row_displacement(i).unwrap_or(1.0);
             let sum: f64 = self.pattern.row(i).map(|e| (c[e] * scale[self.pattern.col_idx[e]] / size).powi(2)).sum();
             if sum < REDUNDANT {
                 self.pattern.row(i).for_each(|e| c[e] = 0.0);
@@ -83,10 +86,10 @@ impl<'m> Instant<'m> {
         let n = self.model.size().nv;
         let natural = |r: usize| {
             let mut row = vec![0.0; n];
-            let size = self.model.row_reach(r).unwrap_or(1.0);
+            let size = self.model.row_displacement(r).unwrap_or(1.0);
             for e in self.pattern.row(r) {
                 let v = self.pattern.col_idx[e];
-                row[v] = self.c[e] * self.model.reach(v) / size;
+                row[v] = self.c[e] * self.model.characteristic_displacement(v) / size;
             }
             row
         };

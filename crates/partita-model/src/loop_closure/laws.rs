@@ -11,7 +11,7 @@
 use super::graph::{Graph, Home};
 use crate::coupling::{Law, Says};
 use crate::evaluator::Evaluator;
-use crate::gauge::Quantity;
+use crate::measurement::Quantity;
 use crate::model::Model;
 use crate::value;
 use partita_math::scalar::Scalar;
@@ -59,7 +59,7 @@ impl TreeLaw {
             };
             let weight: Vec<f64> = match law {
                 Law::Linear { factors, .. } => {
-                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.reach(x.1)).collect()
+                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.characteristic_displacement(x.1)).collect()
                 }
                 Law::Curve { .. } => vec![1.0, 0.0],
                 Law::Motion { .. } | Law::Rate(_) | Law::Function(_) => continue,

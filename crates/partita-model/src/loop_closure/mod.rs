@@ -40,12 +40,12 @@ pub use assemblies::{Assembled, Assemblies};
 pub use over::ClosingRoom;
 
 use crate::model::{Model, ModelScratch};
-use arm::{FlatArm, Pose, Walk};
+use arm::{Chain, PlanarArm, Pose};
 use graph::Graph;
 use implicit::Implicit;
 use laws::SolvedLaw;
 use partita_system::closing::{Block, BlockState};
-use planar::FlatJoint;
+use planar::PlanarJoint;
 use polygon::Polygon;
 
 /// How one step finds its coordinates.
@@ -54,7 +54,7 @@ enum Work {
     /// A driven coordinate: the number of the drive, its edge.
     Drive(usize, usize),
     /// A polygon in a plane.
-    Plane(Polygon, Vec<FlatJoint>),
+    Plane(Polygon, Vec<PlanarJoint>),
     /// A characteristic pair.
     Space(Polygon),
     /// A coupling that gives one coordinate from others.
@@ -74,9 +74,9 @@ struct Step {
     states: usize,
     pivots: [f64; 2],
     /// Sides of a polygon in a plane that no coordinate moves, which ones do move, and those of turns alone.
-    rigid: [FlatArm<f64>; 3],
+    rigid: [PlanarArm<f64>; 3],
     moving: [bool; 3],
-    walks: [Option<Walk>; 3],
+    chains: [Option<Chain>; 3],
     /// Edges whose coordinates it finds.
     edges: Vec<usize>,
 }

@@ -1,7 +1,7 @@
 //! The plan of a closing: which steps, in which order, on which branch, with which rows of C.
 
-use super::arm::{FlatArm, Pose};
-use super::close::{flat_joints, planar_side};
+use super::arm::{PlanarArm, Pose};
+use super::close::{planar_joints, planar_side};
 use super::graph::{Edge, Graph, Home, Kind};
 use super::implicit::{Implicit, Room};
 use super::instant::{Instant, NEARLY_CLOSED};
@@ -225,20 +225,20 @@ impl<'m> LoopClosing<'m> {
 
     fn push(&mut self, work: Work, words: String, edges: Vec<usize>, signs: usize) {
         let signs_of = [0, 1].map(|i| i8::from(i < signs));
-        let (mut rigid, mut moving) = ([FlatArm::new([0.0; 2], 0.0); 3], [true; 3]);
+        let (mut rigid, mut moving) = ([PlanarArm::new([0.0; 2], 0.0); 3], [true; 3]);
         if let Work::Plane(p, joints) = &work {
             for k in (0..joints.len()).filter(|&k| p.sides[k].is_rigid(&self.graph)) {
                 (rigid[k], moving[k]) = (planar_side(p, k, &self.graph, &self.pose), false);
             }
         }
-        let mut walks = [const { None }; 3];
+        let mut chains = [const { None }; 3];
         if let Work::Plane(p, joints) = &work {
             if p.plane.is_none() {
-                (0..joints.len()).for_each(|k| walks[k] = p.sides[k].walk(&self.graph, &self.pose));
+                (0..joints.len()).for_each(|k| chains[k] = p.sides[k].chain(&self.graph, &self.pose));
             }
         }
         let states = signs.max(1);
-        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, walks, edges });
+        self.steps.push(Step { work, words, signs: signs_of, states, pivots: [1.0; 2], rigid, moving, chains, edges });
     }
 
     /// Adds a polygon on the branch that gives the present coordinates back; `false` if none does.
@@ -247,7 +247,7 @@ impl<'m> LoopClosing<'m> {
         let words = self.words(&p);
         let elementary = p.joints.iter().all(|j| matches!(j.freedom, Freedom::Turn | Freedom::Slide));
         let (work, signs) = if elementary {
-            let joints = flat_joints(&p, &self.graph);
+            let joints = planar_joints(&p, &self.graph);
             let signs = usize::from(planar::has_branch(&joints));
             (Work::Plane(p, joints), signs)
         } else {

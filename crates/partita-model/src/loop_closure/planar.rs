@@ -12,12 +12,12 @@
 //!
 //! Everything goes straight through, over any scalar; whether the polygon closes at all is told beside its solution.
 
-use super::arm::{rotated, FlatArm};
+use super::arm::{rotated, PlanarArm};
 use partita_math::scalar::Scalar;
 
 /// An unknown joint of a polygon, as the walk around it crosses it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FlatJoint {
+pub(super) struct PlanarJoint {
     /// Edge of the graph.
     pub edge: usize,
     /// A turn, or a slide.
@@ -96,7 +96,7 @@ fn angle<S: Scalar>(a: [S; 2], b: [S; 2]) -> S {
     cross(a, b).atan2(dot(a, b))
 }
 
-impl FlatJoint {
+impl PlanarJoint {
     /// Coordinate of a turn from the turn of the crossing.
     fn coordinate<S: Scalar>(&self, turn: S) -> S {
         (turn - S::from_f64(self.rest)).scale(self.sign)
@@ -110,14 +110,14 @@ impl FlatJoint {
 }
 
 /// How many solutions has a polygon of these joints: does it need a sign?
-pub(super) fn has_branch(joints: &[FlatJoint]) -> bool {
+pub(super) fn has_branch(joints: &[PlanarJoint]) -> bool {
     joints.len() == 3 && joints.iter().filter(|j| !j.turns).count() < 2
 }
 
 /// Solve the polygon; `frame` is the side called the frame, `tolerance` (m) what a redundant condition may miss.
 pub(super) fn solve<S: Scalar>(
-    joints: &[FlatJoint],
-    sides: &[FlatArm<S>],
+    joints: &[PlanarJoint],
+    sides: &[PlanarArm<S>],
     frame: usize,
     sign: i8,
     tolerance: f64,
@@ -136,7 +136,7 @@ pub(super) fn solve<S: Scalar>(
 }
 
 /// Three turns: the triangle of the sides R, l2, l3 with the orientation ε.
-fn triangle<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], frame: usize, sign: f64) -> Solved<S> {
+fn triangle<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], frame: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (frame + i) % 3;
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
     let [a1, a2, a3] = [0, 1, 2].map(|i| sides[at(i)].turn);
@@ -171,7 +171,7 @@ fn triangle<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], frame: usize,
 }
 
 /// One slide, crossed just before joint `first`: s with |w0 + s û| = l, the distance of the two turns.
-fn one_slide<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize, sign: f64) -> Solved<S> {
+fn one_slide<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize, sign: f64) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let slide = &joints[at(2)];
     let [d1, d2, d3] = [0, 1, 2].map(|i| sides[at(i)].vector);
@@ -195,7 +195,7 @@ fn one_slide<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize
 }
 
 /// Two slides and the turn `first`: the turn follows from the turns of the sides, the slides from two lines.
-fn two_slides<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize) -> Solved<S> {
+fn two_slides<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize) -> Solved<S> {
     let at = |i: usize| (first + i) % 3;
     let [j1, j2, j3] = [0, 1, 2].map(|i| joints[at(i)]);
     let [s1, s2, s3] = [0, 1, 2].map(|i| sides[at(i)]);
@@ -221,7 +221,7 @@ fn lines<S: Scalar>(u2: [S; 2], u3: [S; 2], gap: [S; 2]) -> ([S; 2], S, Fit<S>) 
 }
 
 /// Two turns: a bar between two points that keep its length by themselves (a redundant loop).
-fn bar<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], tolerance: f64) -> Solved<S> {
+fn bar<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], tolerance: f64) -> Solved<S> {
     let [d1, d2] = [sides[0].vector, sides[1].vector];
     let missing = (d1[0].hypot(d1[1]) - d2[0].hypot(d2[1])).abs();
     let fit = Fit { excess: missing - S::from_f64(tolerance), shortfall: missing };
@@ -231,7 +231,7 @@ fn bar<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], tolerance: f64) ->
 }
 
 /// A turn (`first`) and a slide between parts that stand right by themselves.
-fn follower<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize, tolerance: f64) -> Solved<S> {
+fn follower<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>], first: usize, tolerance: f64) -> Solved<S> {
     let (i, j) = (first % 2, (first + 1) % 2);
     let slide = &joints[j];
     let along = rotated(slide.axis(), sides[i].turn);
@@ -246,7 +246,7 @@ fn follower<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>], first: usize,
 }
 
 /// Two slides: a wedge. The turns of the sides cancel by themselves.
-fn wedge<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>]) -> Solved<S> {
+fn wedge<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>]) -> Solved<S> {
     let [s1, s2] = [sides[0], sides[1]];
     let after = s1.turn + joints[1].rest();
     let (u2, u1) = (rotated(joints[1].axis(), s1.turn), rotated(joints[0].axis(), after + s2.turn));
@@ -256,7 +256,7 @@ fn wedge<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>]) -> Solved<S> {
 }
 
 /// One joint between parts that stand right by themselves: its coordinate is read off.
-fn single<S: Scalar>(joints: &[FlatJoint], sides: &[FlatArm<S>]) -> Solved<S> {
+fn single<S: Scalar>(joints: &[PlanarJoint], sides: &[PlanarArm<S>]) -> Solved<S> {
     let (j, s) = (&joints[0], &sides[0]);
     let x = if j.turns { j.coordinate(-s.turn) } else { -dot(rotated(j.axis(), s.turn), s.vector) };
     ([x, S::zero(), S::zero()], S::one(), Fit::good())

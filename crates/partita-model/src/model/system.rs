@@ -1,7 +1,7 @@
 //! The compiled mechanism as a [`ConstrainedSystem`]: every level in the space of its engine.
 
 use super::{Dense, Geometry, Model, ModelScratch, Verdict};
-use crate::clusters::{Plan, Preference, Tangents, Way};
+use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
@@ -10,11 +10,11 @@ use crate::spec::Coupling;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
+use partita_math::formatted;
 use partita_math::spatial::{Mat3, Quaternion};
-use partita_math::told;
+use partita_system::breakpoints::{Breakpoints, Reading};
 use partita_system::closing::Closing;
 use partita_system::clusters::Clusters;
-use partita_system::knots::{Knots, Reading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
 
@@ -34,8 +34,8 @@ impl Model {
         if vdot.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
-        let pivots = match (&self.engine, &s.flat) {
-            (Engine::Flat(_), Some(x)) => x.clusters.pivots(),
+        let pivots = match (&self.engine, &s.planar) {
+            (Engine::Planar(_), Some(x)) => x.clusters.pivots(),
             _ => s.full.clusters.pivots(),
         };
         match pivots.iter().position(|x| *x <= 0.0) {
@@ -72,7 +72,7 @@ impl ConstrainedSystem for Model {
     fn row_name(&self, i: usize) -> String {
         self.row_names[i].name.clone()
     }
-    fn row_words(&self, i: usize) -> String {
+    fn row_description(&self, i: usize) -> String {
         let row = &self.row_names[i];
         match (row.owner, row.name.rsplit_once('.')) {
             (Owner::Joint(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}"),
@@ -82,16 +82,16 @@ impl ConstrainedSystem for Model {
     fn row_owner(&self, i: usize) -> String {
         self.row_names[i].owner.words(&self.spec)
     }
-    fn horizon(&self) -> Option<(f64, String)> {
-        crate::horizon::horizon(&self.spec)
+    fn time_domain(&self) -> Option<(f64, String)> {
+        crate::time_domain::time_domain(&self.spec)
     }
-    fn corners(&self) -> Vec<f64> {
-        crate::horizon::corners(&self.spec)
+    fn discontinuities(&self) -> Vec<f64> {
+        crate::time_domain::discontinuities(&self.spec)
     }
-    fn knots(&self) -> Vec<Knots> {
-        self.curves().knots.clone()
+    fn breakpoints(&self) -> Vec<Breakpoints> {
+        self.curves().breakpoints.clone()
     }
-    fn knot_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
+    fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
         self.curves().read(&self.own, t, (q, v), s, out);
     }
     fn finite(&self) -> Option<Finite> {
@@ -113,8 +113,8 @@ impl ConstrainedSystem for Model {
         for l in self.placed.links.iter().skip(1) {
             // slides of one body or joint follow each other: together they are one displacement, whatever the axes
             match l.motion {
-                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.reach[l.v]).powi(2),
-                Motion::Slide(_) => slide = (v[l.v] / self.reach[l.v]).powi(2),
+                Motion::Slide(_) if slides % 3 != 0 => slide += (v[l.v] / self.displacement[l.v]).powi(2),
+                Motion::Slide(_) => slide = (v[l.v] / self.displacement[l.v]).powi(2),
                 Motion::Turn(_) => fastest = fastest.max(v[l.v].abs()),
                 Motion::Ball => fastest = fastest.max(v[l.v..l.v + 3].iter().map(|x| x * x).sum::<f64>().sqrt()),
             }
@@ -227,7 +227,7 @@ impl ConstrainedSystem for Model {
             return None;
         }
         self.own.fit(&plan, s);
-        let by_partial_velocities = plan.ways.iter().map(|w| *w == Way::PartialVelocities).collect();
+        let by_partial_velocities = plan.routes.iter().map(|w| *w == Route::PartialVelocities).collect();
         let recursion = Recursion { columns: plan.columns, by_partial_velocities };
         s.recursion = plan;
         Some(recursion)
@@ -272,8 +272,8 @@ impl ConstrainedSystem for Model {
     ) {
         let plan = &s.recursion;
         let of = &self.clusters.of_velocity;
-        match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => {
+        match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => {
                 tree.mobility(plan, tangent.dt, independent, of, x, &x.clusters, diagonal, block);
             }
             _ => {
@@ -284,8 +284,8 @@ impl ConstrainedSystem for Model {
     }
 
     fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
-        match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
+        match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
             _ => self.full.cluster_mass(&s.recursion, n, &s.full.clusters),
         }
     }
@@ -303,11 +303,11 @@ impl ConstrainedSystem for Model {
     }
 
     fn lacks_mass(&self) -> bool {
-        !self.placed.light.is_empty()
+        !self.placed.massless.is_empty()
     }
 
     fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
-        with_engine!(self, s, |tree, x| tree.add_light(x, mass));
+        with_engine!(self, s, |tree, x| tree.add_massless(x, mass));
     }
 
     fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
@@ -340,12 +340,12 @@ impl ConstrainedSystem for Model {
                     "body \"{name}\" starts with a spin of {} rad/s {about}, and has no inertia in that: nothing says \
                      how it goes on; give it an axial inertia (add_body, m r^2 / 2 of a round bar), or leave the spin out: \
                      it is held then",
-                    told(spin)
+                    formatted(spin)
                 );
                 return Err(SystemError::argument("rates", message));
             }
         }
-        Ok(self.held_words().into_iter().collect())
+        Ok(self.held_note().into_iter().collect())
     }
 
     fn inverse_mass_diagonal(
@@ -435,12 +435,12 @@ impl ConstrainedSystem for Model {
         self.velocity_of[i]
     }
 
-    fn reach(&self, i: usize) -> f64 {
-        self.reach[i]
+    fn characteristic_displacement(&self, i: usize) -> f64 {
+        self.displacement[i]
     }
 
-    fn row_reach(&self, i: usize) -> Option<f64> {
-        self.row_reach[i]
+    fn row_displacement(&self, i: usize) -> Option<f64> {
+        self.row_displacement[i]
     }
 
     fn row_is_angle(&self, i: usize) -> bool {

@@ -2,7 +2,7 @@
 
 use super::Wrench;
 use crate::evaluator::{Evaluator, Scratch};
-use crate::force::{Acts, At, Push};
+use crate::force::{AppliedWrench, At, ForceApplication};
 use crate::part::Part;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
@@ -34,7 +34,7 @@ impl<S: Scalar> Evaluator<S> {
         v: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Applied<S>, SystemError> {
-        self.grip_at(t, q, v, s)?;
+        self.reaction_friction_at(t, q, v, s)?;
         let bodies = &self.numbers.bodies;
         let mut all = Applied { on: vec![Wrench::default(); bodies.len()], efforts: vec![S::zero(); self.placed.nv] };
         for &node in &part.nodes {
@@ -45,14 +45,14 @@ impl<S: Scalar> Evaluator<S> {
         let (q, v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
-            match &effect.acts {
-                Acts::Along(i, effort) => all.efforts[*i] += *effort,
-                Acts::On(p) => self.put_push(s, &mut all.on, p),
-                Acts::Between(a, b) => {
-                    self.put_push(s, &mut all.on, a);
-                    self.put_push(s, &mut all.on, b);
+            match &effect.application {
+                ForceApplication::Along(i, effort) => all.efforts[*i] += *effort,
+                ForceApplication::On(p) => self.put_wrench(s, &mut all.on, p),
+                ForceApplication::Between(a, b) => {
+                    self.put_wrench(s, &mut all.on, a);
+                    self.put_wrench(s, &mut all.on, b);
                 }
-                Acts::Listed => room.pushes.iter().for_each(|p| self.put_push(s, &mut all.on, p)),
+                ForceApplication::Listed => room.wrenches.iter().for_each(|p| self.put_wrench(s, &mut all.on, p)),
             }
         }
         (room.q, room.v) = (seen_q, seen_v);
@@ -60,7 +60,7 @@ impl<S: Scalar> Evaluator<S> {
         Ok(all)
     }
 
-    fn put_push(&self, s: &Scratch<S>, on: &mut [Wrench<S>], p: &Push<Spatial<S>>) {
+    fn put_wrench(&self, s: &Scratch<S>, on: &mut [Wrench<S>], p: &AppliedWrench<Spatial<S>>) {
         let point = self.full.place(p.link, &s.full) + p.arm;
         self.put(s, on, p.node, &Wrench { moment: p.moment, force: p.force }, point);
     }

@@ -193,8 +193,8 @@ impl<S: Scalar> Evaluator<S> {
 
     /// Wrench of closing `k` for the multipliers λ on its child about the joint's point there, and its joint.
     fn closing_reaction(&self, k: usize, s: &Scratch<S>, lambda: &[S]) -> (usize, Wrench<S>) {
-        match (&self.engine, &s.flat) {
-            (Engine::Flat(tree), Some(x)) => {
+        match (&self.engine, &s.planar) {
+            (Engine::Planar(tree), Some(x)) => {
                 let (m, f) = tree.closing_wrench(&tree.closings[k], x, lambda);
                 (tree.closings[k].joint, Wrench { moment: Planar::ang_to(m), force: Planar::vec_to(f) })
             }
@@ -277,7 +277,7 @@ impl<S: Scalar> Evaluator<S> {
     /// First row of condition `k` in the space of the engine.
     fn row_of_condition(&self, k: usize) -> usize {
         match &self.engine {
-            Engine::Flat(tree) => tree.conditions[k].row,
+            Engine::Planar(tree) => tree.conditions[k].row,
             Engine::Full => self.full.conditions[k].row,
         }
     }
@@ -299,7 +299,7 @@ impl<S: Scalar> Evaluator<S> {
             let joint = self.joint_of(c.owner);
             let Known { joints, needed, efforts, own, .. } = known;
             let along = if joint.is_some() { own } else { efforts };
-            c.acts(
+            c.apply(
                 &self.full,
                 &s.full,
                 &at,
@@ -322,7 +322,7 @@ impl<S: Scalar> Evaluator<S> {
     /// What a multiplier `x` of row `row` does, if the row is a condition's of a mechanism computed in space, at poses of its
     /// tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of the tree's world;
     /// and efforts along velocities of the tree.
-    pub fn condition_acts(
+    pub fn apply_condition(
         &self,
         tree: &TreeScratch<Spatial<S>>,
         (t, q): (S, &[S]),
@@ -340,7 +340,7 @@ impl<S: Scalar> Evaluator<S> {
             let w = Wrench { moment: pushed.unit.moment.times(x), force: pushed.unit.force.times(x) };
             put(pushed.nodes, w, pushed.unit.place);
         };
-        c.acts(&self.full, tree, &at, &lambda, push, along)
+        c.apply(&self.full, tree, &at, &lambda, push, along)
     }
 
     /// Wrenches of the cut joints of `part` for the multipliers λ, taken off what each body needs.
@@ -525,7 +525,7 @@ impl<S: Scalar> Evaluator<S> {
         let at = self.instant(t, q, &[]);
         for (k, c) in self.full.conditions.iter().enumerate().filter(|(_, c)| self.joint_of(c.owner).is_none()) {
             let first = self.row_of_condition(k);
-            c.acts(
+            c.apply(
                 &self.full,
                 &s.full,
                 &at,
@@ -566,7 +566,7 @@ impl<S: Scalar> Evaluator<S> {
         let mut moved = vec![(Vec3::zero(), Vec3::zero()); self.full.links.len()];
         for &i in &part.links {
             let (w, u) = moved[self.full.links[i].parent];
-            moved[i] = self.full.carry(i, &s.full, w, u, |v| vdot[v]);
+            moved[i] = self.full.propagate(i, &s.full, w, u, |v| vdot[v]);
         }
         moved
     }

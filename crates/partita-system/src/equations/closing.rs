@@ -1,14 +1,14 @@
 //! Explicit closing of equations written by hand: one block, the user's function.                   (37)
 
-use super::{ByHand, Equations};
+use super::{Equations, UserSystem};
 use crate::closing::{Block, BlockState, Closing};
 use crate::reduction::Reduction;
 use crate::system::SystemError;
 use partita_math::dense;
 
 /// The user's closing function as one explicit block.
-pub(super) struct HandClosing<'e, E: Equations> {
-    hand: &'e ByHand<E>,
+pub(super) struct UserClosing<'e, E: Equations> {
+    user_system: &'e UserSystem<E>,
     inputs: Vec<usize>,
     blocks: [Block; 1],
     state: [BlockState; 1],
@@ -17,10 +17,15 @@ pub(super) struct HandClosing<'e, E: Equations> {
     pivots: Vec<usize>,
 }
 
-impl<'e, E: Equations> HandClosing<'e, E> {
+impl<'e, E: Equations> UserClosing<'e, E> {
     /// Check the function's coordinates against the rank of C and choose the rows that determine them, by pivoting.
-    pub(super) fn new(hand: &'e ByHand<E>, t: f64, q: &[f64], inputs: Option<&[usize]>) -> Result<Self, SystemError> {
-        let e = &hand.equations;
+    pub(super) fn new(
+        user_system: &'e UserSystem<E>,
+        t: f64,
+        q: &[f64],
+        inputs: Option<&[usize]>,
+    ) -> Result<Self, SystemError> {
+        let e = &user_system.equations;
         let refuse = |message: String| Err(SystemError::argument("closing", message));
         let Some(closed) = e.closes() else {
             return refuse(
@@ -49,7 +54,7 @@ impl<'e, E: Equations> HandClosing<'e, E> {
                 words(inputs.unwrap_or_default())
             ));
         }
-        let mut r = Reduction::new(hand, unknown.len());
+        let mut r = Reduction::new(user_system, unknown.len());
         r.position(t, q)?;
         r.refresh_scales(t, q)?;
         if r.set_partition(t, &own).is_err() {
@@ -64,7 +69,7 @@ impl<'e, E: Equations> HandClosing<'e, E> {
         let rows = r.partition.rows.clone();
         let block = Block { rows, words: format!("closing function for {}", words(&unknown)), unknown, explicit: true };
         let mut new = Self {
-            hand,
+            user_system,
             inputs: own,
             blocks: [block],
             state: [BlockState { branch: 0, pivot: 0.0 }],
@@ -81,7 +86,7 @@ impl<'e, E: Equations> HandClosing<'e, E> {
         let n = q.len();
         let Block { rows, unknown, .. } = &self.blocks[0];
         let m = unknown.len();
-        self.hand.equations.jacobian(t, q, &mut self.c)?;
+        self.user_system.equations.jacobian(t, q, &mut self.c)?;
         for (i, &row) in rows.iter().enumerate() {
             let line = &mut self.factor[i * m..(i + 1) * m];
             line.iter_mut().zip(unknown).for_each(|(x, &j)| *x = self.c[row * n + j]);
@@ -99,7 +104,7 @@ impl<'e, E: Equations> HandClosing<'e, E> {
     }
 }
 
-impl<E: Equations> Closing for HandClosing<'_, E> {
+impl<E: Equations> Closing for UserClosing<'_, E> {
     fn inputs(&self) -> &[usize] {
         &self.inputs
     }
@@ -107,7 +112,7 @@ impl<E: Equations> Closing for HandClosing<'_, E> {
         &self.blocks
     }
     fn close(&mut self, t: f64, q: &mut [f64]) -> Result<(), SystemError> {
-        let e = &self.hand.equations;
+        let e = &self.user_system.equations;
         e.close(t, q)?;
         if let Some(i) = q.iter().position(|x| !x.is_finite()) {
             return Err(SystemError::NotFinite {

@@ -110,7 +110,7 @@ impl Given {
     }
 
     /// C v + a.
-    fn opening(&self, v: &[f64], out: &mut [f64]) {
+    fn closure_error_rate(&self, v: &[f64], out: &mut [f64]) {
         for (i, x) in out.iter_mut().enumerate() {
             *x = dense::dot(&self.c[i * v.len()..(i + 1) * v.len()], v) + self.a[i];
         }
@@ -275,7 +275,7 @@ fn check_bias<E: Equations>(
     let found = slopes(e.rows(), unit, size, |h, out| {
         x.iter_mut().zip(q).zip(w).for_each(|((x, q), w)| *x = q + h * w);
         there.at(e, t + h, &x)?;
-        there.opening(w, out);
+        there.closure_error_rate(w, out);
         Ok(())
     });
     let mut worst = Worst::default();
@@ -305,7 +305,7 @@ fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f6
     let mut w: Vec<f64> = (0..n).map(|j| irregular(j) * lengths[j] / time).collect();
     let m = given.a.len();
     let mut open = vec![0.0; m];
-    given.opening(&w, &mut open);
+    given.closure_error_rate(&w, &mut open);
     let mut c = Matrix::new(m, n);
     for i in 0..m {
         let row = c.row_mut(i);

@@ -3,7 +3,7 @@
 pub mod motion;
 pub mod registry;
 
-use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample, StepChecks};
+use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::Result;
 pub use crate::record::Verdict;
@@ -32,7 +32,7 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]
     for i in 0..system.size().nv {
         let own = system.coordinates_of(i);
         if own.len() == 1 {
-            out[own.start] = system.reach(i);
+            out[own.start] = system.characteristic_displacement(i);
         }
     }
 }
@@ -65,11 +65,11 @@ pub trait Formulation {
     /// When the step of the last `trial_end` passes a place where what acts is not smooth, if it makes a difference of
     /// more than
     /// `tolerance` parts of the velocities: better it ended there.
-    fn knot_within(&self, _tolerance: f64) -> Option<f64> {
+    fn breakpoint_within(&self, _tolerance: f64) -> Option<f64> {
         None
     }
     /// When a step of length h from the last `commit` would, by what is known yet.
-    fn knot_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
+    fn breakpoint_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
         None
     }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
@@ -79,18 +79,18 @@ pub trait Formulation {
     /// `start` and after the run.
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()>;
     /// What happened so far.
-    fn journal(&self) -> Journal;
+    fn history(&self) -> History;
     /// Times of singular positions that were stepped over.
-    fn passages(&self) -> Vec<f64> {
-        self.journal().passages
+    fn crossings(&self) -> Vec<f64> {
+        self.history().crossings
     }
     /// What stood open at the ends of the steps since the start; allocates nothing.
     fn gaps(&self) -> Gaps {
-        self.journal().gaps
+        self.history().gaps
     }
     /// What else steps and outputs were held against since then; allocates nothing.
     fn checks(&self) -> StepChecks {
-        self.journal().checks
+        self.history().checks
     }
     /// Count both from here on.
     fn forget_gaps(&mut self) {}
@@ -142,11 +142,11 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
     }
-    fn knot_within(&self, tolerance: f64) -> Option<f64> {
-        (**self).knot_within(tolerance)
+    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
+        (**self).breakpoint_within(tolerance)
     }
-    fn knot_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
-        (**self).knot_ahead(h, tolerance)
+    fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
+        (**self).breakpoint_ahead(h, tolerance)
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)
@@ -154,11 +154,11 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         (**self).describe(at, within, out)
     }
-    fn journal(&self) -> Journal {
-        (**self).journal()
+    fn history(&self) -> History {
+        (**self).history()
     }
-    fn passages(&self) -> Vec<f64> {
-        (**self).passages()
+    fn crossings(&self) -> Vec<f64> {
+        (**self).crossings()
     }
     fn gaps(&self) -> Gaps {
         (**self).gaps()

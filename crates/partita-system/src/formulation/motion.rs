@@ -8,12 +8,12 @@
 //! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
 mod checks;
-mod passing;
+mod crossing;
 
 use super::{Formulation, Step, Verdict};
+use crate::breakpoints::Watched;
 use crate::equations::full::AccelerationRule;
 use crate::error::Result;
-use crate::knots::Watched;
 use crate::options::FormulationOptions;
 use crate::positions::all::All;
 use crate::positions::chart::Chart;
@@ -21,7 +21,7 @@ use crate::positions::independent::Independent;
 use crate::positions::inverse_kinematics::InverseKinematics;
 use crate::positions::newton::Newton;
 use crate::positions::{needs_positions, Positions};
-use crate::record::{Gaps, Journal, Output, PartitionEvent, Sample, StepChecks};
+use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::singular::consistency::Watch;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -34,7 +34,7 @@ use crate::tangent::partition::Chosen;
 use crate::tangent::user::Given;
 use crate::tangent::{Occasion, Tangent};
 use checks::Checks;
-use passing::Way;
+use crossing::CrossingMonitor;
 
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
@@ -50,9 +50,9 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     /// Was anything evaluated since?
     moved: bool,
     /// Singular positions behind and ahead.
-    way: Way,
+    monitor: CrossingMonitor,
     /// Knots of curves on its way.
-    knots: Watched,
+    breakpoints: Watched,
     /// What is open at the ends of steps.
     watch: Watch,
     /// What else steps and outputs are held against.
@@ -156,8 +156,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
             moved: true,
-            way: Way::new(system.size()),
-            knots: Watched::new(system.knots()),
+            monitor: CrossingMonitor::new(system.size()),
+            breakpoints: Watched::new(system.breakpoints()),
             watch: Watch::default(),
             checks: Checks::default(),
             v: vec![0.0; n],
@@ -196,7 +196,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         let (p, w) = self.places();
-        let factored = self.positions.locate(&mut self.tangent, t, y, self.way.passing)?;
+        let factored = self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?;
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
         let levels = |tangent: &mut T| {
             tangent.tangent(t, q, factored)?;
@@ -229,14 +229,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn conclude(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         let t = step.t;
         if verdict == Verdict::Repeat {
-            if self.way.lost {
+            if self.monitor.lost {
                 return self.cross_again(step);
             }
-            let serving = self.way.serving.take();
-            if self.way.spoilt {
-                self.way.spoilt_in_a_row += 1;
+            let serving = self.monitor.serving.take();
+            if self.monitor.spoilt {
+                self.monitor.spoilt_in_a_row += 1;
             }
-            if self.way.spoilt && serving.is_none() {
+            if self.monitor.spoilt && serving.is_none() {
                 let (half_t, half) = self.half_way();
                 let singular = SystemError::Singular { t: half_t, pivot: 0.0, limit: SINGULAR_PIVOT };
                 // one that stays has no other to go on with
@@ -254,16 +254,16 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 None => drop(self.choose_anew(t, step.y, step.dy, Occasion::Spoilt)?),
             }
             self.derivative(t, step.y, step.dy)?;
-            self.tangent.seen().sides(&mut self.way.sides);
-            if let (Some(zero), Some(pace)) = (self.way.passage.crossing(), step.pace.as_deref_mut()) {
+            self.tangent.seen().sides(&mut self.monitor.sides);
+            if let (Some(zero), Some(pace)) = (self.monitor.crossing.zero(), step.pace.as_deref_mut()) {
                 // half a crossing step would end next to the position
-                self.way.passage.cross(zero, t, pace);
+                self.monitor.crossing.cross(zero, t, pace);
             }
             return Ok(true);
         }
         self.watch.accept();
         self.checks.accept();
-        self.way.spoilt_in_a_row = 0;
+        self.monitor.spoilt_in_a_row = 0;
         if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
@@ -271,8 +271,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.positions.accept(&mut self.tangent, t, self.margin.map(|m| m.0));
         let mut rewritten = verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
-        if self.way.passage.crossed(t, self.flip(t)) {
-            self.way.trail.clear();
+        if self.monitor.crossing.crossed(t, self.flip(t)) {
+            self.monitor.checkpoints.clear();
         }
         self.begin();
         rewritten |= self.positions.wrap(&self.tangent, step.y, step.turns);
@@ -353,7 +353,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.margin = self.tangent.margin();
         self.look_back(t);
         self.check_step(t);
-        if self.way.lost || self.way.spoilt {
+        if self.monitor.lost || self.monitor.spoilt {
             return Ok((Verdict::Repeat, evaluates));
         }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
@@ -370,13 +370,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok((verdict, evaluates))
     }
 
-    fn knot_within(&self, tolerance: f64) -> Option<f64> {
+    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
         // one that crosses a singular position has its place and length from there
-        (!self.way.passing).then(|| self.knots.within(tolerance))?
+        (!self.monitor.crosses_next).then(|| self.breakpoints.within(tolerance))?
     }
 
-    fn knot_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
-        (!self.way.passing).then(|| self.knots.ahead(h, tolerance))?
+    fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
+        (!self.monitor.crosses_next).then(|| self.breakpoints.ahead(h, tolerance))?
     }
 
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
@@ -416,8 +416,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.tangent.describe(r, within, out)
     }
 
-    fn passages(&self) -> Vec<f64> {
-        self.way.passage.times.clone()
+    fn crossings(&self) -> Vec<f64> {
+        self.monitor.crossing.times.clone()
     }
 
     fn gaps(&self) -> Gaps {
@@ -437,12 +437,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.margin.map(|m| m.0)
     }
 
-    fn journal(&self) -> Journal {
-        let mut journal = Journal { name: self.name, passages: self.passages(), ..Journal::default() };
-        (journal.open, journal.gaps, journal.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
-        self.tangent.base().report(&mut journal);
-        self.tangent.report(&mut journal);
-        self.positions.report(&mut journal);
-        journal
+    fn history(&self) -> History {
+        let mut history = History { name: self.name, crossings: self.crossings(), ..History::default() };
+        (history.open, history.gaps, history.checks) = (self.watch.open, self.watch.gaps, self.checks.taken);
+        self.tangent.base().report(&mut history);
+        self.tangent.report(&mut history);
+        self.positions.report(&mut history);
+        history
     }
 }

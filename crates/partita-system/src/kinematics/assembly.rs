@@ -6,13 +6,13 @@
 //! characteristic length), residuals in what a large move opens the row by. So a mechanism of micrometres and one of
 //! a thousand kilometres take the same steps.
 
+mod continuation;
 mod descent;
+mod messages;
 #[cfg(test)]
 mod tests;
-mod walk;
-mod words;
 
-pub use walk::move_to;
+pub use continuation::move_to;
 
 use crate::manifold::Linearization;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -98,7 +98,7 @@ pub fn close<S: ConstrainedSystem>(
     d.rows.evaluate(q)?;
     if least.iter().any(|(ending, _)| *ending != Ending::Closed) {
         let endings: Vec<Ending> = least.iter().map(|l| l.0).collect();
-        return Err(words::refused(&d.rows, &endings, &turned, &report, tolerance));
+        return Err(messages::refused(&d.rows, &endings, &turned, &report, tolerance));
     }
     report.residual = d.rows.scaled.residual();
     Ok(report)

@@ -4,7 +4,7 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
-use partita_math::told;
+use partita_math::formatted;
 
 /// Rates that hold together are met to this part of the largest velocity asked for or forced (in reaches a second): what
 /// solutions with a condition up to a million leave of sixteen digits.
@@ -89,12 +89,12 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             format!("the rates {} cannot hold together: the loops leave {k} degrees of freedom here", words.join(", ")),
         )
     };
-    let reach = |i: usize| system.reach(i);
-    let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / reach(i)));
-    let fastest = gamma.iter().enumerate().fold(asked, |m: f64, (i, g)| m.max(g.abs() / reach(i)));
+    let displacement = |i: usize| system.characteristic_displacement(i);
+    let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / displacement(i)));
+    let fastest = gamma.iter().enumerate().fold(asked, |m: f64, (i, g)| m.max(g.abs() / displacement(i)));
     if k == 0 {
         let got: Vec<f64> = rates.iter().map(|&(i, _)| gamma[i]).collect();
-        let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > met * fastest * reach(i));
+        let off = rates.iter().zip(&got).any(|(&(i, w), g)| (w - g).abs() > met * fastest * displacement(i));
         return if off { Err(failed(&got)) } else { Ok(gamma) };
     }
     if r.by_clusters() {
@@ -133,10 +133,10 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             length[i] = dense::dot(row, row).sqrt();
         }
         // what the loops do not let move is round-off against what they do: no row of its own, its rate is seen below
-        let freest = rates.iter().zip(&length).fold(0.0, |m: f64, (r, l)| m.max(l / reach(r.0)));
+        let freest = rates.iter().zip(&length).fold(0.0, |m: f64, (r, l)| m.max(l / displacement(r.0)));
         for (i, &(vi, _)) in rates.iter().enumerate() {
             // rates of turns and slides compare by what they are in the mass metric
-            if length[i] > FOLLOWS * freest * reach(vi) {
+            if length[i] > FOLLOWS * freest * displacement(vi) {
                 want[i] /= length[i];
                 rows.row_mut(i).iter_mut().for_each(|x| *x /= length[i]);
             } else {
@@ -148,7 +148,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t })?;
         let got = rows.matvec(&solution);
         let miss: Vec<f64> = got.iter().zip(&want).zip(&length).map(|((g, w), s)| (g - w) * s).collect();
-        if rates.iter().zip(&miss).any(|(r, miss)| miss.abs() > met * fastest * reach(r.0)) {
+        if rates.iter().zip(&miss).any(|(r, miss)| miss.abs() > met * fastest * displacement(r.0)) {
             let got: Vec<f64> = rates.iter().zip(&miss).map(|(r, miss)| r.1 + miss).collect();
             return Err(failed(&got));
         }
@@ -193,7 +193,7 @@ fn unlocked<S: ConstrainedSystem>(
     fastest: f64,
     v: Vec<f64>,
 ) -> Result<Vec<f64>, SystemError> {
-    let speed = |i: usize| v[i].abs() / system.reach(i);
+    let speed = |i: usize| v[i].abs() / system.characteristic_displacement(i);
     let Some(top) = (0..v.len()).max_by(|&i, &j| speed(i).total_cmp(&speed(j))) else { return Ok(v) };
     if fastest == 0.0 || speed(top) <= LOCKED * fastest {
         return Ok(v);
@@ -207,7 +207,7 @@ fn unlocked<S: ConstrainedSystem>(
          little away from here",
         asked.join(", "),
         system.velocity_name(top),
-        told(v[top]),
+        formatted(v[top]),
         speed(top) / fastest,
         system.velocity_name(top),
     ),

@@ -207,7 +207,7 @@ pub fn follow<C: Curve + ?Sized>(
     Ok(Followed { end: End::Long, ..found })
 }
 
-/// One step from the closed position q, where the parameter is s, by so many `reaches` of the fastest move, but not
+/// One step from the closed position q, where the parameter is s, by so many `displacements` of the fastest move, but not
 /// beyond `length`: is there a position that it comes to, or why not? q is left there. For a single step, or for
 /// looking beyond the end of a curve.
 ///
@@ -218,14 +218,14 @@ pub fn leap<C: Curve + ?Sized>(
     q: &mut [f64],
     direction: &[f64],
     (s, length): (f64, f64),
-    reaches: f64,
+    displacements: f64,
     visit: Visitor<C>,
 ) -> Result<End> {
     let mut tangent = direction.to_vec();
     if !curve.direct(q, s, &mut tangent)? {
         return Ok(End::Limit);
     }
-    let ds = (reaches / largest(&tangent)).min(length - s);
+    let ds = (displacements / largest(&tangent)).min(length - s);
     let mut next = tangent.clone();
     let taken = step(curve, q, (&tangent, &mut next), (s, ds), &mut 0, visit)?;
     curve.conclude(taken.is_ok());

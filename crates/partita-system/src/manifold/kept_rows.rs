@@ -50,7 +50,7 @@ impl<'a, 's, S: ConstrainedSystem> KeptRows<'a, 's, S> {
 impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.r.position(self.t, q)?;
-        self.open = Open::of(self.r.openness_of_rows());
+        self.open = Open::of(self.r.closure_error_of_rows());
         match self.open.worst.is_finite() {
             true => Ok(()),
             false => Err(SystemError::NotFinite { what: "a closing condition".into(), t: self.t }),

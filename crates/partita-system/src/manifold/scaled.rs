@@ -5,7 +5,7 @@ use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
 
-/// `Φ_i / L_i` and `C_ij reach_j / L_i`; the rows of the targets follow those of the system.
+/// `Φ_i / L_i` and `C_ij displacement_j / L_i`; the rows of the targets follow those of the system.
 pub struct Scaled<'s, S: ConstrainedSystem> {
     /// The system.
     pub system: &'s S,
@@ -16,7 +16,7 @@ pub struct Scaled<'s, S: ConstrainedSystem> {
     pub raw_c: Vec<f64>,
     raw_a: Vec<f64>,
     /// Large move of each velocity.
-    pub reach: Vec<f64>,
+    pub displacement: Vec<f64>,
     /// What a large move opens each row by.
     pub length: Vec<f64>,
     /// Velocities whose coordinate stays.
@@ -39,9 +39,9 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self, SystemError> {
         let mut scaled = Self::known(system, targets);
         scaled.evaluate(t, q)?;
-        for i in (0..system.size().holonomic).filter(|&i| system.row_reach(i).is_none()) {
+        for i in (0..system.size().holonomic).filter(|&i| system.row_displacement(i).is_none()) {
             // a coordinate far larger than 1 says itself how large moves are
-            let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.reach[v], f64::max);
+            let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.displacement[v], f64::max);
             let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
             let length = scaled.pattern.row(i).fold(0.0, widest);
             scaled.length[i] = if length > 0.0 { length } else { 1.0 };
@@ -60,19 +60,19 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             row_ptr.push(col_idx.len());
         }
         let pattern = Pattern::new(size.holonomic + targets.len(), size.nv, row_ptr, col_idx);
-        let reach: Vec<f64> = (0..size.nv).map(|i| system.reach(i)).collect();
+        let displacement: Vec<f64> = (0..size.nv).map(|i| system.characteristic_displacement(i)).collect();
         Self {
             system,
             scratch: system.scratch(),
             raw_phi: vec![0.0; size.holonomic],
             raw_c: vec![0.0; all.nnz()],
             raw_a: vec![0.0; size.rows],
-            length: (0..size.holonomic).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
+            length: (0..size.holonomic).map(|i| system.row_displacement(i).unwrap_or(1.0)).collect(),
             locked: vec![false; size.nv],
             idle: vec![false; size.holonomic],
             phi: vec![0.0; pattern.rows],
             c: vec![0.0; pattern.nnz()],
-            reach,
+            displacement,
             pattern,
         }
     }
@@ -93,7 +93,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             for e in self.pattern.row(i) {
                 let v = self.pattern.col_idx[e];
                 if !self.locked[v] {
-                    self.c[e] = self.raw_c[e] * self.reach[v] / self.length[i];
+                    self.c[e] = self.raw_c[e] * self.displacement[v] / self.length[i];
                 }
             }
         }
@@ -139,7 +139,9 @@ impl<S: ConstrainedSystem> Scaled<'_, S> {
 
     /// q moved by `by` times a move in reaches.
     pub fn advance(&self, q: &mut [f64], by: f64, y: &[f64], dv: &mut [f64]) {
-        dv.iter_mut().zip(y.iter().zip(&self.reach)).for_each(|(d, (y, reach))| *d = by * y * reach);
+        dv.iter_mut()
+            .zip(y.iter().zip(&self.displacement))
+            .for_each(|(d, (y, displacement))| *d = by * y * displacement);
         self.system.step(q, dv);
         self.system.normalise(q);
     }

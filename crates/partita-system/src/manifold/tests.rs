@@ -5,7 +5,7 @@ use super::least_change::{from_afar, LeastChange};
 use super::scaled::Scaled;
 use super::truncated::{Along, Cut, Truncated, TO_REST};
 use super::*;
-use crate::equations::{ByHand, Equations};
+use crate::equations::{Equations, UserSystem};
 use crate::error::Result;
 use crate::record::Correction;
 use crate::reduction::Reduction;
@@ -17,8 +17,8 @@ use std::f64::consts::{PI, TAU};
 pub(crate) struct Chains(Vec<(Vec<f64>, f64)>);
 
 impl Chains {
-    pub(crate) fn one(lengths: &[f64], base: f64) -> ByHand<Self> {
-        ByHand::new(Self(vec![(lengths.to_vec(), base)]))
+    pub(crate) fn one(lengths: &[f64], base: f64) -> UserSystem<Self> {
+        UserSystem::new(Self(vec![(lengths.to_vec(), base)]))
     }
 }
 
@@ -94,7 +94,7 @@ pub(crate) fn four_bar(crank: f64) -> [f64; 3] {
     [crank, coupler, (y - b * coupler.sin()).atan2(x - b * coupler.cos())]
 }
 
-fn open<E: Equations>(system: &ByHand<E>, q: &[f64]) -> f64 {
+fn open<E: Equations>(system: &UserSystem<E>, q: &[f64]) -> f64 {
     let mut phi = vec![0.0; system.equations.holonomic()];
     system.equations.constraints(0.0, q, &mut phi).unwrap();
     phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
@@ -106,7 +106,7 @@ fn truncated<'s, S: ConstrainedSystem>(system: &'s S, q: &[f64], level: f64) -> 
 }
 
 /// Every way to find a linear step, from a start off by `far`; positions as they closed.
-fn every_step(system: &ByHand<Chains>, closed: &[f64; 3], far: f64) -> Vec<(&'static str, [f64; 3], Closed)> {
+fn every_step(system: &UserSystem<Chains>, closed: &[f64; 3], far: f64) -> Vec<(&'static str, [f64; 3], Closed)> {
     let start = [closed[0] + far, closed[1] - 0.7 * far, closed[2] + 0.4 * far];
     let mut room = Room::default();
     let mut found = Vec::new();
@@ -230,7 +230,7 @@ fn convergence_is_of_second_order() {
 #[test]
 fn what_cannot_close_comes_to_rest_open_by_what_is_missing_and_its_neighbour_closes() {
     // two links of 1 span no more than 2 of 3; the other chain closes
-    let system = ByHand::new(Chains(vec![(vec![1.0, 1.0], 3.0), (vec![1.0, 1.5, 1.0], 2.0)]));
+    let system = UserSystem::new(Chains(vec![(vec![1.0, 1.0], 3.0), (vec![1.0, 1.5, 1.0], 2.0)]));
     let mut q = [0.5, -0.3, 0.4, 0.1, -0.9];
     let mut room = Room::default();
     let mut rows = LeastChange::new(&system, 0.0, &q, &[]).unwrap();
@@ -292,7 +292,7 @@ impl Equations for TwoCircles {
 #[test]
 fn rows_that_contradict_each_other_rest_half_way_and_are_followed_there() {
     for e in [1e-3, 1e-5, 1e-8] {
-        let system = ByHand::new(TwoCircles(e));
+        let system = UserSystem::new(TwoCircles(e));
         let mut q = [1.1, 0.2];
         let mut rows = truncated(&system, &q, 1e-3);
         let done = rows.close(&mut q, &mut Room::default()).unwrap();
@@ -478,7 +478,7 @@ fn halving_steps_lead_to_the_same_positions() {
 #[test]
 fn curves_end_with_their_reason() {
     let pace = Pace { longest: follow::LONGEST, shortest: 1e-7, steps: 10_000 };
-    let on = |_: &mut Along<ByHand<Chains>>, _: At| Ok(Visit::On);
+    let on = |_: &mut Along<UserSystem<Chains>>, _: At| Ok(Visit::On);
     // three links in one line, as long as the base: free for an instant only
     let line = Chains::one(&[1.0, 1.5, 0.5], 3.0);
     let mut q = [0.0; 3];
@@ -501,7 +501,7 @@ fn curves_end_with_their_reason() {
     let done = follow(&mut curve, &mut q, &direction, 9.0, &pace, &mut |_, _| Ok(Visit::Stop)).unwrap();
     assert!(done.end == End::Stopped && done.steps == 1 && done.s > 0.2);
     let (mut q, mut curve) = begin();
-    let wall = |_: &mut Along<ByHand<Chains>>, at: At| Ok(if at.q[0] > 1.0 { Visit::Back } else { Visit::On });
+    let wall = |_: &mut Along<UserSystem<Chains>>, at: At| Ok(if at.q[0] > 1.0 { Visit::Back } else { Visit::On });
     let done = follow(&mut curve, &mut q, &direction, 9.0, &pace, &mut { wall }).unwrap();
     assert!(done.end == End::Refused && (0.999_999..=1.0).contains(&q[0]), "{done:?} {q:?}");
     let (mut q, mut curve) = begin();

@@ -98,7 +98,7 @@ pub struct Truncated<'s, S: ConstrainedSystem> {
 impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     /// At the time t.
     pub fn new(scaled: Scaled<'s, S>, t: f64, cut: Cut) -> Self {
-        let n = scaled.reach.len();
+        let n = scaled.displacement.len();
         Self {
             scaled,
             cut,
@@ -150,7 +150,7 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
 
     /// How far a move (in reaches) goes: the fastest coordinate, or what stands for it whatever the axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
-        let v: Vec<f64> = y.iter().zip(&self.scaled.reach).map(|(y, reach)| y * reach).collect();
+        let v: Vec<f64> = y.iter().zip(&self.scaled.displacement).map(|(y, displacement)| y * displacement).collect();
         self.scaled.system.travel(&v)
     }
 

@@ -27,7 +27,7 @@ const GUARD: f64 = 20.0;
 struct Instant {
     t: f64,
     /// Number of exchanges before: signs compare between instants of one gauge only.
-    gauge: u64,
+    generation: u64,
     /// ln of the volume of the partition the rows belong to.
     base: f64,
     /// `Dᵀ` (n x k) in natural units.
@@ -54,7 +54,7 @@ pub struct Persistence {
     window: f64,
     exchange: f64,
     independent: Vec<usize>,
-    gauge: u64,
+    generation: u64,
     instants: VecDeque<Instant>,
 }
 
@@ -62,7 +62,7 @@ impl Persistence {
     /// Remembers `window` seconds. `exchange` is the threshold for exchanges until the window has filled, and how much
     /// worse a choice may be right now; infinite: nothing is ever exchanged.
     pub fn new(window: f64, exchange: f64, independent: &[usize]) -> Self {
-        Self { window, exchange, independent: independent.to_vec(), gauge: 0, instants: VecDeque::new() }
+        Self { window, exchange, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
     }
 
     /// Remember `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a step.
@@ -83,8 +83,14 @@ impl Persistence {
     }
 
     fn push(&mut self, t: f64, rows: Vec<f64>, base: f64) {
-        let mut instant =
-            Instant { t, gauge: self.gauge, base, rows, own: (0.0, f64::NEG_INFINITY), neighbours: Vec::new() };
+        let mut instant = Instant {
+            t,
+            generation: self.generation,
+            base,
+            rows,
+            own: (0.0, f64::NEG_INFINITY),
+            neighbours: Vec::new(),
+        };
         judge(&mut instant, &self.independent);
         self.instants.push_back(instant);
     }
@@ -96,7 +102,7 @@ impl Persistence {
         if self.instants.back().is_none_or(|last| last.t < t) {
             self.push(t, rows.clone(), base);
         }
-        self.gauge += 1;
+        self.generation += 1;
         self.independent = next.to_vec();
         for instant in &mut self.instants {
             judge(instant, next);
@@ -151,7 +157,7 @@ impl Persistence {
         let (mut own, mut least) = (f64::INFINITY, vec![f64::INFINITY; pairs]);
         let mut before: Option<&Instant> = None;
         for now in &self.instants {
-            let before = before.replace(now).filter(|b| b.gauge == now.gauge);
+            let before = before.replace(now).filter(|b| b.generation == now.generation);
             let passed = |b: (f64, f64), x: (f64, f64)| b.0 * x.0 < 0.0;
             own = own.min(if before.is_some_and(|b| passed(b.own, now.own)) { f64::NEG_INFINITY } else { now.own.1 });
             for (e, (least, &x)) in least.iter_mut().zip(&now.neighbours).enumerate() {

@@ -7,7 +7,7 @@ use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
 use crate::manifold::{close, Linearization, Open, Part, Room};
-use crate::record::{Correction, Journal};
+use crate::record::{Correction, History};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, Size};
 use crate::tangent::Tangent;
@@ -36,7 +36,7 @@ struct Corrected<'a, 's, S, T> {
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Linearization for Corrected<'_, 's, S, T> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.tangent.reduction().position(self.t, q)?;
-        self.open = Open::of(self.tangent.seen().openness_of_rows());
+        self.open = Open::of(self.tangent.seen().closure_error_of_rows());
         Ok(())
     }
     fn open(&self, _part: usize) -> Open {
@@ -105,11 +105,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     }
     /// While a singular position is passed the loops are closed first: the tangent is a quotient of small numbers
     /// there, and what one stage leaves open the next one divides again.
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool> {
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool> {
         let nq = self.q.len();
         self.q.copy_from_slice(&y[..nq]);
         let size = tangent.seen().size();
-        match passing && size.rows == size.holonomic && tangent.seen().rank() > 0 {
+        match crossing && size.rows == size.holonomic && tangent.seen().rank() > 0 {
             true => self.close(tangent, t, Correction::Partition)?,
             false => tangent.reduction().position(t, &self.q)?,
         }
@@ -153,7 +153,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     fn wrap(&mut self, tangent: &T, y: &mut [f64], turns: &mut [i32]) -> bool {
         self.wraps && turns::reduce(tangent.seen().system, &mut y[..self.q.len()], turns)
     }
-    fn report(&self, journal: &mut Journal) {
-        journal.counters.corrections += self.corrections;
+    fn report(&self, history: &mut History) {
+        history.counters.corrections += self.corrections;
     }
 }

@@ -23,7 +23,7 @@ use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
 use crate::manifold::{close, Linearization, Open, Part, Room, Rule};
 use crate::options::Renew;
-use crate::record::Journal;
+use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
@@ -46,7 +46,7 @@ pub struct Chart {
     renew: Renew,
     /// The velocities of each ball.
     balls: Vec<[usize; 3]>,
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
     base: Vec<f64>,
     /// Δ of the last evaluation, at the end of the last step, and of the one that is judged.
     delta: Vec<f64>,
@@ -74,7 +74,7 @@ impl Chart {
         Ok(Self {
             renew,
             balls: balls(system)?,
-            reach: (0..n).map(|i| system.reach(i)).collect(),
+            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
             base: vec![0.0; size.nq],
             delta: vec![0.0; n],
             accepted: vec![0.0; n],
@@ -146,7 +146,7 @@ struct InChart<'a, 'f, 's, S: ConstrainedSystem> {
 
 impl<S: ConstrainedSystem> InChart<'_, '_, '_, S> {
     fn large(&self, x: &[f64]) -> f64 {
-        x.iter().zip(&self.chart.reach).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r))
+        x.iter().zip(&self.chart.displacement).fold(0.0, |m: f64, (x, r)| larger(m, x.abs() / r))
     }
 }
 
@@ -169,10 +169,10 @@ impl<S: ConstrainedSystem> Linearization for InChart<'_, '_, '_, S> {
             *miss = w - dense::dot(&self.x.orthonormal()[j * n..(j + 1) * n], delta);
         }
         // what rounding leaves of S Δ, as of the rows
-        let size = |row: &[f64]| row.iter().zip(&c.reach).map(|(s, r)| (s * r).abs()).sum::<f64>();
+        let size = |row: &[f64]| row.iter().zip(&c.displacement).map(|(s, r)| (s * r).abs()).sum::<f64>();
         let missed = c.miss.iter().zip(self.x.orthonormal().chunks_exact(n.max(1)));
         let missed = missed.map(|(miss, row)| miss / (4.0 * f64::EPSILON * far * size(row)));
-        self.open = Open::of(self.x.seen().openness_of_rows().chain(missed));
+        self.open = Open::of(self.x.seen().closure_error_of_rows().chain(missed));
         Ok(())
     }
     fn open(&self, _part: usize) -> Open {
@@ -211,7 +211,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.accepted.fill(0.0);
         y[..self.w.len()].fill(0.0);
     }
-    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _passing: bool) -> Result<bool> {
+    fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _crossing: bool) -> Result<bool> {
         let found = self.find(x, t, &y[..self.w.len()]);
         self.sum += u64::from(self.iterations);
         found.map(|()| true)
@@ -262,8 +262,8 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         self.delta.fill(0.0);
         y[..self.w.len()].fill(0.0);
     }
-    fn report(&self, journal: &mut Journal) {
-        journal.counters.newton_iterations = self.sum;
+    fn report(&self, history: &mut History) {
+        history.counters.newton_iterations = self.sum;
     }
     /// The base gives the turns away, so that the coordinates found from it stay small; y does not change.
     fn wrap(&mut self, x: &Frozen<'s, S>, _y: &mut [f64], turns: &mut [i32]) -> bool {

@@ -11,7 +11,7 @@ use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
 use super::{turns, Positions};
 use crate::error::Result;
-use crate::record::Journal;
+use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
@@ -22,7 +22,7 @@ pub enum Point {
     /// A stage of a step.
     Stage,
     /// A stage while a singular position is being passed.
-    Passing,
+    Crossing,
     /// An output inside the step that was judged: its end is known too.
     Inside,
 }
@@ -69,7 +69,7 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     /// What to say where two solutions cannot be told apart.
     fn undecided(&mut self, core: &Core, tangent: &T, t: f64) -> SystemError;
     /// What belongs to the journal of a run.
-    fn report(&self, _journal: &mut Journal) {}
+    fn report(&self, _journal: &mut History) {}
 }
 
 /// Independent coordinates, the others by K.
@@ -135,8 +135,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.continuity.start(t, &tangent.seen().v, &self.vdot, near);
         self.by.start(&self.core, tangent, margin);
     }
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool> {
-        let at = if passing { Point::Passing } else { Point::Stage };
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool> {
+        let at = if crossing { Point::Crossing } else { Point::Stage };
         self.by.solve(&mut self.core, tangent, t, y, at)?;
         Ok(false)
     }
@@ -217,8 +217,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         }
         wrapped
     }
-    fn report(&self, journal: &mut Journal) {
-        self.by.report(journal);
+    fn report(&self, history: &mut History) {
+        self.by.report(history);
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
-use crate::record::Journal;
+use crate::record::History;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::Tangent;
@@ -64,7 +64,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         self.good.copy_from_slice(&core.q);
         let follow = match at {
             Point::Inside => self.trial_following,
-            _ => at == Point::Passing || self.approaching,
+            _ => at == Point::Crossing || self.approaching,
         };
         if std::mem::replace(&mut self.following, follow) && !follow {
             tangent.closing()?.set_branches(&self.branches);
@@ -129,10 +129,10 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         tangent.undecided(t, &core.q)
     }
 
-    fn report(&self, journal: &mut Journal) {
-        journal.counters.newton_iterations = self.iterations;
+    fn report(&self, history: &mut History) {
+        history.counters.newton_iterations = self.iterations;
         for (block, t, foreseen) in self.flips.iter().take(6) {
-            journal.notes.push(match foreseen {
+            history.notes.push(match foreseen {
                 true => format!(
                     "{block} passed its change point in the step before t = {t}: its other branch goes on there"
                 ),
@@ -140,7 +140,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
             });
         }
         if self.flips.len() > 6 {
-            journal.notes.push(format!("{} more changes of branches are not listed", self.flips.len() - 6));
+            history.notes.push(format!("{} more changes of branches are not listed", self.flips.len() - 6));
         }
     }
 }

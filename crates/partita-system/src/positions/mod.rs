@@ -10,7 +10,7 @@ mod state_coordinates;
 pub mod turns;
 
 use crate::error::Result;
-use crate::record::Journal;
+use crate::record::History;
 use crate::record::Verdict;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
@@ -25,9 +25,9 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn places(&self) -> usize;
     /// Take over the closed q and write y; the tangent was started there.
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
-    /// Find q for y, with the position level of the tangent's reduction there; `passing`: a singular position is being passed.
+    /// Find q for y, with the position level of the tangent's reduction there; `crossing`: a singular position is being passed.
     /// True if the tangent's factors are of there too.
-    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], passing: bool) -> Result<bool>;
+    fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool>;
     /// q, as last found.
     fn q(&self) -> &[f64];
     /// Rates of the leading components at the last evaluation, with tangent velocities u.
@@ -67,7 +67,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
         out.fill(1.0);
     }
     /// What belongs to the journal of a run.
-    fn report(&self, _journal: &mut Journal) {}
+    fn report(&self, _journal: &mut History) {}
 }
 
 /// Refuse constraints that have no positions, in the words of who needs them.
@@ -81,6 +81,6 @@ pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_
          (nonholonomic); use \"projective\"",
         size.rows - size.holonomic,
         size.rows,
-        system.row_words(size.holonomic)
+        system.row_description(size.holonomic)
     )))
 }

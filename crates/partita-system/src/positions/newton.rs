@@ -9,7 +9,7 @@ use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
 use crate::manifold::kept_rows::{KeptRows, TO_ROUND_OFF};
 use crate::manifold::{close, Room};
-use crate::record::{Correction, Journal};
+use crate::record::{Correction, History};
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -43,8 +43,8 @@ impl Newton {
                 ratio.max(1.0 / ratio)
             }));
         }
-        let row = r.openness().1;
-        let name = r.system.row_words(row);
+        let row = r.closure_error().1;
+        let name = r.system.row_description(row);
         let block = format!("{name} (Newton's method for the dependent coordinates, {} iterations)", done.iterations);
         Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
     }
@@ -103,7 +103,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
         undecided(core, tangent, t)
     }
 
-    fn report(&self, journal: &mut Journal) {
-        journal.counters.newton_iterations = self.iterations;
+    fn report(&self, history: &mut History) {
+        history.counters.newton_iterations = self.iterations;
     }
 }

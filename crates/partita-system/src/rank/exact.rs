@@ -4,7 +4,7 @@
 //! open by nothing but rounding, or something else is the matter, which is not decided here.
 
 use crate::manifold::kept_rows::close_kept;
-use crate::reduction::openness::CLOSED;
+use crate::reduction::closure_error::CLOSED;
 use crate::reduction::{largest, Reduction, FITS};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{weighed_rows, RowRank};
@@ -79,9 +79,9 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     preference: (f64, &dyn Fn(usize) -> bool),
 ) -> RowRank {
     let system = r.system;
-    let reach: Vec<f64> = (0..system.size().nv).map(|i| system.reach(i)).collect();
+    let displacement: Vec<f64> = (0..system.size().nv).map(|i| system.characteristic_displacement(i)).collect();
     let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
-    weighed_rows(system.pattern(), &r.c, (&reach, &sizes), least, preference)
+    weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
 }
 
 /// Moved along each freedom and along mixtures of them, closed with the rows kept: do the others stay closed?
@@ -117,13 +117,13 @@ fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
 
 /// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
 fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
-    let reach = |j: usize| r.system.reach(r.partition.independent[j]);
+    let displacement = |j: usize| r.system.characteristic_displacement(r.partition.independent[j]);
     if let Some(one) = direction.checked_sub(mixed) {
-        return (0..r.k()).map(|j| if j == one { reach(j) } else { 0.0 }).collect();
+        return (0..r.k()).map(|j| if j == one { displacement(j) } else { 0.0 }).collect();
     }
     let wave = |j: usize| (1.3 + 1.7 * j as f64 + 2.9 * direction as f64 * (j as f64 + 1.0)).sin();
     let sign = |j: usize| if direction > 0 && (j + direction) % 2 == 0 { -1.0 } else { 1.0 };
-    (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * reach(j)).collect()
+    (0..r.k()).map(|j| sign(j) * (1.0 + 0.37 * wave(j)) * displacement(j)).collect()
 }
 
 /// Move along a direction from `home`, as far as it goes. False where a row left out opens.

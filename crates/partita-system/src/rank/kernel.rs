@@ -52,7 +52,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
 
     /// Velocities.
     pub fn velocities(&self) -> usize {
-        self.closings.scaled.reach.len()
+        self.closings.scaled.displacement.len()
     }
 
     /// Phi of the system at the last position.

@@ -1,7 +1,7 @@
 //! Branches whose freedoms are known in closed form, also next to where they cross.
 
 use super::{Branch, Cut, Kernel};
-use crate::equations::{ByHand, Equations};
+use crate::equations::{Equations, UserSystem};
 use crate::error::Result;
 
 /// z² f(x, y) = 0: z is locked on the plane z = 0 at the second order, where f is not 0; there other branches cross it.
@@ -56,7 +56,7 @@ impl Equations for Locked {
 }
 
 fn branch(f: fn(f64, f64) -> [f64; 3], home: [f64; 2], level: f64) -> Branch {
-    let system = ByHand::new(Locked { f });
+    let system = UserSystem::new(Locked { f });
     Kernel::new(&system, 0.0).branch(&[home[0], home[1], 0.0], Cut::Level(level)).unwrap().unwrap()
 }
 

@@ -12,8 +12,12 @@ const EMPTY_ROW: f64 = 1e-18;
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Refresh the scales `s_i² = [M⁻¹]_ii` and the row scales at the last position.
     pub fn refresh_scales(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        match self.weighs_reaches {
-            true => self.s2.iter_mut().zip(&self.reach).for_each(|(s2, reach)| *s2 = reach * reach),
+        match self.weighs_displacements {
+            true => self
+                .s2
+                .iter_mut()
+                .zip(&self.displacement)
+                .for_each(|(s2, displacement)| *s2 = displacement * displacement),
             false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
         }
         if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
@@ -39,11 +43,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let empty = norm == 0.0 || self.strength(i).is_some_and(|s| s < EMPTY_ROW);
             self.row_scale[i] = if empty { 0.0 } else { 1.0 / norm };
             // entries of C are lever arms: the lengths that are added up in Φ
-            let arm = pattern.row(i).map(|e| self.c[e].abs() * self.reach[pattern.col_idx[e]]).fold(0.0, f64::max);
+            let arm =
+                pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
             self.noise[i] = self.noise[i].max(4.0 * f64::EPSILON * arm);
             let arm = self.noise[i] / (4.0 * f64::EPSILON);
-            self.row_size[i] = match self.row_reach[i] {
-                Some(reach) => reach.max(arm),
+            self.row_size[i] = match self.row_displacement[i] {
+                Some(displacement) => displacement.max(arm),
                 None if arm > 0.0 => arm,
                 None => 1.0,
             };
@@ -160,12 +165,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if self.recursion.is_some() {
             self.lay_out();
         }
-        self.column_reach.clear();
-        self.column_reach.resize(self.clusters.count.max(1) * self.columns, 0.0);
+        self.column_displacement.clear();
+        self.column_displacement.resize(self.clusters.count.max(1) * self.columns, 0.0);
         for (&i, &c) in independent.iter().zip(&self.column_of) {
             if c != NONE {
                 let cluster = self.clusters.of_velocity[i] as usize;
-                self.column_reach[cluster * self.columns + c as usize] = self.reach[i];
+                self.column_displacement[cluster * self.columns + c as usize] = self.displacement[i];
             }
         }
         choice!(self).units(&mut self.dt);

@@ -33,7 +33,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             plan.solve(&self.factors, x, 1);
         }
         // both in reaches where the system knows them; elsewhere both in natural scales, so that units cancel
-        let known = self.row_reach.iter().all(Option::is_some);
+        let known = self.row_displacement.iter().all(Option::is_some);
         let part = |i: usize| match known {
             true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
             true => 0.0,
@@ -41,7 +41,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         };
         let rows = self.phi.iter().enumerate().filter(|(i, _)| !self.left_out[*i]);
         let residual = rows.fold(0.0, |m: f64, (i, x)| m.max(x.abs() * part(i)));
-        let scale = if known { &self.reach } else { &self.s };
+        let scale = if known { &self.displacement } else { &self.s };
         let length = x.iter().zip(&self.partition.dependent).fold(0.0, |m: f64, (x, &i)| m.max(x.abs() / scale[i]));
         DependentStep { length, amplifies: length > super::LARGEST_AMPLIFICATION * residual }
     }
@@ -59,11 +59,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.work[..self.rank].iter_mut().for_each(|x| *x *= by);
     }
 
-    /// Φ of the rows that are to be closed, in units of their own round-off as in [`openness`](Self::openness).
-    pub fn openness_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
+    /// Φ of the rows that are to be closed, in units of their own round-off as in [`closure_error`](Self::closure_error).
+    pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {
-            let least = self.row_reach[i].map_or(f64::MIN_POSITIVE, |reach| 4.0 * f64::EPSILON * reach);
+            let least =
+                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| 4.0 * f64::EPSILON * displacement);
             x / n.max(least)
         })
     }

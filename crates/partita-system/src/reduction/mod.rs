@@ -3,8 +3,8 @@
 
 mod arithmetic;
 mod choosing;
+pub mod closure_error;
 mod correction;
-pub mod openness;
 mod row_exchange;
 mod rows;
 mod watch;
@@ -90,7 +90,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
     /// Reach of the independent velocity of each column, by cluster.
-    column_reach: Vec<f64>,
+    column_displacement: Vec<f64>,
     margins: Vec<watch::Margin>,
     room: watch::Room,
     row_room: row_exchange::RowRoom,
@@ -99,9 +99,9 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
     s: Vec<f64>,
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
     row_scale: Vec<f64>,
-    row_reach: Vec<Option<f64>>,
+    row_displacement: Vec<Option<f64>>,
     /// What a large move opens each row by.
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
@@ -109,7 +109,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     /// Is this row not kept? Then nothing is closed by it.
     left_out: Vec<bool>,
     /// Do velocities weigh by their reaches, whatever the masses?
-    weighs_reaches: bool,
+    weighs_displacements: bool,
     /// Is M short of mass?
     lacks_mass: bool,
     /// Round-off of each row of Φ: what is left below it means nothing.
@@ -170,24 +170,24 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
     pub fn geometric(system: &'s S, rank: usize) -> Self {
-        Self::new(system, rank).weighing_reaches()
+        Self::new(system, rank).weighing_displacements()
     }
 
     /// The same for one that is at hand.
-    pub fn weighing_reaches(mut self) -> Self {
-        self.weighs_reaches = true;
+    pub fn weighing_displacements(mut self) -> Self {
+        self.weighs_displacements = true;
         self
     }
 
     /// Weigh velocities by their reaches, or by masses, from the next scales on.
-    pub fn weigh_reaches(&mut self, reaches: bool) {
-        self.weighs_reaches = reaches;
+    pub fn weigh_reaches(&mut self, displacements: bool) {
+        self.weighs_displacements = displacements;
     }
 
     /// The same with `dt` in full.
     pub fn geometric_dense(system: &'s S, rank: usize) -> Self {
         let mut new = Self::dense(system, rank);
-        new.weighs_reaches = true;
+        new.weighs_displacements = true;
         new
     }
 
@@ -209,7 +209,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             column_of: Vec::new(),
             spread_entries: Vec::new(),
             vdot: Vec::new(),
-            column_reach: Vec::new(),
+            column_displacement: Vec::new(),
             margins: Vec::new(),
             room: watch::Room::default(),
             row_room: row_exchange::RowRoom::default(),
@@ -223,13 +223,13 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             plan: None,
             s2: vec![1.0; n],
             s: vec![1.0; n],
-            reach: (0..n).map(|i| system.reach(i)).collect(),
+            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
             row_scale: vec![1.0; size.rows],
-            row_reach: (0..size.rows).map(|i| system.row_reach(i)).collect(),
-            row_size: (0..size.rows).map(|i| system.row_reach(i).unwrap_or(1.0)).collect(),
+            row_displacement: (0..size.rows).map(|i| system.row_displacement(i)).collect(),
+            row_size: (0..size.rows).map(|i| system.row_displacement(i).unwrap_or(1.0)).collect(),
             dropped: Vec::new(),
             left_out: vec![false; size.rows],
-            weighs_reaches: false,
+            weighs_displacements: false,
             lacks_mass: system.lacks_mass(),
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],

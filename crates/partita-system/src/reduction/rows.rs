@@ -29,9 +29,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             clear(&mut c, i); // round-off alone, in whatever direction
         }
         let last = |i: usize| i >= self.size.holonomic || self.system.row_is_drive(i);
-        if self.row_reach.iter().all(Option::is_some) {
+        if self.row_displacement.iter().all(Option::is_some) {
             // a closing that is faint as a whole serves only where no other does: closed by it, others open by as much more
-            let found = weighed_rows(pattern, &c, (&self.reach, &self.row_size), 0.0, (CLEAR, &last));
+            let found = weighed_rows(pattern, &c, (&self.displacement, &self.row_size), 0.0, (CLEAR, &last));
             if found.rank >= rank {
                 let mut kept = vec![false; rows];
                 found.kept.iter().take(rank).for_each(|&i| kept[i] = true);

@@ -40,18 +40,18 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 for (x, &d) in x.iter().zip(&self.partition.dependent) {
                     m[of(d)].given += x * x;
                 }
-                let rows = self.partition.rows.iter().map(|&i| self.row_reach[i].unwrap_or(1.0));
-                let columns = self.partition.dependent.iter().map(|&i| self.reach[i]);
+                let rows = self.partition.rows.iter().map(|&i| self.row_displacement[i].unwrap_or(1.0));
+                let columns = self.partition.dependent.iter().map(|&i| self.displacement[i]);
                 if transposed {
                     // the left singular vector comes out of this one
-                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
+                    x.iter_mut().zip(columns).for_each(|(x, displacement)| *x /= displacement);
                     plan.solve_transposed(&self.factors, x, 1);
                     self.left.copy_from_slice(x);
-                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
+                    x.iter_mut().zip(rows).for_each(|(x, displacement)| *x *= displacement);
                 } else {
-                    x.iter_mut().zip(rows).for_each(|(x, reach)| *x *= reach);
+                    x.iter_mut().zip(rows).for_each(|(x, displacement)| *x *= displacement);
                     plan.solve(&self.factors, x, 1);
-                    x.iter_mut().zip(columns).for_each(|(x, reach)| *x /= reach);
+                    x.iter_mut().zip(columns).for_each(|(x, displacement)| *x /= displacement);
                 }
             }
             for (x, &d) in x.iter().zip(&self.partition.dependent) {
@@ -66,8 +66,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let k = self.columns;
         for (p, &d) in self.partition.dependent.iter().enumerate() {
             let row = &self.a_matrix[p * k..(p + 1) * k];
-            let reaches = &self.column_reach[of(d) * k..(of(d) + 1) * k];
-            m[of(d)].mixed += row.iter().zip(reaches).map(|(a, r)| (a * r / self.reach[d]).powi(2)).sum::<f64>();
+            let displacements = &self.column_displacement[of(d) * k..(of(d) + 1) * k];
+            m[of(d)].mixed +=
+                row.iter().zip(displacements).map(|(a, r)| (a * r / self.displacement[d]).powi(2)).sum::<f64>();
         }
         let least = m.iter().filter(|m| m.answer > 0.0).map(|m| match m.complete {
             Some(x) => x,
@@ -96,7 +97,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         for ((&i, &c), x) in self.partition.independent.iter().zip(&self.column_of).zip(&room.along) {
             if c == super::NONE {
-                *room.sums[self.clusters.of_velocity[i] as usize].get_or_insert(0.0) += (x * self.reach[i]).powi(2);
+                *room.sums[self.clusters.of_velocity[i] as usize].get_or_insert(0.0) +=
+                    (x * self.displacement[i]).powi(2);
             }
         }
         for (m, sum) in self.margins.iter_mut().zip(&room.sums) {
@@ -121,10 +123,11 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it by: a
     /// row that nothing moves is made of rounding errors alone. NaN counts as infinite.
-    pub fn openness(&self) -> (f64, usize) {
+    pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let least = self.row_reach[i].map_or(f64::MIN_POSITIVE, |reach| 4.0 * f64::EPSILON * reach);
+            let least =
+                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| 4.0 * f64::EPSILON * displacement);
             let open = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if open > best.0 {
                 (open, i)
@@ -142,9 +145,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Squared size of row i of C for unit reaches, over what a large move can open it by: 1 for a healthy row.
     pub fn strength(&self, i: usize) -> Option<f64> {
         let pattern = self.system.pattern();
-        let reach = self.row_reach[i]?;
-        let sum: f64 = pattern.row(i).map(|e| (self.c[e] * self.reach[pattern.col_idx[e]]).powi(2)).sum();
-        Some(sum / (reach * reach))
+        let displacement = self.row_displacement[i]?;
+        let sum: f64 = pattern.row(i).map(|e| (self.c[e] * self.displacement[pattern.col_idx[e]]).powi(2)).sum();
+        Some(sum / (displacement * displacement))
     }
 
     /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself. Clusters

@@ -20,13 +20,13 @@ pub struct Pace {
 /// other. The distance falls linearly in time, so the passage is foreseen: the march takes care to arrive with room to
 /// spare and crosses in one step whose stages keep away from it.
 #[derive(Default)]
-pub struct Passage {
+pub struct Crossing {
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
     before: [Option<(f64, f64, u64)>; 2],
     /// When the next singular position is expected.
     expected: Option<f64>,
     /// The one that the step under way is to cross.
-    crossing: Option<f64>,
+    planned: Option<f64>,
     /// The usual step size away from singular positions, and whether one was seen yet.
     usual: f64,
     settled: bool,
@@ -48,7 +48,7 @@ pub enum Advice {
     /// Nothing: none is near.
     Free,
     /// One is being passed.
-    Passing,
+    Crossing,
     /// It was tried often enough.
     GiveUp {
         /// When it is expected.
@@ -63,7 +63,7 @@ pub enum Advice {
     },
 }
 
-impl Passage {
+impl Crossing {
     /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
     const PART: f64 = 0.6;
     /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, and shorter steps
@@ -92,7 +92,7 @@ impl Passage {
 
     /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was crossed.
     pub fn crossed(&mut self, t: f64, flip: Option<f64>) -> bool {
-        let foreseen = self.crossing.take().filter(|zero| *zero < t);
+        let foreseen = self.planned.take().filter(|zero| *zero < t);
         // two that coincide change no sign: they count when the step after them has changed none either
         let Some(zero) = flip.or(self.unsigned.take()) else {
             self.unsigned = foreseen;
@@ -118,7 +118,7 @@ impl Passage {
 
     /// The next step, from t, crosses the position at `zero`.
     pub fn cross(&mut self, zero: f64, t: f64, pace: &mut Pace) {
-        self.crossing = Some(zero);
+        self.planned = Some(zero);
         self.tried = Some(self.tried.map_or(zero, |z| zero.max(z)));
         self.expected = None;
         pace.next = Self::LENGTHS[self.tries.min(Self::LENGTHS.len() - 1)] * pace.stretch * (zero - t);
@@ -127,12 +127,12 @@ impl Passage {
 
     /// There is nothing to cross at the time foreseen.
     pub fn forget(&mut self) {
-        (self.crossing, self.unsigned, self.expected) = (None, None, None);
+        (self.planned, self.unsigned, self.expected) = (None, None, None);
     }
 
     /// Is a step of length h next to nothing? One that crosses a position has its stages too close to it.
     pub fn creeps(&self, h: f64) -> bool {
-        self.crossing.is_none() && h < Self::CREEPING * self.usual
+        self.planned.is_none() && h < Self::CREEPING * self.usual
     }
 
     /// Attempts at the one at hand.
@@ -141,8 +141,8 @@ impl Passage {
     }
 
     /// When the step under way is to cross one.
-    pub fn crossing(&self) -> Option<f64> {
-        self.crossing
+    pub fn zero(&self) -> Option<f64> {
+        self.planned
     }
 
     /// The march was put back to t, before the position at `zero`.
@@ -172,15 +172,15 @@ impl Passage {
         let ([one, two], last) = (self.before, self.expected);
         self.before = [Some((t, distance, plan)), one];
         let same = |x: Option<(f64, f64, u64)>| x.filter(|x| x.2 == plan && x.0 < t).map(|x| (x.0, x.1));
-        let reach = 10.0 * if self.usual > 0.0 { self.usual } else { pace.next };
+        let displacement = 10.0 * if self.usual > 0.0 { self.usual } else { pace.next };
         match same(one) {
-            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < reach),
+            Some(one) => self.expected = zero_ahead((t, distance), one, same(two)).filter(|z| z - t < displacement),
             // a choice just made has no past
             None => {
-                let ahead = Self::PROBE * pace.next.min(reach);
+                let ahead = Self::PROBE * pace.next.min(displacement);
                 self.expected = match probe(ahead) {
                     Probe::Distance(there) if there < distance => {
-                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < reach)
+                        Some(t + ahead * distance / (distance - there)).filter(|z| z - t < displacement)
                     }
                     _ => self.expected.filter(|z| *z > t),
                 };
@@ -193,7 +193,7 @@ impl Passage {
             if leaving {
                 pace.floor = Self::ROUND_OFF;
                 pace.next = pace.next.min(self.usual);
-                return Advice::Passing;
+                return Advice::Crossing;
             }
             self.usual = pace.next.max(0.9 * self.usual).min(1.3 * pace.next);
             self.settled = true;
@@ -211,9 +211,9 @@ impl Passage {
             self.expected = self.expected.filter(|_| ahead > 0.0);
             return Advice::Free;
         }
-        let crossing = pace.stretch * ahead;
+        let planned = pace.stretch * ahead;
         let mut sure = true;
-        if crossing <= Self::PART * self.usual {
+        if planned <= Self::PART * self.usual {
             if matches!(probe(ahead), Probe::Distance(there) if there > CONFIRMED * distance) {
                 // what fell was something else; look again from here
                 self.before = [None; 2];
@@ -250,7 +250,7 @@ impl Passage {
         }
         // a fall that may end is no reason to tolerate errors
         pace.floor = if sure { Self::ROUND_OFF } else { 0.0 };
-        Advice::Passing
+        Advice::Crossing
     }
 }
 

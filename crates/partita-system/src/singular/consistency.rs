@@ -6,7 +6,7 @@
 
 use crate::manifold::kept_rows::close_kept;
 use crate::record::{Gap, Gaps};
-use crate::reduction::openness::{CLOSED, OPEN, OPEN_RATE};
+use crate::reduction::closure_error::{CLOSED, OPEN, OPEN_RATE};
 use crate::reduction::Reduction;
 use crate::start::{choose_partition, Start};
 use crate::system::{ConstrainedSystem, SystemError};

@@ -10,7 +10,7 @@ use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
 use crate::options::FormulationOptions;
-use crate::record::{Correction, Journal, PartitionEvent, Sample};
+use crate::record::{Correction, History, PartitionEvent, Sample};
 use crate::reduction::{velocity_residuals, Reduction};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -183,7 +183,7 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
         self.base.r.size().nv
     }
     fn natural_size(&self, j: usize) -> f64 {
-        self.base.r.system.reach(j)
+        self.base.r.system.characteristic_displacement(j)
     }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.choose(t, q)?;
@@ -294,19 +294,19 @@ impl<'s, S: ConstrainedSystem, R: AccelerationRule> Tangent<'s, S> for Everythin
             Err(e) => Err(e),
         }
     }
-    fn report(&self, journal: &mut Journal) {
-        (journal.counters.factorisations, journal.counters.proximal_iterations) =
+    fn report(&self, history: &mut History) {
+        (history.counters.factorisations, history.counters.proximal_iterations) =
             (self.factorisations, self.iterations);
-        journal.counters.plans += self.rule.plans();
-        journal.rows.clone_from(&self.rows);
-        journal.notes.extend(self.rule.notes());
+        history.counters.plans += self.rule.plans();
+        history.rows.clone_from(&self.rows);
+        history.notes.extend(self.rule.notes());
         if self.correction == Correction::None && self.base.r.rank() > 0 {
-            journal.notes.push(format!(
+            history.notes.push(format!(
                 "the loops are not exactly closed, because \"{}\" was run without corrections: at the ends of steps |Phi| \
                  reached {:.2e} and |C v + a| {:.2e}",
                 self.rule.name(),
-                journal.open.0,
-                journal.open.1
+                history.open.0,
+                history.open.1
             ));
         }
     }

@@ -1,7 +1,7 @@
 //! What all tangents have: the levels of the system with their rows, and the choices so far.
 
 use crate::error::Result;
-use crate::record::{FormulationCounters, Journal, PartitionEvent};
+use crate::record::{FormulationCounters, History, PartitionEvent};
 use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::dense;
@@ -97,11 +97,11 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     }
 
     /// Choices, rows and counts of a run.
-    pub fn report(&self, journal: &mut Journal) {
+    pub fn report(&self, history: &mut History) {
         let (factorisations, plans, exchanges) = (self.r.factorisations, self.r.plans, self.exchanges);
-        journal.counters = FormulationCounters { factorisations, plans, exchanges, ..FormulationCounters::default() };
-        journal.events.clone_from(&self.events);
-        journal.rows.clone_from(&self.r.partition.rows);
-        journal.rows.sort_unstable();
+        history.counters = FormulationCounters { factorisations, plans, exchanges, ..FormulationCounters::default() };
+        history.events.clone_from(&self.events);
+        history.rows.clone_from(&self.r.partition.rows);
+        history.rows.sort_unstable();
     }
 }

@@ -11,12 +11,12 @@ use crate::closing::Closing;
 use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::partition::normalised_determinant;
-use crate::record::{Correction, Journal, PartitionEvent, Verdict};
+use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::told;
+use partita_math::formatted;
 
 /// Steps after which the system is asked again at the latest, with a gain that has not doubled: one plan is then no
 /// part of the cost of so many steps.
@@ -77,14 +77,15 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;
-        let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_reach(i).unwrap_or(1.0);
+        let wide =
+            |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.system.row_displacement(i).unwrap_or(1.0);
         match r.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument("closing", format!(
                 "the explicit closing leaves {} open by {} at t = {t}; check the function that closes the loops, and that it \
                  takes the branch of the start",
-                r.system.row_words(row),
-                told(*phi)
+                r.system.row_description(row),
+                formatted(*phi)
             ))),
         }
     }
@@ -248,7 +249,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or_else(|| self.inputs(), |event| &event.independent))
     }
-    fn report(&self, journal: &mut Journal) {
+    fn report(&self, history: &mut History) {
         let words = self.closing.iter().flat_map(|x| x.blocks().iter().zip(x.state())).map(|(block, state)| {
             let how = if block.explicit { "in closed form" } else { "by Newton's method" };
             match state.branch {
@@ -260,7 +261,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Blocks<'s, S> {
         if !words.is_empty() {
             let inputs = self.base.names(self.inputs());
             let all = words.join("; ");
-            journal.notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {all}"));
+            history.notes.push(format!("the loops are closed explicitly for the inputs {inputs}: {all}"));
         }
     }
 }

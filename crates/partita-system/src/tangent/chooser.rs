@@ -98,7 +98,7 @@ fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: O
 }
 
 /// In words, what grew.
-fn measure_in_words(selection: Selection) -> &'static str {
+fn measure_name(selection: Selection) -> &'static str {
     match selection {
         Selection::Determinant => "|det C_D| in the units at hand",
         Selection::CompletePivoting => "|det C_D| left by complete pivoting",
@@ -283,7 +283,7 @@ impl Chooser {
             return Ok(None);
         }
         let gain = gain(r, self.selection, weights, &choice.independent);
-        let reason = format!("{} grows by {gain:.3}", measure_in_words(self.selection));
+        let reason = format!("{} grows by {gain:.3}", measure_name(self.selection));
         // a NaN is no gain
         Ok((gain > self.exchange).then_some(Change { independent: choice.independent, reason }))
     }

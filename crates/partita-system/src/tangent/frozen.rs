@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
-use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
 use crate::reduction::{Reduction, SINGULAR_PIVOT};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -372,8 +372,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
         Ok(())
     }
-    fn report(&self, journal: &mut Journal) {
-        journal.counters.renewals = self.frozen;
+    fn report(&self, history: &mut History) {
+        history.counters.renewals = self.frozen;
         if self.base.is_rigid_or_free() {
             return;
         }
@@ -386,11 +386,11 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
             Renew::EachStep => ", after each step".into(),
             Renew::Below(_) => format!("; its quality sqrt(mu) was {:.3} at the lowest", self.lowest),
         };
-        journal
+        history
             .notes
             .push(format!("tangent basis \"{}\": frozen at the start and {renewed}{quality}", self.basis.name()));
         if self.kept > 0 {
-            journal.notes.push(format!(
+            history.notes.push(format!(
                 "{} times no new tangent basis could be had (next to a singular position) and the old one was kept",
                 self.kept
             ));

@@ -13,7 +13,7 @@ pub mod user;
 pub use base::Base;
 
 use crate::error::Result;
-use crate::record::{Correction, Journal, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, PartitionEvent, Sample, Verdict};
 use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError};
 
@@ -52,7 +52,7 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     }
     /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
     fn natural_size(&self, j: usize) -> f64 {
-        self.independent(None).map_or(1.0, |i| self.seen().system.reach(i[j]))
+        self.independent(None).map_or(1.0, |i| self.seen().system.characteristic_displacement(i[j]))
     }
     /// The first choice, at the closed (t, q).
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;
@@ -150,5 +150,5 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
         Ok(())
     }
     /// What belongs to the journal of a run besides what all tangents have.
-    fn report(&self, journal: &mut Journal);
+    fn report(&self, history: &mut History);
 }

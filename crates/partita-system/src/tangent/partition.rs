@@ -11,7 +11,7 @@ use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
 use crate::partition::exchange::Exchange;
 use crate::partition::Selection;
-use crate::record::{Correction, Journal, PartitionEvent, Verdict};
+use crate::record::{Correction, History, PartitionEvent, Verdict};
 use crate::reduction::Reduction;
 use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -215,7 +215,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or(&self.base.r.partition.independent, |event| &event.independent))
     }
-    fn report(&self, journal: &mut Journal) {
-        journal.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
+    fn report(&self, history: &mut History) {
+        history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
     }
 }

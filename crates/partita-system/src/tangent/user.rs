@@ -13,7 +13,7 @@ use super::{Base, Tangent};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
-use crate::record::{Correction, Journal, PartitionEvent, Sample};
+use crate::record::{Correction, History, PartitionEvent, Sample};
 use crate::reduction::Reduction;
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -37,7 +37,7 @@ const DISAGREEMENT: f64 = 1e-8;
 pub struct Given<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     map: Arc<dyn TangentMap>,
-    reach: Vec<f64>,
+    displacement: Vec<f64>,
     near: Vec<f64>,
     step: Vec<f64>,
     dt: Vec<f64>,
@@ -57,7 +57,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
         Self {
             base: Base::new(r),
             map,
-            reach: (0..n).map(|i| system.reach(i)).collect(),
+            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
             near: vec![0.0; nq],
             step: vec![0.0; n],
             dt: vec![0.0; n * k],
@@ -107,7 +107,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
 
     /// δ: how `Dᵀ u + γ` changes along the motion with u held fast.
     fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
-        let rate = self.base.r.v.iter().zip(&self.reach).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
+        let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         // a large move in the time of one unit where nothing moves (only t does)
         let mut s = MOVE / (1.0 + rate);
         let mut least = f64::INFINITY;
@@ -122,8 +122,8 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
                 let d = |j: usize| self.values[2 * j][i] - self.values[2 * j + 1][i];
                 let sixth = (45.0 * d(0) - 9.0 * d(1) + d(2)) / (60.0 * h);
                 let fourth = (8.0 * d(0) - d(1)) / (12.0 * h);
-                apart = apart.max((sixth - fourth).abs() / self.reach[i]);
-                size = size.max((sixth.abs() + self.base.r.v[i].abs() * (1.0 + rate)) / self.reach[i]);
+                apart = apart.max((sixth - fourth).abs() / self.displacement[i]);
+                size = size.max((sixth.abs() + self.base.r.v[i].abs() * (1.0 + rate)) / self.displacement[i]);
                 self.step[i] = sixth;
             }
             let apart = if size > 0.0 { apart / size } else { 0.0 };
@@ -177,7 +177,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     fn check_tangent(&self) -> Result<()> {
         let k = self.base.r.k();
         for row in 0..self.base.r.size().rows {
-            let words = || self.base.r.system.row_words(row);
+            let words = || self.base.r.system.row_description(row);
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
                 if sum.abs() > FITS * size {
@@ -203,7 +203,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
 
     /// `C δ + b = 0` at the last evaluation.
     fn check_bias(&self) -> Result<()> {
-        let rate = self.base.r.v.iter().zip(&self.reach).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
+        let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         for row in 0..self.base.r.size().rows {
             let (sum, size) = self.along(row, |i| self.base.r.delta[i]);
             let left = sum + self.base.r.b[row];
@@ -213,7 +213,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
                 return Err(SystemError::argument("tangent", format!(
                     "the bias of the tangent velocities breaks {}: C delta + b is {left:.3e} there (of {size:.3e}) instead of 0; \
                      check bias(t, q, v), or leave it out to have it found by differences",
-                    self.base.r.system.row_words(row)
+                    self.base.r.system.row_description(row)
                 )));
             }
         }
@@ -303,9 +303,9 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Given<'s, S> {
         (out.sigma, out.sqrt_mu) = (quality.sigma, quality.sqrt_mu);
         Ok(())
     }
-    fn report(&self, journal: &mut Journal) {
+    fn report(&self, history: &mut History) {
         if self.differences > 0 {
-            journal.notes.push(format!(
+            history.notes.push(format!(
                 "the bias of the user's tangent velocities was found by differences along the motion ({} times); their fourth and \
                  sixth order disagree by {:.1e} of its size at most",
                 self.differences, self.worst

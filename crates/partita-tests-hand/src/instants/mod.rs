@@ -3,7 +3,7 @@
 
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::TangentMap;
 use partita_system::record::{Output, Sample};
@@ -128,8 +128,8 @@ impl Instant {
         }
     }
 
-    pub fn by_hand(self) -> ByHand<Self> {
-        ByHand::new(self)
+    pub fn user_system(self) -> UserSystem<Self> {
+        UserSystem::new(self)
     }
 }
 

@@ -2,11 +2,11 @@
 //! exchanges carry the state over bit by bit.
 
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::{Formulation, Step, Verdict};
 use partita_system::options::FormulationOptions;
-use partita_system::record::{Correction, Journal, Output, PartitionEvent, Sample};
+use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
 use partita_system::{ConstrainedSystem, SystemError};
 
 const CORRECTIONS: [Correction; 3] = [Correction::None, Correction::MassOrthogonal, Correction::Partition];
@@ -21,7 +21,7 @@ fn options(correction: Correction, exchange: f64) -> FormulationOptions {
 
 /// Errors over the steps, and how often the last run exchanged.
 fn errors<E: Equations>(
-    system: &ByHand<E>,
+    system: &UserSystem<E>,
     start: &(Vec<f64>, Vec<f64>),
     t_end: f64,
     steps: &[f64],
@@ -33,7 +33,7 @@ fn errors<E: Equations>(
     let errors = steps.iter().map(|&h| {
         let mut f = Projective::new(system, system.size().rows, options);
         let samples = march(&mut f, &start.0, &start.1, &at, &grid(t_end, h));
-        exchanges = f.journal().counters.exchanges;
+        exchanges = f.history().counters.exchanges;
         distance(&samples, &exact)
     });
     (errors.collect(), exchanges)
@@ -137,7 +137,7 @@ fn corrections_do_no_work() {
 
 /// Hands everything on and looks at every change.
 struct Watched<'s, E: Equations> {
-    inner: Projective<'s, ByHand<E>>,
+    inner: Projective<'s, UserSystem<E>>,
     /// Change to the first dependent velocity of at least this measure after every step, whatever the rule says.
     force: Option<f64>,
     changes: u64,
@@ -145,7 +145,7 @@ struct Watched<'s, E: Equations> {
 }
 
 impl<'s, E: Equations> Watched<'s, E> {
-    fn new(system: &'s ByHand<E>, options: FormulationOptions, force: Option<f64>) -> Self {
+    fn new(system: &'s UserSystem<E>, options: FormulationOptions, force: Option<f64>) -> Self {
         Self { inner: Projective::new(system, system.size().rows, &options), force, changes: 0, steps: 0 }
     }
 
@@ -226,8 +226,8 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.inner.describe(at, within, out)
     }
-    fn journal(&self) -> Journal {
-        self.inner.journal()
+    fn history(&self) -> History {
+        self.inner.history()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Any, Pendulum};
 use partita_integrate::simulate::Settings;
-use partita_system::equations::ByHand;
+use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry::by_name;
 use partita_system::formulation::Formulation;
@@ -14,7 +14,7 @@ const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 /// Pivot shaken by 0.3 m at 3 rad/s; the rod goes over the top.
 const SHAKEN: Pendulum = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
 
-fn shaken() -> (ByHand<Any>, (Vec<f64>, Vec<f64>)) {
+fn shaken() -> (UserSystem<Any>, (Vec<f64>, Vec<f64>)) {
     let u = SHAKEN.pivot(0.0)[1];
     (any(SHAKEN), (vec![0.6, -0.8], vec![u + 0.8 * 7.0, 0.6 * 7.0]))
 }
@@ -29,7 +29,7 @@ fn order_with_a_moving_pivot() {
         let errors = STEPS.map(|h| {
             let mut f = Projective::new(&system, 1, &options);
             let samples = march(&mut f, &start.0, &start.1, &at, &grid(2.0, h));
-            assert!(f.journal().counters.exchanges >= 4);
+            assert!(f.history().counters.exchanges >= 4);
             samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
             distance(&samples, &exact)
         });

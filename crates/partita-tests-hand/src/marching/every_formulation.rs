@@ -4,7 +4,7 @@ use crate::pieces::{
     any, described, distance, grid, march, reference, slope, times, Angles, FourBar, Pendulum, Plate, Redundant,
 };
 use partita_integrate::simulate::{simulate, Status};
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::registry::{by_name, NAMES};
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
@@ -53,7 +53,7 @@ fn options(name: &str, correction: Correction) -> FormulationOptions {
 
 fn formulation<'s, E: Equations>(
     name: &str,
-    system: &'s ByHand<E>,
+    system: &'s UserSystem<E>,
     start: &(Vec<f64>, Vec<f64>),
     correction: Correction,
 ) -> Box<dyn Formulation + Send + 's> {
@@ -63,7 +63,7 @@ fn formulation<'s, E: Equations>(
 
 fn run<E: Equations>(
     name: &str,
-    system: &ByHand<E>,
+    system: &UserSystem<E>,
     start: &(Vec<f64>, Vec<f64>),
     correction: Correction,
     at: &[f64],
@@ -88,7 +88,7 @@ fn the_table_names_every_formulation() {
 fn one_motion() {
     fn check<E: Equations>(
         what: &str,
-        system: &ByHand<E>,
+        system: &UserSystem<E>,
         start: &(Vec<f64>, Vec<f64>),
         energy: &dyn Fn(&Sample) -> f64,
         t_end: f64,
@@ -111,8 +111,8 @@ fn one_motion() {
                     assert!(open < 1e-12, "{what}, {name}, {correction:?}: open by {open:e}");
                 } else {
                     // what is not corrected is told
-                    let told = f.journal().notes.iter().any(|n| n.contains("not exactly closed"));
-                    assert!(told || drift == Drift::Position, "{what}, {name}: {:?}", f.journal().notes);
+                    let reported = f.history().notes.iter().any(|n| n.contains("not exactly closed"));
+                    assert!(reported || drift == Drift::Position, "{what}, {name}: {:?}", f.history().notes);
                 }
                 let forces = |x: &Sample, y: &Sample| {
                     let off = x.multipliers.iter().zip(&y.multipliers).map(|(x, y)| (x - y).abs());
@@ -231,9 +231,9 @@ fn nothing_is_thrown_back_at_a_dead_point() {
             assert!(samples.len() >= 6, "{name} at {rtol:e}: {}", outcome.message);
             // the closing keeps its branch: there is no way on for it
             assert!(name == "wehage-haug" || outcome.status != Status::Finished && outcome.t < 0.15, "{}", outcome.t);
-            let told = outcome.status == Status::Finished
+            let reported = outcome.status == Status::Finished
                 || ["cannot close", "stand at a dead point"].iter().any(|words| outcome.message.contains(words));
-            assert!(told, "{name} at {rtol:e}: {}", outcome.message);
+            assert!(reported, "{name} at {rtol:e}: {}", outcome.message);
         }
     }
     // free to choose, the classical form goes over the top like all others
@@ -241,5 +241,5 @@ fn nothing_is_thrown_back_at_a_dead_point() {
     let exact = run("projective", &system, &(q.clone(), v.clone()), Correction::Partition, &at, &reference(at[9]));
     let mut f = formulation("wehage-haug", &system, &(q.clone(), v.clone()), Correction::Partition);
     let off = distance(&march(&mut f, &q, &v, &at, &reference(at[9])), &exact);
-    assert!(off < 1e-9 && f.journal().counters.exchanges >= 6, "{off:e}");
+    assert!(off < 1e-9 && f.history().counters.exchanges >= 6, "{off:e}");
 }

@@ -4,7 +4,7 @@ use crate::pieces::{any, distance, march, reference, times, Angles, Pendulum, GR
 use partita_integrate::simulate::{simulate, Status};
 use partita_math::elimination::Pattern;
 use partita_system::closing::{Block, BlockState, Closing};
-use partita_system::equations::{ByHand, Equations, HandScratch};
+use partita_system::equations::{Equations, UserScratch, UserSystem};
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
@@ -138,7 +138,7 @@ impl Equations for Rods {
 
 /// Rods whose loops are closed one after another: the inputs that may be chosen, and the two unknowns of each loop.
 struct Recognised {
-    hand: ByHand<Rods>,
+    user_system: UserSystem<Rods>,
     choices: Vec<(Vec<usize>, Vec<[usize; 2]>)>,
 }
 
@@ -146,14 +146,14 @@ impl Recognised {
     fn six_bar() -> Self {
         let choices =
             vec![(vec![0], vec![[1, 2], [3, 4]]), (vec![1], vec![[0, 2], [3, 4]]), (vec![2], vec![[0, 1], [3, 4]])];
-        Self { hand: ByHand::new(six_bar()), choices }
+        Self { user_system: UserSystem::new(six_bar()), choices }
     }
 
     fn five_bar() -> Self {
         let pairs = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let others = |p: [usize; 2]| (0..4).filter(|i| !p.contains(i)).collect::<Vec<_>>();
         let choices = pairs.map(|p| (p.to_vec(), vec![[others(p)[0], others(p)[1]]]));
-        Self { hand: ByHand::new(five_bar()), choices: choices.to_vec() }
+        Self { user_system: UserSystem::new(five_bar()), choices: choices.to_vec() }
     }
 
     /// Sines between the unknown rods of each loop: their pivots.
@@ -208,34 +208,34 @@ impl Closing for Dyads<'_> {
 }
 
 impl ConstrainedSystem for Recognised {
-    type Scratch = HandScratch;
+    type Scratch = UserScratch;
 
     fn size(&self) -> Size {
-        self.hand.size()
+        self.user_system.size()
     }
     fn pattern(&self) -> &Pattern {
-        self.hand.pattern()
+        self.user_system.pattern()
     }
-    fn scratch(&self) -> HandScratch {
-        self.hand.scratch()
+    fn scratch(&self) -> UserScratch {
+        self.user_system.scratch()
     }
     fn velocity_name(&self, i: usize) -> String {
-        self.hand.velocity_name(i)
+        self.user_system.velocity_name(i)
     }
     fn row_name(&self, i: usize) -> String {
-        self.hand.row_name(i)
+        self.user_system.row_name(i)
     }
     fn rheonomic(&self) -> bool {
-        self.hand.rheonomic()
+        self.user_system.rheonomic()
     }
-    fn position(&self, t: f64, q: &[f64], s: &mut HandScratch, phi: &mut [f64], c: &mut [f64], a: &mut [f64]) -> Done {
-        self.hand.position(t, q, s, phi, c, a)
+    fn position(&self, t: f64, q: &[f64], s: &mut UserScratch, phi: &mut [f64], c: &mut [f64], a: &mut [f64]) -> Done {
+        self.user_system.position(t, q, s, phi, c, a)
     }
-    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch, b: &mut [f64]) -> Done {
-        self.hand.velocity(t, q, v, s, b)
+    fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut UserScratch, b: &mut [f64]) -> Done {
+        self.user_system.velocity(t, q, v, s, b)
     }
-    fn dynamics(&self, t: f64, q: &[f64], v: &[f64], s: &mut HandScratch, mass: &mut [f64], h: &mut [f64]) -> Done {
-        self.hand.dynamics(t, q, v, s, mass, h)
+    fn dynamics(&self, t: f64, q: &[f64], v: &[f64], s: &mut UserScratch, mass: &mut [f64], h: &mut [f64]) -> Done {
+        self.user_system.dynamics(t, q, v, s, mass, h)
     }
     fn project(
         &self,
@@ -243,11 +243,11 @@ impl ConstrainedSystem for Recognised {
         q: &[f64],
         v: &[f64],
         tangent: &Tangent,
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         md: &mut [f64],
         hd: &mut [f64],
     ) -> Done {
-        self.hand.project(t, q, v, tangent, s, md, hd)
+        self.user_system.project(t, q, v, tangent, s, md, hd)
     }
     fn inverse_dynamics(
         &self,
@@ -255,16 +255,16 @@ impl ConstrainedSystem for Recognised {
         q: &[f64],
         v: &[f64],
         vdot: &[f64],
-        s: &mut HandScratch,
+        s: &mut UserScratch,
         out: &mut [f64],
     ) -> Done {
-        self.hand.inverse_dynamics(t, q, v, vdot, s, out)
+        self.user_system.inverse_dynamics(t, q, v, vdot, s, out)
     }
-    fn inverse_mass_diagonal(&self, t: f64, q: &[f64], s: &mut HandScratch, out: &mut [f64]) -> Done {
-        self.hand.inverse_mass_diagonal(t, q, s, out)
+    fn inverse_mass_diagonal(&self, t: f64, q: &[f64], s: &mut UserScratch, out: &mut [f64]) -> Done {
+        self.user_system.inverse_mass_diagonal(t, q, s, out)
     }
-    fn inverse_mass_columns(&self, t: f64, q: &[f64], which: &[usize], s: &mut HandScratch, out: &mut [f64]) -> Done {
-        self.hand.inverse_mass_columns(t, q, which, s, out)
+    fn inverse_mass_columns(&self, t: f64, q: &[f64], which: &[usize], s: &mut UserScratch, out: &mut [f64]) -> Done {
+        self.user_system.inverse_mass_columns(t, q, which, s, out)
     }
     /// The inputs asked for, or those with the largest product of pivots.
     fn closing(
@@ -289,7 +289,7 @@ impl ConstrainedSystem for Recognised {
             words: format!("dyad of rods {} and {}", u[0], u[1]),
         };
         Ok(Box::new(Dyads {
-            rods: &self.hand.equations,
+            rods: &self.user_system.equations,
             inputs: inputs.clone(),
             unknown: unknown.clone(),
             blocks: unknown.iter().enumerate().map(block).collect(),
@@ -322,7 +322,7 @@ fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), 
     let samples = march(&mut f, q, v, &at, &settings);
     // tolerance 2e-14, about a thousand steps, growth of errors by some hundreds
     assert!(distance(&samples, &exact) < 1e-8, "{:e}", distance(&samples, &exact));
-    let (first, energy) = (&samples[0], |s: &Sample| system.hand.equations.energy(s));
+    let (first, energy) = (&samples[0], |s: &Sample| system.user_system.equations.energy(s));
     for (x, y) in samples.iter().zip(&exact) {
         assert!(x.closure < 1e-13 && x.velocity_closure < 1e-12 * 50.0, "{:e} {:e}", x.closure, x.velocity_closure);
         x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-5 * (1.0 + y.abs())));
@@ -330,14 +330,14 @@ fn against_the_compact_form(system: &Recognised, (q, v): &(Vec<f64>, Vec<f64>), 
         x.measure.iter().zip(&y.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-7));
         assert!((energy(x) - energy(first)).abs() < 1e-8 * energy(first).abs().max(1.0));
     }
-    let changes = f.journal().counters.exchanges;
+    let changes = f.history().counters.exchanges;
     assert!(changes >= least_changes, "{changes}");
-    assert_eq!(f.journal().events.len() as u64, 1 + changes);
-    for e in &f.journal().events[1..] {
+    assert_eq!(f.history().events.len() as u64, 1 + changes);
+    for e in &f.history().events[1..] {
         assert!(!e.entering.is_empty() && e.reason.contains("as inputs: the volume"), "{}", e.reason);
     }
-    assert_eq!(f.journal().rows, (0..system.size().rows).collect::<Vec<_>>());
-    assert!(f.journal().notes.len() == 1 && f.journal().notes[0].contains("dyad of rods"), "{:?}", f.journal().notes);
+    assert_eq!(f.history().rows, (0..system.size().rows).collect::<Vec<_>>());
+    assert!(f.history().notes.len() == 1 && f.history().notes[0].contains("dyad of rods"), "{:?}", f.history().notes);
 }
 
 #[test]
@@ -369,7 +369,7 @@ fn a_dead_point_of_fixed_inputs_ends_the_run() {
         simulate(&mut f, 0.0, &q, &v, &[], &settings, &mut |_| Ok(()), &mut |_| ControlFlow::Continue(())).unwrap();
     assert_ne!(outcome.status, Status::Finished, "{}", outcome.message);
     assert!(outcome.message.contains("dyad of rods 0 and 1"), "{}", outcome.message);
-    assert!(f.journal().counters.exchanges == 0 && f.journal().events.len() == 1);
+    assert!(f.history().counters.exchanges == 0 && f.history().events.len() == 1);
     // the crank itself goes round
     let mut f = explicit(&system, Some(vec![0]), 1.25);
     march(&mut f, &q, &v, &[5.0], &reference(5.0));

@@ -50,12 +50,12 @@ fn the_motion_does_not_depend_on_the_rule() {
         // some ten turns multiply what the tolerance leaves
         assert!(error < 1e-6, "{}: {error:e}", selection.name());
         assert!(samples.iter().all(|s| s.closure < 1e-13));
-        for e in f.journal().events {
+        for e in f.history().events {
             assert_eq!((e.independent.len(), e.dependent.len()), (1, 8));
         }
-        let exchanges: usize = f.journal().events.iter().skip(1).map(|e| e.entering.len()).sum();
-        assert_eq!(exchanges as u64, f.journal().counters.exchanges);
-        if let Some(e) = f.journal().events.get(1) {
+        let exchanges: usize = f.history().events.iter().skip(1).map(|e| e.entering.len()).sum();
+        assert_eq!(exchanges as u64, f.history().counters.exchanges);
+        if let Some(e) = f.history().events.get(1) {
             assert!(e.reason.contains("the place of") && e.quality.sigma > 0.0, "{}", e.reason);
         }
     }
@@ -69,7 +69,7 @@ fn a_threshold_without_end_keeps_the_first_choice() {
     for selection in Selection::ALL {
         let mut f = Projective::new(&system, 2, &FormulationOptions { exchange: f64::INFINITY, ..by(selection) });
         march(&mut f, &q, &v, &at, &crate::pieces::grid(1.0, 0.002));
-        assert_eq!((f.journal().counters.exchanges, f.journal().events.len()), (0, 1), "{}", selection.name());
+        assert_eq!((f.history().counters.exchanges, f.history().events.len()), (0, 1), "{}", selection.name());
     }
 }
 
@@ -213,7 +213,7 @@ fn persistence_finds_the_crank() {
         let samples = march(&mut f, &q, &v, &at, &crate::pieces::grid(10.0, h));
         let turns = (samples[19].q[2] - q[2]).abs() / TAU;
         assert!(turns > 10.0, "{turns}");
-        let events = f.journal().events;
+        let events = f.history().events;
         let last = events.last().unwrap();
         assert_eq!(last.independent, [2], "{f:?}", f = last);
         // the window of one second fills once; the crank may still have to wait till it is not much the worse
@@ -222,7 +222,7 @@ fn persistence_finds_the_crank() {
         // the collective rule goes on exchanging
         let mut collective = Projective::new(&system, 8, &FormulationOptions::default());
         march(&mut collective, &q, &v, &at, &crate::pieces::grid(10.0, h));
-        let later = collective.journal().events.iter().filter(|e| e.t > last.t).count();
+        let later = collective.history().events.iter().filter(|e| e.t > last.t).count();
         assert!(later > 30, "{later}");
     }
 }
@@ -312,9 +312,9 @@ fn an_impossible_choice_ends_the_run_by_name() {
         }
         assert_eq!(outcome.status, Status::Finished, "{}: {}", selection.name(), outcome.message);
         // one coordinate for each of the two motions, at any time
-        for e in f.journal().events {
+        for e in f.history().events {
             assert_eq!(e.independent.iter().filter(|&&i| i < 2).count(), 1, "{}: {e:?}", selection.name());
         }
-        assert!(f.journal().events.len() > 5, "{}", selection.name());
+        assert!(f.history().events.len() > 5, "{}", selection.name());
     }
 }

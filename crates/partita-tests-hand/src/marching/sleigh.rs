@@ -138,8 +138,8 @@ fn the_sleigh_against_its_closed_form() {
     let (q, v) = sleigh.start(u, w);
     let samples = march(&mut f, &q, &v, &times(0.1, 30), &reference(3.0));
     // x and y of the centre of mass take turns while the sleigh turns round
-    assert!(f.journal().counters.exchanges >= 2, "{:?}", f.journal().events);
-    assert_eq!(f.journal().counters.corrections, 0, "there is no position to correct");
+    assert!(f.history().counters.exchanges >= 2, "{:?}", f.history().events);
+    assert_eq!(f.history().counters.corrections, 0, "there is no position to correct");
     for s in &samples {
         let x = kappa * s.t + beta;
         let [u, w] = Sleigh::speeds(s);
@@ -173,7 +173,7 @@ fn order_and_energy_of_sleighs() {
                 let samples = march(&mut f, &start.0, &start.1, &at, &grid(3.0, h));
                 samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
                 if rod && correction != Correction::None {
-                    assert!(f.journal().counters.corrections > 0);
+                    assert!(f.history().counters.corrections > 0);
                     samples.iter().for_each(|s| assert!(s.closure < 1e-14, "{}", s.closure));
                 }
                 lost = samples.iter().fold(0.0, |m: f64, s| m.max((sleigh.energy(s) - energy).abs()));

@@ -487,7 +487,7 @@ fn methods_are_found_by_name() {
 }
 
 #[test]
-fn corners_are_met_exactly_in_both_directions_and_keep_the_order() {
+fn discontinuities_are_met_exactly_in_both_directions_and_keep_the_order() {
     // y' = a hat of time, one wide and one a thousandth wide, after a long rest; y is its integral
     let hat = |t: f64, at: f64, width: f64| (1.0 - (t - at).abs() / width).max(0.0);
     let f = |t: f64| hat(t, 5.0, 1.0) + hat(t, 8.0, 1e-3);
@@ -498,10 +498,12 @@ fn corners_are_met_exactly_in_both_directions_and_keep_the_order() {
             Ok::<(), RhsError<&str>>(())
         },
     };
-    let corners = vec![4.0, 5.0, 6.0, 7.999, 8.0, 8.001];
+    let discontinuities = vec![4.0, 5.0, 6.0, 7.999, 8.0, 8.001];
     for method in adaptive() {
         for (from, to) in [(0.0, 10.0), (10.0, 0.0)] {
-            let mut stepper = Stepper::new(method, 1, Options { corners: corners.clone(), ..tolerance(1e-8) }).unwrap();
+            let mut stepper =
+                Stepper::new(method, 1, Options { discontinuities: discontinuities.clone(), ..tolerance(1e-8) })
+                    .unwrap();
             stepper.start(&mut ode, from, &[0.0], to).unwrap();
             let mut met = Vec::new();
             while !stepper.finished() {
@@ -510,7 +512,7 @@ fn corners_are_met_exactly_in_both_directions_and_keep_the_order() {
                 stepper.commit();
                 met.push(stepper.t_old());
             }
-            assert!(corners.iter().all(|c| met.contains(c)), "{}: {met:?}", method.name);
+            assert!(discontinuities.iter().all(|c| met.contains(c)), "{}: {met:?}", method.name);
             // between corners it is a parabola: what is left is round-off of corners near 8, ten thousandfold in the narrow hat
             let area = (to - from).signum() * (1.0 + 1e-3);
             assert!((stepper.y_old()[0] - area).abs() < 1e-11, "{}: {}", method.name, stepper.y_old()[0]);

@@ -3,7 +3,7 @@
 use crate::pieces::{
     any, distance, grid, march, reference, run, slope, times, Angles, Any, FourBar, Pendulum, GROUND, LENGTHS,
 };
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::registry;
 use partita_system::formulation::Formulation;
@@ -20,7 +20,7 @@ const NAMES: [&str; 6] = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-s
 const STEPS: [f64; 4] = [0.002, 0.001, 0.0005, 0.00025];
 
 fn formulation<'s, E: Equations>(
-    system: &'s ByHand<E>,
+    system: &'s UserSystem<E>,
     name: &str,
     correction: Correction,
     renew: impl Into<Renew>,
@@ -45,7 +45,7 @@ fn order_of_a_four_bar() {
                 // renewed early: near the end of a basis the higher terms of the error still show at these steps
                 let mut f = formulation(&system, name, correction, 0.8);
                 let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
-                assert!(f.journal().events.len() >= 3, "{name}: {:?}", f.journal().events);
+                assert!(f.history().events.len() >= 3, "{name}: {:?}", f.history().events);
                 for s in &samples {
                     assert!(s.velocity_closure < 1e-12, "{name}: {:e}", s.velocity_closure);
                     assert!(correction == Correction::None || s.closure < 1e-14, "{name}: {:e}", s.closure);
@@ -84,7 +84,7 @@ fn one_motion_with_every_form() {
             let least = if name == "gram-schmidt" || name == "tangent-space" { 0.4 } else { 0.1 };
             assert!(x.sqrt_mu > least, "{name}: {}", x.sqrt_mu);
         }
-        let notes = f.journal().notes;
+        let notes = f.history().notes;
         assert!(notes.iter().any(|n| n.contains("renewed")), "{notes:?}");
     }
 }
@@ -101,18 +101,18 @@ fn renewing_is_free_of_error() {
         let errors = [0.0.into(), 0.5.into(), 1.0.into(), Renew::EachStep].map(|renew: Renew| {
             let mut f = formulation(&system, name, Correction::Partition, renew);
             let samples = march(&mut f, &q, &v, &at, &grid(0.5, 0.005));
-            let counters = f.journal().counters;
+            let counters = f.history().counters;
             if renew.never() {
-                assert_eq!((f.journal().events.len(), counters.renewals), (1, 1));
+                assert_eq!((f.history().events.len(), counters.renewals), (1, 1));
             }
             if renew == Renew::EachStep {
                 // counted, not listed: a long run must not fill the memory
-                assert_eq!((f.journal().events.len(), counters.renewals), (1, 101));
-                assert!(f.journal().notes.iter().any(|n| n.contains("renewed 100 times")), "{:?}", f.journal().notes);
+                assert_eq!((f.history().events.len(), counters.renewals), (1, 101));
+                assert!(f.history().notes.iter().any(|n| n.contains("renewed 100 times")), "{:?}", f.history().notes);
             }
             if renew == 1.0.into() && ["svd", "gram-schmidt", "tangent-space"].contains(&name) {
                 // after most of the hundred steps (a basis oblique from the start may get better for a while)
-                assert!(f.journal().events.len() > 30, "{}", f.journal().events.len());
+                assert!(f.history().events.len() > 30, "{}", f.history().events.len());
             }
             distance(&samples, &exact)
         });
@@ -178,7 +178,7 @@ const SHAKEN: Pendulum = Pendulum { amplitude: 0.3, frequency: 3.0, mass: 2.0 };
 const SHAKEN_STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
 
 /// Times at which the shaken pendulum is looked at, from its start, and what the compact form finds there.
-fn shaken(system: &ByHand<Any>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
+fn shaken(system: &UserSystem<Any>, start: &(Vec<f64>, Vec<f64>)) -> (Vec<f64>, Vec<Sample>) {
     let at: Vec<f64> = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
     let exact = run(system, FormulationOptions::default(), start, &at, &reference(2.0));
     (at, exact)
@@ -262,8 +262,8 @@ fn tangent_velocities_of_the_user() {
             let errors = SHAKEN_STEPS.map(|h| {
                 let mut f = make();
                 let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
-                let told = f.journal().notes;
-                assert_eq!(told.is_empty(), bias, "{told:?}");
+                let reported = f.history().notes;
+                assert_eq!(reported.is_empty(), bias, "{reported:?}");
                 distance(&samples, &exact)
             });
             let slope = slope(&SHAKEN_STEPS, &errors);
@@ -428,7 +428,7 @@ fn a_redundant_row() {
     for name in NAMES.into_iter().chain(["user-tangent"]) {
         let mut f = registry::by_name(name, &twice, 1, &options).unwrap();
         let samples = march(&mut f, &q, &v, &at, &reference(2.0));
-        assert_eq!(f.journal().rows.len(), 1);
+        assert_eq!(f.history().rows.len(), 1);
         assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
         for (x, y) in samples.iter().zip(&exact) {
             // one of the rows carries it all

@@ -1,11 +1,11 @@
 //! Small constrained systems written by hand, and short ways to march them.
 #![allow(dead_code, unused_imports, reason = "each test file uses the part it needs")]
 
-pub use crate::by_hand::*;
+pub use crate::user_system::*;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{DOP853, RK4};
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
@@ -40,13 +40,13 @@ pub fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], times: &[f64], set
 
 /// All that a formulation tells about the outputs of its run.
 pub fn described<F: Formulation>(f: &mut F, outputs: &[Output]) -> Vec<Sample> {
-    let events = f.journal().events;
+    let events = f.history().events;
     outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
 /// Samples in the compact form.
 pub fn run<E: Equations>(
-    system: &ByHand<E>,
+    system: &UserSystem<E>,
     options: FormulationOptions,
     (q, v): &(Vec<f64>, Vec<f64>),
     times: &[f64],

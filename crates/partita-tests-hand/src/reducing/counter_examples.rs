@@ -17,7 +17,7 @@ fn one_by_one(rho: &[f64], k: usize) -> Vec<usize> {
 
 /// What P5 alone picks from a given first partition, and what the start picks with exchanges, each with its σ.
 fn chosen(system: &Instant, first: &[usize]) -> [(Vec<usize>, f64); 2] {
-    let system = system.clone().by_hand();
+    let system = system.clone().user_system();
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let q = vec![0.0; n];
     let still = vec![0.0; n - m];
@@ -37,7 +37,7 @@ fn chosen(system: &Instant, first: &[usize]) -> [(Vec<usize>, f64); 2] {
 }
 
 fn refused(system: &Instant, independent: &[usize]) -> bool {
-    let system = system.clone().by_hand();
+    let system = system.clone().user_system();
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let mut r = Reduction::new(&system, m);
     let fixed = start::choose_partition(&mut r, 0.0, &vec![0.0; n], None, Some(independent));
@@ -106,9 +106,9 @@ fn the_start_reaches_the_guaranteed_quality() {
                 system.mass.data_mut()[e] = 0.0;
             }
         }
-        let hand = system.clone().by_hand();
+        let user_system = system.clone().user_system();
         let q = vec![0.0; n];
-        let mut r = Reduction::new(&hand, m);
+        let mut r = Reduction::new(&user_system, m);
         start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
         r.evaluate(0.0, &q, &vec![0.0; k]).unwrap();
         let quality = r.quality(0.0, &q).unwrap();

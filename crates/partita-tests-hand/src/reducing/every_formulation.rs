@@ -1,12 +1,12 @@
 //! Every formulation of the registry on the same systems: one set of accelerations, one set of constraint forces.
 
-use crate::by_hand::{any, Angles, FourBar, Pendulum, Plate, Redundant};
 use crate::instants::{sample, vector, Given, Instant};
+use crate::user_system::{any, Angles, FourBar, Pendulum, Plate, Redundant};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
 use partita_math::factor;
 use partita_system::equations::full::{self, baumgarte, AccelerationRule};
-use partita_system::equations::{ByHand, Equations};
+use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::registry::{by_name, unread, NAMES};
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
@@ -51,7 +51,7 @@ const TABLE: &[(&str, Needs, bool)] = &[
 const TOLERANCE: f64 = 1e-10;
 
 /// The tangent of a partition at one state, handed over as if the user had written it.
-fn tangent_at<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
+fn tangent_at<E: Equations>(system: &UserSystem<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
     let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
     start::choose_partition(&mut r, t, q, None, None).unwrap();
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
@@ -79,7 +79,13 @@ fn options(needs: Needs, closes: bool, tangent: &Arc<dyn TangentMap>) -> Option<
 }
 
 /// v' from `[M Cᵀ; C 0]` on independent rows, by LU with pivoting.
-fn accelerations<E: Equations>(system: &ByHand<E>, t: f64, q: &[f64], v: &[f64], rank: usize) -> (Vec<f64>, Vec<f64>) {
+fn accelerations<E: Equations>(
+    system: &UserSystem<E>,
+    t: f64,
+    q: &[f64],
+    v: &[f64],
+    rank: usize,
+) -> (Vec<f64>, Vec<f64>) {
     let e = &system.equations;
     let (n, m) = (e.n(), e.rows());
     let (mut mass, mut h, mut c, mut b) = (vec![0.0; n * n], vec![0.0; n], vec![0.0; m * n], vec![0.0; m]);
@@ -113,7 +119,7 @@ fn apart(x: &[f64], y: &[f64], s: &[f64]) -> f64 {
 }
 
 /// Run all applicable formulations at one state, S3 and S4 satisfied.
-fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f64]) -> usize {
+fn check<E: Equations>(what: &str, system: &UserSystem<E>, t: f64, q: &[f64], v: &[f64]) -> usize {
     let size = system.size();
     let rank = start::analyse(system, t, q).unwrap().rank;
     let (vdot, reaction) = accelerations(system, t, q, v, rank);
@@ -129,7 +135,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
     for &(name, needs, full) in TABLE {
         let Some(options) = options(needs, system.equations.closes().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
-        assert_eq!(f.journal().name, name);
+        assert_eq!(f.history().name, name);
         let mut y = vec![0.0; f.dim()];
         f.start(t, q, v, &mut y).unwrap();
         let mut out = sample(&mut f, t, &y);
@@ -145,7 +151,7 @@ fn check<E: Equations>(what: &str, system: &ByHand<E>, t: f64, q: &[f64], v: &[f
         assert_eq!(out.measure.len(), size.nv);
         assert!(out.sigma > 0.0 && out.sqrt_mu > 0.0 && out.independent.len() == size.nv - rank);
         // a row that the multipliers use is a row that is reported as kept
-        assert!((0..size.rows).all(|i| out.multipliers[i] == 0.0 || f.journal().rows.contains(&i)), "{what}, {name}");
+        assert!((0..size.rows).all(|i| out.multipliers[i] == 0.0 || f.history().rows.contains(&i)), "{what}, {name}");
         if !full {
             // a state off the closed position: computed velocities satisfy S4 there too
             for (i, y) in y.iter_mut().enumerate() {
@@ -218,7 +224,7 @@ fn accelerations_and_reactions_of_random_systems() {
         let n = rng.usize(2..9);
         let m = rng.usize(1..n);
         // q = 0 closes Φ = C q; of the velocities that satisfy S4 take the shortest
-        let system = Instant::random(&mut rng, n, m, 1e3).by_hand();
+        let system = Instant::random(&mut rng, n, m, 1e3).user_system();
         let e = &system.equations;
         let units = natural_units(&e.mass);
         let scaled = Matrix::from_vec(m, n, (0..m * n).map(|x| e.c.data()[x] * units[x % n]).collect());
@@ -267,7 +273,7 @@ fn what_is_missing_is_asked_for() {
         other => panic!("{other:?}"),
     }
     // no function at all
-    let instant = Instant::random(&mut fastrand::Rng::with_seed(3), 3, 1, 10.0).by_hand();
+    let instant = Instant::random(&mut fastrand::Rng::with_seed(3), 3, 1, 10.0).user_system();
     let mut f = by_name("explicit-closing", &instant, 1, &plain).unwrap();
     let mut y = vec![0.0; f.dim()];
     assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Argument { .. })));
@@ -406,7 +412,7 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
         b: vec![0.4, 0.7],
     };
     let ask = |angle: f64| {
-        let system = nearly(angle).by_hand();
+        let system = nearly(angle).user_system();
         let mut f = by_name("proximal", &system, 2, &FormulationOptions::default()).unwrap();
         let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
         f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y).unwrap();
@@ -414,7 +420,7 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
         // v' = (−b0, (b0 − b1) / angle, h2)
         let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
         assert_eq!(dy[5], 0.5);
-        (off, f.journal().counters.proximal_iterations, f.journal().notes)
+        (off, f.history().counters.proximal_iterations, f.history().notes)
     };
     let (off, iterations, notes) = ask(0.5);
     assert!(off < 1e-12 && iterations <= 4 && notes.is_empty(), "{off:e} {iterations} {notes:?}");

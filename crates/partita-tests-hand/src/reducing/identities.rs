@@ -3,7 +3,7 @@
 use crate::instants::{between, block, forward, inverse, log_det, log_det_general, lower, tangent, vector, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
-use partita_system::equations::ByHand;
+use partita_system::equations::UserSystem;
 use partita_system::manifold::orthogonal::MassProjection;
 use partita_system::partition::{criterion, exchange};
 use partita_system::reduction::Reduction;
@@ -22,8 +22,8 @@ const ROUND_OFF: f64 = 1e-9;
 
 /// A random system evaluated at a random partition of some quality.
 struct Case<'s> {
-    system: &'s ByHand<Instant>,
-    r: Reduction<'s, ByHand<Instant>>,
+    system: &'s UserSystem<Instant>,
+    r: Reduction<'s, UserSystem<Instant>>,
     minv: Matrix,
     /// M_c.
     mc: Matrix,
@@ -73,7 +73,7 @@ fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, Case))
         let n = rng.usize(2..10);
         let m = rng.usize(1..n);
         let condition = 10f64.powf(between(&mut rng, 0.0, CONDITION.log10()));
-        let system = Instant::random(&mut rng, n, m, condition).by_hand();
+        let system = Instant::random(&mut rng, n, m, condition).user_system();
         let mut order: Vec<usize> = (0..n).collect();
         rng.shuffle(&mut order);
         let mut independent = order[..n - m].to_vec();

@@ -24,7 +24,7 @@ struct Found {
 
 /// Choose, then evaluate with the given full velocities (those of them that are independent).
 fn find(system: &Instant, v: &[f64]) -> Found {
-    let system = system.clone().by_hand();
+    let system = system.clone().user_system();
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let q = vec![0.0; n];
     let mut r = Reduction::new(&system, m);

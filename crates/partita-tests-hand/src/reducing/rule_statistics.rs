@@ -6,7 +6,7 @@
 
 use crate::instants::{between, Instant};
 use partita_math::dense::{self, Matrix};
-use partita_system::equations::ByHand;
+use partita_system::equations::UserSystem;
 use partita_system::partition::{complete_pivoting, Selection};
 use partita_system::reduction::Reduction;
 use partita_system::start;
@@ -59,7 +59,7 @@ fn pose([x, y, phi]: [f64; 3], elbows: [f64; 3], unit: f64) -> Option<Instant> {
 }
 
 /// √μ of a choice; 0 where it is impossible.
-fn sqrt_mu(r: &mut Reduction<ByHand<Instant>>, independent: &[usize]) -> f64 {
+fn sqrt_mu(r: &mut Reduction<UserSystem<Instant>>, independent: &[usize]) -> f64 {
     if r.set_partition(0.0, independent).is_err() || r.evaluate(0.0, &[0.0; 21], &[0.0; 3]).is_err() {
         return 0.0;
     }
@@ -67,7 +67,7 @@ fn sqrt_mu(r: &mut Reduction<ByHand<Instant>>, independent: &[usize]) -> f64 {
 }
 
 /// What a rule takes, or nothing where that cannot be.
-fn taken(r: &mut Reduction<ByHand<Instant>>, rule: Selection) -> Vec<usize> {
+fn taken(r: &mut Reduction<UserSystem<Instant>>, rule: Selection) -> Vec<usize> {
     start::choose_partition(r, 0.0, &[0.0; 21], None, None).unwrap();
     r.evaluate(0.0, &[0.0; 21], &[0.0; 3]).unwrap();
     match rule {
@@ -130,7 +130,7 @@ fn quality_of_the_rules_over_many_poses() {
         let elbows = [0; 3].map(|_| if rng.bool() { 1.0 } else { -1.0 });
         let (Some(metres), Some(millimetres)) = (pose(place, elbows, 1.0), pose(place, elbows, 1e3)) else { continue };
         let (scaled, other_side) = (scaled_pivoting(&metres), dependent_side(&metres));
-        let (metres, millimetres) = (metres.by_hand(), millimetres.by_hand());
+        let (metres, millimetres) = (metres.user_system(), millimetres.user_system());
         let (mut m, mut mm) = (Reduction::new(&metres, 18), Reduction::new(&millimetres, 18));
         poses += 1;
         let rules = [Selection::Individual, Selection::Greedy, Selection::Collective, Selection::NormalisedDeterminant];

@@ -3,7 +3,7 @@
 use crate::instants::{block, inverse, log_det_general, units, vector, Instant};
 use partita_math::dense::Matrix;
 use partita_math::factor;
-use partita_system::equations::ByHand;
+use partita_system::equations::UserSystem;
 use partita_system::partition::{complete_pivoting, criterion, determinant, normalised_determinant, volume, Selection};
 use partita_system::reduction::Reduction;
 use partita_system::tangent::chooser::{self, Choice};
@@ -18,10 +18,10 @@ fn random(rng: &mut fastrand::Rng) -> Instant {
 
 /// The choice of a rule, with the reduction where it was made.
 fn choose<'s>(
-    system: &'s ByHand<Instant>,
+    system: &'s UserSystem<Instant>,
     rule: Selection,
     weights: Option<&[f64]>,
-) -> Result<(Choice, Reduction<'s, ByHand<Instant>>), SystemError> {
+) -> Result<(Choice, Reduction<'s, UserSystem<Instant>>), SystemError> {
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let mut r = Reduction::new(system, m);
     let choice = chooser::choose_by(&mut r, 0.0, &vec![0.0; n], rule, weights)?;
@@ -31,7 +31,7 @@ fn choose<'s>(
 }
 
 fn chosen(system: &Instant, rule: Selection) -> Vec<usize> {
-    choose(&system.clone().by_hand(), rule, None).unwrap().0.independent
+    choose(&system.clone().user_system(), rule, None).unwrap().0.independent
 }
 
 fn complement(n: usize, which: &[usize]) -> Vec<usize> {
@@ -63,12 +63,12 @@ fn determinants_are_the_largest_there_are() {
     for _ in 0..200 {
         let system = random(&mut rng);
         let (n, k) = (system.mass.rows(), system.mass.rows() - system.c.rows());
-        let hand = system.clone().by_hand();
+        let user_system = system.clone().user_system();
         for (rule, value) in [
             (Selection::Determinant, (|s, i| log_det_dependent(&s.c, i)) as fn(&Instant, &[usize]) -> f64),
             (Selection::NormalisedDeterminant, log_volume),
         ] {
-            let (choice, r) = choose(&hand, rule, None).unwrap();
+            let (choice, r) = choose(&user_system, rule, None).unwrap();
             assert!(choice.exact);
             let best = subsets(n, k).iter().map(|i| value(&system, i)).fold(f64::NEG_INFINITY, f64::max);
             let found = value(&system, &choice.independent);
@@ -78,11 +78,11 @@ fn determinants_are_the_largest_there_are() {
             for other in subsets(n, k) {
                 let direct = value(&system, &other) - found;
                 let now = &r.partition.independent;
-                let told = match rule {
+                let reported = match rule {
                     Selection::Determinant => determinant::ratio(&r.dt, now, r.scales(), &other),
                     _ => normalised_determinant::ratio(&r.dt, now, r.scales(), None, &other),
                 };
-                assert!((told - direct.exp()).abs() < 1e-7, "{told} {}", direct.exp());
+                assert!((reported - direct.exp()).abs() < 1e-7, "{reported} {}", direct.exp());
             }
         }
     }
@@ -94,9 +94,9 @@ fn many_partitions_are_searched_by_exchanges() {
     let mut rng = fastrand::Rng::with_seed(42);
     for _ in 0..5 {
         let system = Instant::random(&mut rng, 20, 10, 10.0);
-        let hand = system.clone().by_hand();
+        let user_system = system.clone().user_system();
         for rule in [Selection::Determinant, Selection::NormalisedDeterminant] {
-            let (choice, _) = choose(&hand, rule, None).unwrap();
+            let (choice, _) = choose(&user_system, rule, None).unwrap();
             assert!(!choice.exact);
             let value = |i: &[usize]| match rule {
                 Selection::Determinant => log_det_dependent(&system.c, i),
@@ -148,9 +148,9 @@ fn units_decide_only_the_raw_rules() {
         let mixed = system.recombined(&x.matmul(&level(&system.c)));
         for rule in [Selection::NormalisedDeterminant, Selection::Individual, Selection::Greedy, Selection::Collective]
         {
-            let hand = system.clone().by_hand();
+            let user_system = system.clone().user_system();
             // an impossible choice one by one is as impossible in other units
-            let Ok((choice, _)) = choose(&hand, rule, None) else { continue };
+            let Ok((choice, _)) = choose(&user_system, rule, None) else { continue };
             let here = choice.independent;
             assert_eq!(here, chosen(&other, rule), "{}", rule.name());
             assert_eq!(here, chosen(&mixed, rule), "{}", rule.name());
@@ -238,9 +238,9 @@ fn complete_pivoting_takes_the_columns_of_the_pivots() {
     assert!(complete_pivoting::choose(&c, 2).is_none());
 }
 
-fn still(mass: Matrix, c: Matrix) -> ByHand<Instant> {
+fn still(mass: Matrix, c: Matrix) -> UserSystem<Instant> {
     let (n, m) = (c.cols(), c.rows());
-    Instant { mass, c, h: vec![0.0; n], a: vec![0.0; m], b: vec![0.0; m] }.by_hand()
+    Instant { mass, c, h: vec![0.0; n], a: vec![0.0; m], b: vec![0.0; m] }.user_system()
 }
 
 /// One by one the choice is impossible, and the error says which coordinates and why; the others do well.
@@ -269,7 +269,7 @@ fn preferences_weigh_where_measures_are_compared() {
     for _ in 0..100 {
         let system = random(&mut rng);
         let n = system.mass.rows();
-        let hand = system.clone().by_hand();
+        let user_system = system.clone().user_system();
         let favourite = rng.usize(0..n);
         let mut weights = vec![1.0; n];
         weights[favourite] = 1e6;
@@ -280,7 +280,7 @@ fn preferences_weigh_where_measures_are_compared() {
         let rules =
             [Selection::Collective, Selection::Greedy, Selection::NormalisedDeterminant, Selection::Persistence];
         for rule in rules {
-            let (choice, _) = choose(&hand, rule, Some(&weights)).unwrap();
+            let (choice, _) = choose(&user_system, rule, Some(&weights)).unwrap();
             assert!(choice.independent.contains(&favourite), "{}", rule.name());
         }
     }

@@ -4,7 +4,7 @@
 use crate::instants::{between, commit, inverse, sample, vector, Given, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, FactorError};
-use partita_system::equations::ByHand;
+use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::TangentVelocities;
 use partita_system::formulation::motion::UserTangent;
 use partita_system::formulation::registry::by_name;
@@ -43,13 +43,13 @@ fn rules() -> [Box<dyn Basis>; 5] {
 }
 
 /// Random systems with a velocity of natural size that satisfies C v + a = 0.
-fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &ByHand<Instant>, &[f64], &[f64])) {
+fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &UserSystem<Instant>, &[f64], &[f64])) {
     let mut rng = fastrand::Rng::with_seed(seed);
     for _ in 0..60 {
         let n = rng.usize(2..10);
         let m = rng.usize(1..n);
         let condition = 10f64.powf(between(&mut rng, 0.0, CONDITION.log10()));
-        let system = Instant::random(&mut rng, n, m, condition).by_hand();
+        let system = Instant::random(&mut rng, n, m, condition).user_system();
         let (q, speeds) = (vector(&mut rng, n), vector(&mut rng, n - m));
         let mut r = Reduction::new(&system, m);
         partita_system::start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
@@ -74,7 +74,7 @@ fn minus(x: &[f64], y: &[f64]) -> Vec<f64> {
 }
 
 /// S frozen at q, and all levels there with velocities v; u.
-fn evaluated(x: &mut Frozen<ByHand<Instant>>, q: &[f64], v: &[f64]) -> Vec<f64> {
+fn evaluated(x: &mut Frozen<UserSystem<Instant>>, q: &[f64], v: &[f64]) -> Vec<f64> {
     x.start(0.0, &mut q.to_vec(), v).unwrap();
     let mut u = vec![0.0; x.count()];
     x.select(v, &mut u);
@@ -86,7 +86,7 @@ fn evaluated(x: &mut Frozen<ByHand<Instant>>, q: &[f64], v: &[f64]) -> Vec<f64> 
 }
 
 /// D_Sᵀ: the velocities without those of time alone for each u of one; leaves those of u.
-fn columns(x: &mut Frozen<ByHand<Instant>>, u: &[f64]) -> Matrix {
+fn columns(x: &mut Frozen<UserSystem<Instant>>, u: &[f64]) -> Matrix {
     let (n, k) = (x.seen().v.len(), u.len());
     let mut d = Matrix::new(n, k);
     let mut unit = vec![0.0; k];
@@ -205,10 +205,10 @@ fn renewing_keeps_the_motion() {
             f.derivative(0.0, &y, &mut dy).unwrap();
             commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
             let after = sample(&mut f, 0.0, &y);
-            assert_eq!(f.journal().events.len(), 2);
-            assert!(f.journal().events[1].reason.contains("renewed"), "{}", f.journal().events[1].reason);
+            assert_eq!(f.history().events.len(), 2);
+            assert!(f.history().events[1].reason.contains("renewed"), "{}", f.history().events[1].reason);
             let off = length(&e.mass, &minus(&before.v, &after.v)) / length(&e.mass, &before.v);
-            assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.journal().name);
+            assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.history().name);
             let mut anew = vec![0.0; f.dim()];
             f.derivative(0.0, &y, &mut anew).unwrap();
             let (size, k) = (length(&e.mass, &before.vdot), n - m);
@@ -217,7 +217,7 @@ fn renewing_keeps_the_motion() {
                 // |S_j v'| <= |S_j| |v'|
                 let row = s.selector().row(j);
                 let bound = length(&inverse(&e.mass), row) * size;
-                assert!((anew[n + j] - dy[n + j]).abs() < 1e-10 * bound, "{}", f.journal().name);
+                assert!((anew[n + j] - dy[n + j]).abs() < 1e-10 * bound, "{}", f.history().name);
             }
         }
     });
@@ -356,8 +356,8 @@ fn a_name_stands_for_its_rule() {
             f.start(0.0, q, v, &mut y).unwrap();
             let mut x = Frozen::new(system, m, rule, 0.5);
             x.start(0.0, &mut q.to_vec(), v).unwrap();
-            assert_eq!(f.journal().events[0].basis.as_deref().unwrap(), x.selector(), "{name}");
-            assert_eq!(f.journal().counters.renewals, 1);
+            assert_eq!(f.history().events[0].basis.as_deref().unwrap(), x.selector(), "{name}");
+            assert_eq!(f.history().counters.renewals, 1);
         }
     });
 }
@@ -438,7 +438,7 @@ fn a_basis_that_does_not_fit_is_blamed_itself() {
     // q0 is fixed by the constraint: it cannot be independent
     let c = Matrix::from_rows(&[&[1.0, 0.0, 0.0]]);
     let still = Instant { mass: Matrix::identity(3), c, h: vec![0.0; 3], a: vec![0.0], b: vec![0.0] };
-    let system = still.by_hand();
+    let system = still.user_system();
     let mut x = Frozen::new(&system, 1, Box::new(Picked(vec![0, 1])), 0.5);
     let refused = x.start(0.0, &mut [0.0; 3], &[0.0; 3]).unwrap_err();
     let words = refused.to_string();
@@ -481,8 +481,8 @@ fn a_basis_that_cannot_be_renewed_stays() {
         assert_eq!((&y, &dy), (&before, &slope));
         f.derivative(0.0, &y, &mut dy).unwrap();
         assert_eq!(dy, slope);
-        assert_eq!(f.journal().events.len(), 1);
-        assert!(f.journal().notes.iter().any(|n| n.contains("the old one was kept")), "{:?}", f.journal().notes);
+        assert_eq!(f.history().events.len(), 1);
+        assert!(f.history().notes.iter().any(|n| n.contains("the old one was kept")), "{:?}", f.history().notes);
     });
 }
 
@@ -523,7 +523,7 @@ fn tangent_velocities_of_the_user() {
         assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));
         assert!(length(&mc, &minus(&s.multipliers, &out.multipliers)) < 1e-9 * length(&mc, &out.multipliers));
         assert!(s.sqrt_mu > 1.0 - 1e-9 && s.sigma > 1e-3, "{} {}", s.sqrt_mu, s.sigma);
-        assert!(f.journal().notes.is_empty());
+        assert!(f.history().notes.is_empty());
         // one column, the offset, the bias, the velocity: each pushed off the constraints by a natural amount
         let off = rng.usize(0..n);
         let mut bad = good.clone();

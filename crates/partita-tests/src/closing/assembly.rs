@@ -12,7 +12,7 @@ fn open(model: &Model, q: &[f64]) -> f64 {
     let size = model.size();
     let (mut phi, mut a, mut c) = (vec![0.0; size.holonomic], vec![0.0; size.rows], vec![0.0; model.pattern().nnz()]);
     model.position(0.0, q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();
-    phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / model.row_reach(i).unwrap()))
+    phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / model.row_displacement(i).unwrap()))
 }
 
 #[test]
@@ -85,10 +85,10 @@ fn lengths_that_do_not_fit_are_named_with_their_shortfall() {
         let model = Drawing(spec).model();
         let mut q = model.initial();
         match assembly::close(&model, 0.0, &mut q, CLOSED, &[]) {
-            Err(SystemError::Lengths { owner, shortfall, loop_words, angle, .. }) => {
+            Err(SystemError::Lengths { owner, shortfall, loop_description, angle, .. }) => {
                 assert!((shortfall / unit - 0.7).abs() < 1e-6, "{shortfall}");
                 assert_eq!((&*owner, angle), ("C", 0.0));
-                assert!(["A", "B", "D"].iter().all(|j| loop_words.contains(j)), "{loop_words}");
+                assert!(["A", "B", "D"].iter().all(|j| loop_description.contains(j)), "{loop_description}");
             }
             other => panic!("{other:?}"),
         }

@@ -54,7 +54,7 @@ impl Run<'_> {
         };
         let go_on = &mut |_: f64| ControlFlow::Continue(());
         let outcome = simulate(&mut f, 0.0, &q, &v, &self.t_eval, &settings, &mut sink, go_on).unwrap();
-        (outcome, f.journal().notes)
+        (outcome, f.history().notes)
     }
 }
 
@@ -91,7 +91,7 @@ fn a_thousand_turns(drawing: Drawing, names: &[&str]) {
     let (mut angle, mut counted, mut slowest) = (0.0f64, 0.0f64, f64::INFINITY);
     let mut last = 0.0f64;
     let (outcome, notes) = run.march(|s| {
-        worst = worst.max(openness(&model, s));
+        worst = worst.max(closure_error(&model, s));
         let mut q = s.q.clone();
         kept.close(0.0, &mut q).unwrap();
         assert_eq!(branches(&kept), own);

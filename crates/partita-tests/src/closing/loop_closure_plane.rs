@@ -346,7 +346,7 @@ fn what_cannot_be_is_refused_in_words() {
     let absolute = Model::new(
         spec.clone(),
         std::sync::Arc::new(partita_model::value::NoFunctions),
-        partita_model::place::Coordinates::Absolute,
+        partita_model::zero_position::Coordinates::Absolute,
     )
     .unwrap();
     let refused = absolute.loop_closing(0.0, &absolute.initial(), None).err().unwrap().to_string();

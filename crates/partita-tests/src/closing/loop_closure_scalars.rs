@@ -6,9 +6,9 @@ use crate::mechanisms::{
 };
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::loop_closure::LoopClosing;
-use partita_model::place::Coordinates;
 use partita_model::spec::{Force, Value, VectorValue};
 use partita_model::value::NoFunctions;
+use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
 use partita_system::closing::Closing;
 use partita_system::ConstrainedSystem;

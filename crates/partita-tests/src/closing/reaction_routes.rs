@@ -4,10 +4,10 @@
 
 use crate::linkages::*;
 use partita_math::dense;
-use partita_model::place::Coordinates;
 use partita_model::reaction::Wrench;
 use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::Formulation;
@@ -70,7 +70,7 @@ fn compare(draw: impl Fn() -> Drawing, rates: &[(&str, f64)]) {
     let v = moving(&leading, &leading.initial(), &rates);
     for (j, name) in names.iter().enumerate() {
         let model = cut(name);
-        let (q, v) = model.carried_over(&leading, &leading.initial(), &v);
+        let (q, v) = model.transferred(&leading, &leading.initial(), &v);
         let here = sample(&model, &q, &v, None);
         assert!(model.placed.joints[j].links.is_none(), "{name} was not cut");
         cuts += 1;
@@ -82,7 +82,7 @@ fn compare(draw: impl Fn() -> Drawing, rates: &[(&str, f64)]) {
             if other.placed.joints[j].links.is_none() {
                 continue;
             }
-            let (q, v) = other.carried_over(&model, &here.q, &here.v);
+            let (q, v) = other.transferred(&model, &here.q, &here.v);
             let there = sample(&other, &q, &v, None);
             for (route, all) in [
                 ("the recursion", by_recursion(&other, &there)),

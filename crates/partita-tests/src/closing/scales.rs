@@ -101,7 +101,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
         independent: report.independent,
         quality: [report.sigma.unwrap(), report.sqrt_mu.unwrap()],
         determined: report.reactions.iter().map(|r| r.determined).collect(),
-        counters: format!("{:?} {:?}", outcome.counters, f.journal().counters),
+        counters: format!("{:?} {:?}", outcome.counters, f.history().counters),
         samples,
     }
 }

@@ -4,13 +4,13 @@
 use partita_math::dense::{lu, lu_solve};
 use partita_math::spatial::Quaternion;
 use partita_model::loop_closure::LoopClosing;
-use partita_model::place::Coordinates;
 use partita_model::spec::JointKind::{Revolute, Spherical, Universal};
 use partita_model::spec::{
     Body, Cut, Drive, Joint, JointKind, Level, Measure, Spec, Value, DRAWING_TOLERANCE, VERSION,
 };
 use partita_model::tree::LinkMotion;
 use partita_model::value::NoFunctions;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::closing::Closing;
 use partita_system::record::Output;
@@ -288,7 +288,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             }
             velocities(model, &way, h)
         };
-        let h = 1e-3 * model.reach(input);
+        let h = 1e-3 * model.characteristic_displacement(input);
         let (coarse, found) = (differences(2.0 * h), differences(h));
         let (_, c) = position(model, t, &way[2]);
         let mut v = vec![0.0; found.len()];
@@ -385,7 +385,7 @@ pub fn six_bar(watt: bool, ground: &str) -> Drawing {
 }
 
 /// Largest |Φ| at an output; NaN counts as infinite.
-pub fn openness(model: &Model, s: &Output) -> f64 {
+pub fn closure_error(model: &Model, s: &Output) -> f64 {
     let size = model.size();
     let (mut phi, mut c, mut a) = (vec![0.0; size.holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; size.rows]);
     model.position(s.t, &s.q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();

@@ -8,9 +8,9 @@ pub use drawn::{
 };
 
 use partita_model::observe::BodyState;
-use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_model::value::{Functions, RELATION};
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use partita_system::reduction::Reduction;

@@ -6,7 +6,7 @@
 //!    P0      P1      P2
 //! ```
 
-use crate::planar::{chain, openness, upright_angle};
+use crate::planar::{chain, closure_error, upright_angle};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
 use partita_integrate::tableau;
@@ -57,14 +57,14 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
                 error = error.max((angle - exact[next].abs()).abs().min(angle.abs()));
             }
             error = error.max((turns::whole(s.q[upright], s.turns[upright]) + exact[next]).abs());
-            closure = closure.max(openness(model, s));
+            closure = closure.max(closure_error(model, s));
             next += 1;
             Ok(())
         },
         &mut |_| ControlFlow::Continue(()),
     )
     .unwrap();
-    Seen { outcome, error, closure, notes: f.journal().notes }
+    Seen { outcome, error, closure, notes: f.history().notes }
 }
 
 /// Ten passages in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to passages as well.
@@ -90,8 +90,8 @@ fn chains_pass_their_change_points_in_2k_states() {
                     assert!(seen.closure <= 2e-13, "{case}: closure {:.2e}", seen.closure);
                     assert!(seen.outcome.counters.steps < 400, "{case}: {} steps", seen.outcome.counters.steps);
                     if rule == "explicit-closing" {
-                        let told = seen.notes.iter().filter(|n| n.contains("change point")).count();
-                        assert!(told > 0, "{:?}", seen.notes);
+                        let reported = seen.notes.iter().filter(|n| n.contains("change point")).count();
+                        assert!(reported > 0, "{:?}", seen.notes);
                     }
                 }
             }

@@ -4,8 +4,8 @@ use crate::mechanisms::{body, compile, empty, joint, on_random_mechanisms, Momen
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
-use partita_model::place::Coordinates;
 use partita_model::spec::{Drive, Force, JointKind, Level, Measure, Spec, Value};
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
@@ -28,7 +28,7 @@ fn march(model: &Model, m: &Moment, at: &[f64]) -> Option<Vec<Sample>> {
     let mut f = Projective::new(model, m.rank, &FormulationOptions::default());
     let go = &mut |_| ControlFlow::Continue(());
     let outcome = simulate(&mut f, m.t, &m.q, &m.v, at, &settings, &mut sink, go).ok()?;
-    let events = f.journal().events;
+    let events = f.history().events;
     let samples = outputs.iter().map(|output| Sample::of(&mut f, output, &events).unwrap());
     (outcome.status == Status::Finished).then(|| samples.collect())
 }
@@ -54,7 +54,7 @@ fn balance(model: &Model, samples: &[Sample]) -> (f64, f64) {
 
 /// The same with stops, contacts and tyres that do not push: at the corner of a first touch a step is off by more than its
 /// error estimate, whatever the tolerance.
-fn without_corners(model: &Model) -> Model {
+fn without_discontinuities(model: &Model) -> Model {
     let corner = |f: &&Force| matches!(f, Force::Stop(_) | Force::Contact(_) | Force::Tyre(_));
     let names: Vec<String> =
         model.spec.forces.iter().filter(corner).map(|f| format!("{}.stiffness", f.name())).collect();
@@ -69,7 +69,7 @@ fn energy_less_work_is_kept() {
         let wishes = Wishes { planar, bound: true, drives: true };
         on_random_mechanisms(51, 30, wishes, |_, model, m| {
             let at: Vec<f64> = (0..=5).map(|i| m.t + 0.06 * f64::from(i)).collect();
-            let model = &without_corners(model);
+            let model = &without_discontinuities(model);
             let Some(samples) = march(model, m, &at) else { return };
             let (off, work) = balance(model, &samples);
             // 1e-12 a step, some tens of steps, energies of some tens of joules; springs can whip up short motions

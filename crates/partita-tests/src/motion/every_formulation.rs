@@ -87,7 +87,7 @@ fn all_give_the_same_accelerations_and_reactions() {
             for &name in registry::NAMES.iter().filter(|n| !(cut && **n == "explicit-closing")) {
                 let mut f = registry::by_name(name, model, m.rank, &options).unwrap();
                 let out = sample(&mut *f, m).unwrap_or_else(|e| panic!("{name}: {e}"));
-                assert_eq!(f.journal().name, name);
+                assert_eq!(f.history().name, name);
                 // positions may move by the round-off that was left in them, amplified by the weakest constraint
                 assert!(apart(&out.q, &m.q) < 1e-11, "{name}");
                 let off = apart(&out.vdot, &m.vdot);

@@ -5,8 +5,8 @@ use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::{Tableau, DOP853, RK4};
 use partita_math::spatial::{Mat3, Vec3};
-use partita_model::place::Coordinates;
 use partita_model::spec::{Body, JointKind, Spec};
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::motion::TangentSpace;
@@ -50,7 +50,7 @@ fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<
     let settings = Settings { t_end: at[at.len() - 1], tableau, options, max_steps: u64::MAX };
     let outcome = simulate(f, 0.0, q, v, at, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
-    let events = f.journal().events;
+    let events = f.history().events;
     outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }
 
@@ -65,7 +65,7 @@ type State = (Vec<f64>, Vec<f64>);
 /// Tumbling: carried over, and in joint coordinates.
 fn start(absolute: &Model, relative: &Model) -> (State, State) {
     let (q, v) = (relative.initial(), vec![3.0, -4.0, 5.0]);
-    (absolute.carried_over(relative, &q, &v), (q, v))
+    (absolute.transferred(relative, &q, &v), (q, v))
 }
 
 /// Turn, position of the origin and angular velocity at the samples.
@@ -117,7 +117,7 @@ fn order_rotation_and_invariants() {
         for h in STEPS {
             let mut f = Projective::new(&absolute, 3, &options);
             let samples = march(&mut f, &q, &v, &at, Some(h));
-            assert!(f.journal().counters.exchanges >= 4, "{}", f.journal().counters.exchanges);
+            assert!(f.history().counters.exchanges >= 4, "{}", f.history().counters.exchanges);
             for s in &samples {
                 let r = bodies(&absolute, &s.q, &s.v)[0].rotation;
                 let off = r.transpose().mul(&r).add(&Mat3(Mat3::<f64>::identity().0.map(|x| x.map(|x| -x))));
@@ -187,8 +187,8 @@ fn two_k_states_with_a_quaternion() {
         let off = largest(&states(&absolute, &samples), &states(&absolute, &exact));
         assert!(off < 1e-9, "{exchange}: {off:e}");
         samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{:e}", s.closure));
-        assert!(f.journal().counters.exchanges > 0);
-        assert!(f.journal().counters.newton_iterations > 0);
+        assert!(f.history().counters.exchanges > 0);
+        assert!(f.history().counters.newton_iterations > 0);
     }
 }
 
@@ -213,9 +213,9 @@ fn tangent_forms_tumble_alike() {
             assert!(off < 1e-9, "{name}, rank {rank}: {off:e}");
             if name == "tangent-space" {
                 assert_eq!(f.controlled(), 6);
-                let turned = f.journal().events.iter().filter(|e| e.reason.contains("ball")).count();
+                let turned = f.history().events.iter().filter(|e| e.reason.contains("ball")).count();
                 // with the foot to close the basis decays about as fast as the ball turns
-                assert!(turned >= 1 && f.journal().events.len() >= 5, "{:?}", f.journal().events);
+                assert!(turned >= 1 && f.history().events.len() >= 5, "{:?}", f.history().events);
             }
             let errors = STEPS.map(|h| {
                 let samples = march(&mut make(), q, v, &at, Some(h));

@@ -2,7 +2,7 @@
 
 use crate::mechanisms::{apart, compile, on_random_mechanisms, Moment, Wishes};
 use partita_model::clusters::Preference;
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::reduction::Reduction;
 use partita_system::start;
@@ -72,13 +72,13 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
 }
 
 #[test]
-fn every_way_through_the_clusters_gives_the_reduced_equations_in_space() {
+fn every_route_through_the_clusters_gives_the_reduced_equations_in_space() {
     let wishes = Wishes { planar: false, bound: true, drives: true };
     on_random_mechanisms(61, 60, wishes, |_, model, m| agrees(model, m, true));
 }
 
 #[test]
-fn every_way_through_the_clusters_gives_the_reduced_equations_in_the_plane() {
+fn every_route_through_the_clusters_gives_the_reduced_equations_in_the_plane() {
     let wishes = Wishes { planar: true, bound: true, drives: true };
     on_random_mechanisms(62, 60, wishes, |_, model, m| agrees(model, m, true));
 }
@@ -88,7 +88,7 @@ fn absolute_coordinates_are_gone_through_as_well() {
     let wishes = Wishes { planar: false, bound: false, drives: false };
     on_random_mechanisms(63, 20, wishes, |_, model, m| {
         let Some(absolute) = compile(&model.spec, Coordinates::Absolute) else { return };
-        let (q, v) = absolute.carried_over(model, &m.q, &m.v);
+        let (q, v) = absolute.transferred(model, &m.q, &m.v);
         let Some(there) = Moment::at(&absolute, m.t, q, v) else { return };
         agrees(&absolute, &there, false);
     });

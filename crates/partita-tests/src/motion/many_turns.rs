@@ -1,6 +1,6 @@
 //! A crank that has turned a thousand times closes its loop as exactly as in its first turn.
 
-use crate::planar::{link, model, openness, pin};
+use crate::planar::{closure_error, link, model, pin};
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_integrate::tableau::DOP853;
@@ -52,7 +52,7 @@ fn a_thousand_turns_leave_the_loop_closed() {
     let t_eval: Vec<f64> = (0..=110).map(|i| 10.0 * f64::from(i)).collect();
     let (mut worst, mut turned): (f64, f64) = (0.0, 0.0);
     let mut sink = |s: &Output| {
-        worst = worst.max(openness(&model, s));
+        worst = worst.max(closure_error(&model, s));
         // the angle goes on where its turns were taken off
         assert!(s.q.iter().all(|q| q.abs() < 30.0));
         turned = turns::whole(s.q[crank], s.turns[crank]);
@@ -107,7 +107,7 @@ fn every_form_counts_the_same_turns() {
         let mut sink = |s: &Output| {
             assert!(s.q.iter().all(|q| q.abs() < 40.0), "{name}: {:?}", s.q);
             // angles of up to 25 rad are rounded by 3.6e-15, and three of them move links of 3 m
-            let open = openness(&model, s);
+            let open = closure_error(&model, s);
             assert!(open < 4e-14, "{name}: {open:e}");
             all.push((0..s.q.len()).map(|i| turns::whole(s.q[i], s.turns[i])).collect::<Vec<f64>>());
             Ok(())

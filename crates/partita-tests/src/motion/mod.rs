@@ -2,6 +2,7 @@
 
 mod allocations;
 mod change_points;
+mod crossings;
 mod driven;
 mod every_formulation;
 mod heavy_top;
@@ -10,7 +11,6 @@ mod many_turns;
 mod model_identities;
 mod parallel_robot;
 mod parameters;
-mod passages;
 mod reactions;
 mod scalars;
 mod stepping;

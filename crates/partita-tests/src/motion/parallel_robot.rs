@@ -2,8 +2,8 @@
 //! platform loose: choosing coordinates one by one picks a singular set.
 
 use crate::mechanisms::{compile, empty, joint};
-use partita_model::place::Coordinates;
 use partita_model::spec::{Body, Cut, JointKind, Spec};
+use partita_model::zero_position::Coordinates;
 use partita_system::partition::Selection;
 use partita_system::reduction::Reduction;
 use partita_system::tangent::chooser;

@@ -2,7 +2,7 @@
 
 use crate::mechanisms::{apart, between, compile, derivative, drawing, on_random_mechanisms, Moment, Wishes, STEP};
 use partita_math::scalar::{Dual, Scalar};
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
 use partita_system::ConstrainedSystem;
 
@@ -69,7 +69,7 @@ fn changed_parameters_are_those_of_a_new_model() {
             assert!(apart(&x, &y) < 1e-12, "{:e}", apart(&x, &y));
             assert!(apart(&x, &everything(model, nnz, size.rows, m)) > 1e-6);
             for i in 0..size.nv {
-                assert!((changed.reach(i) - anew.reach(i)).abs() < 1e-12);
+                assert!((changed.characteristic_displacement(i) - anew.characteristic_displacement(i)).abs() < 1e-12);
             }
         });
     }

@@ -4,9 +4,9 @@
 use crate::mechanisms::{accelerations, apart, bodies, compile, drawing, on_random_mechanisms, Moment, Wishes};
 use partita_math::dense;
 use partita_math::spatial::Vec3;
-use partita_model::place::Coordinates;
 use partita_model::reaction::{Reactions, Wrench};
 use partita_model::spec::{Cut, Force, JointKind, Spec};
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::ConstrainedSystem;
 use std::collections::BTreeSet;
@@ -91,7 +91,7 @@ fn cut_elsewhere(spec: &Spec, joint: usize) -> Spec {
 /// The moment in the coordinates of another model of the same mechanism, with its own accelerations and multipliers.
 #[track_caller]
 fn in_coordinates(model: &Model, m: &Moment, other: &Model) -> Option<Moment> {
-    let (q, v) = other.carried_over(model, &m.q, &m.v);
+    let (q, v) = other.transferred(model, &m.q, &m.v);
     for (a, b) in bodies(model, &m.q, &m.v).iter().zip(&bodies(other, &q, &v)) {
         // positions read off poses: an angle loses half the digits nowhere, a frame is rebuilt a few times
         assert!((a.position - b.position).norm() < 1e-9, "{} {:?} {:?}", other.spec.name, a.position, b.position);

@@ -8,11 +8,11 @@ use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
 use partita_model::clusters::{Plan, Preference};
 use partita_model::coupling::{Contact, Law, Says};
 use partita_model::force::Element;
-use partita_model::gauge::Quantity;
-use partita_model::place::Coordinates;
+use partita_model::measurement::Quantity;
 use partita_model::reduced::Reduced;
 use partita_model::spec::{Coupling, Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::{table_at, Functions, RELATION};
+use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
 use partita_system::reduction::Reduction;
 use partita_system::start;
@@ -188,7 +188,7 @@ struct Chosen<'m> {
 }
 
 /// Every way to the accelerations at one instant.
-fn ways<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
+fn choices<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
     let mut dense = Reduction::dense(model, m.rank);
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
     let independent = dense.partition.independent.clone();
@@ -237,7 +237,7 @@ impl Layout {
     }
 
     /// Every function of an evaluation, by name.
-    fn everything<S: Scalar>(&self, e: &Evaluator<S>, ways: &[Chosen], x: &[S]) -> Vec<(&'static str, Vec<S>)> {
+    fn everything<S: Scalar>(&self, e: &Evaluator<S>, choices: &[Chosen], x: &[S]) -> Vec<(&'static str, Vec<S>)> {
         let (t, rest) = (x[0], &x[1..]);
         let (q, rest) = rest.split_at(self.nq);
         let (v, rest) = rest.split_at(self.nv);
@@ -263,7 +263,7 @@ impl Layout {
         let r = e.reactions(t, q, v, vdot, lambda, &mut s).unwrap();
         let wrenches = r.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
         let mut reduced = Vec::new();
-        for chosen in ways {
+        for chosen in choices {
             let choice = chosen.reduction.choice();
             let speeds: Vec<S> = choice.independent.iter().map(|&i| v[i]).collect();
             let (mut s, mut x) = (e.scratch(), Reduced::default());
@@ -303,13 +303,13 @@ fn dual_numbers_agree_with_differences() {
     everywhere(31, false, |rng, model, m| {
         let (layout, dual) = (Layout::new(model), model.over::<Dual>().unwrap());
         let others = by_clusters(model);
-        let ways = ways(model, &others, m);
+        let choices = choices(model, &others, m);
         let x = layout.input(rng, m);
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let differences = derivative(STEP, |h| flat(layout.everything(model, &ways, &moved(h))));
+        let differences = derivative(STEP, |h| flat(layout.everything(model, &choices, &moved(h))));
         let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, *d)).collect();
-        let (plain, duals) = (layout.everything(model, &ways, &x), layout.everything(&dual, &ways, &duals));
+        let (plain, duals) = (layout.everything(model, &choices, &x), layout.everything(&dual, &choices, &duals));
         let mut differences = &differences[..];
         for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
             let (own, rest) = differences.split_at(values.len());
@@ -326,16 +326,16 @@ fn eight_lanes_are_eight_evaluations() {
     everywhere(32, false, |rng, model, m| {
         let (layout, lanes) = (Layout::new(model), model.over::<Lanes>().unwrap());
         let others = by_clusters(model);
-        let ways = ways(model, &others, m);
+        let choices = choices(model, &others, m);
         let x = layout.input(rng, m);
         let mut along: Vec<f64> = x.iter().map(|_| between(rng, -0.05, 0.05)).collect();
         along[0] = along[0].abs(); // within the tables
         let at = |l: usize| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + l as f64 * d).collect() };
         let all: Vec<Vec<f64>> = (0..Lanes::COUNT).map(at).collect();
         let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| all[l][i])).collect();
-        let together = layout.everything(&lanes, &ways, &input);
+        let together = layout.everything(&lanes, &choices, &input);
         for (l, x) in all.iter().enumerate() {
-            for ((name, single), (_, together)) in layout.everything(model, &ways, x).iter().zip(&together) {
+            for ((name, single), (_, together)) in layout.everything(model, &choices, x).iter().zip(&together) {
                 let same = single.iter().zip(together).all(|(x, y)| x.to_bits() == y.0[l].to_bits());
                 assert!(same, "{name} in lane {l}");
             }
@@ -348,9 +348,9 @@ fn a_recording_is_the_evaluation() {
     everywhere(33, true, |rng, model, m| {
         let (layout, recorder) = (Layout::new(model), model.over::<Recorder>().unwrap());
         let others = by_clusters(model);
-        let ways = ways(model, &others, m);
+        let choices = choices(model, &others, m);
         let x = layout.input(rng, m);
-        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &ways, x)))).unwrap();
+        let made = Recording::new(x.len(), |x| Ok::<_, ()>(flat(layout.everything(&recorder, &choices, x)))).unwrap();
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         let (lean, mut less) = (made.lean(), vec![0.0; made.outputs()]);
         assert!(lean.len() < made.len());
@@ -359,7 +359,7 @@ fn a_recording_is_the_evaluation() {
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
             made.evaluate(&x, &mut work, &mut out);
-            let expected = flat(layout.everything(model, &ways, &x));
+            let expected = flat(layout.everything(model, &choices, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
             // the same but for the sign of a zero
             lean.evaluate(&x, &mut work, &mut less);

@@ -3,9 +3,9 @@
 use crate::counting::allocations;
 use crate::mechanisms::{body, empty, joint};
 use partita_analysis::run::{Request, Stepping};
-use partita_model::place::Coordinates;
 use partita_model::spec::{Force, JointKind, Spec, Value};
 use partita_model::value::Functions;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -89,7 +89,7 @@ fn a_tick_takes_no_memory_and_always_the_same_work() {
     let (model, q, v) = started(&motors);
     let mut motion = Stepping::new(&model, &request(), (1e-3, 2), (0.0, &q, &v), false).unwrap();
     let mut work = Vec::with_capacity(1000);
-    let (mut worst, mut changes) = (0, motion.told(false).journal.events.len());
+    let (mut worst, mut changes) = (0, motion.reported(false).log.events.len());
     for k in 0..1000 {
         let t = f64::from(k) * 1e-3;
         for (cell, u) in motors.numbers.iter().zip([3.0 * (9.0 * t).sin(), -2.0 * (7.0 * t).cos()]) {
@@ -99,7 +99,7 @@ fn a_tick_takes_no_memory_and_always_the_same_work() {
         let (taken, counted) = allocations(|| motion.step());
         taken.unwrap();
         let calls = motors.calls.load(Ordering::Relaxed) - before;
-        let known = std::mem::replace(&mut changes, motion.told(false).journal.events.len());
+        let known = std::mem::replace(&mut changes, motion.reported(false).log.events.len());
         // the first tick makes room, and an exchange is written down
         if k > 0 && known == changes {
             work.push(calls);
@@ -126,7 +126,7 @@ fn a_tick_that_fails_leaves_the_motion_where_it_was() {
         assert!(motion.step().unwrap_err().to_string().contains("the motor is off"));
         assert_eq!(*motion.now(), before);
     }
-    assert_eq!(motion.told(false).journal.outputs.len(), 21);
+    assert_eq!(motion.reported(false).log.outputs.len(), 21);
     motion.begin(0.0, &q, &v, || ()).unwrap();
     for _ in 0..20 {
         motion.step().unwrap();

@@ -2,7 +2,7 @@
 
 use crate::counting::allocations;
 use crate::mechanisms::{compile, in_space};
-use partita_model::place::Coordinates;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::registry;
 use partita_system::options::{FormulationOptions, TangentMap};

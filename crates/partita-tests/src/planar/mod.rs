@@ -1,8 +1,8 @@
 //! Planar mechanisms of slender links, drawn link by link.
 
-use partita_model::place::Coordinates;
 use partita_model::spec::Spec;
 use partita_model::value::NoFunctions;
+use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::record::Output;
 use partita_system::reduction::largest;
@@ -82,7 +82,7 @@ pub fn upright_angle(loops: usize, rate: f64, times: &[f64]) -> Vec<f64> {
 
 /// Largest |Φ| at an output; NaN counts as infinite.
 #[allow(dead_code, reason = "each test file uses the part it needs")]
-pub fn openness(model: &Model, s: &Output) -> f64 {
+pub fn closure_error(model: &Model, s: &Output) -> f64 {
     let size = model.size();
     let (mut phi, mut c, mut a) = (vec![0.0; size.holonomic], vec![0.0; model.pattern().nnz()], vec![0.0; size.rows]);
     model.position(s.t, &s.q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();

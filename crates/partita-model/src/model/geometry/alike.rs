@@ -7,8 +7,8 @@
 use super::change::{is_sought, LARGEST, OWN, PARALLEL, ROUNDED};
 use super::{blocks, Drawing};
 use crate::model::Model;
-use crate::place::alignment;
 use crate::spec::JointKind;
+use crate::zero_position::alignment;
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 use partita_math::spatial::Vec3;

@@ -6,10 +6,10 @@
 //! block, and neither is what hangs on it.
 
 use crate::model::Model;
-use crate::place::{diameter, POINT};
 use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
+use crate::zero_position::{diameter, POINT};
 use partita_math::spatial::{Mat3, Vec3};
 use std::collections::{BTreeSet, HashMap};
 
@@ -155,7 +155,7 @@ impl Model {
         for (body, drawn) in self.spec.bodies.iter().enumerate() {
             let moved = pose.of(&drawn.name);
             let com = Vec3(drawn.position) + Mat3(drawn.orientation).apply(Vec3(drawn.com));
-            self.stand_floating(body, moved.of(com) - com, &moved.turn, 0.0, &mut q);
+            self.place_floating(body, moved.of(com) - com, &moved.turn, 0.0, &mut q);
         }
         q
     }
@@ -173,10 +173,10 @@ impl Model {
     /// Count displacements in parts of this length.
     pub(super) fn measure_in(&mut self, length: f64) {
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
-            self.reach[l.v] = length;
+            self.displacement[l.v] = length;
         }
         let closings = self.closing_rows;
-        let rows = self.row_reach.iter_mut().zip(&self.row_is_angle).take(closings).filter(|x| !x.1);
+        let rows = self.row_displacement.iter_mut().zip(&self.row_is_angle).take(closings).filter(|x| !x.1);
         rows.for_each(|(size, _)| *size = Some(length));
     }
 }

@@ -9,9 +9,9 @@ mod blocks;
 mod change;
 
 use super::Model;
-use crate::place::Coordinates;
 use crate::spec::{Joint, Spec};
 use crate::value::Functions;
+use crate::zero_position::Coordinates;
 use blocks::Pose;
 use change::{is_sought, largest, Change, OWN};
 use partita_system::kinematics::assembly;

@@ -65,7 +65,7 @@ impl Instant<'_> {
     }
 
     /// `(C v + a)_i`: how fast row i opens.
-    pub fn opening(&self, i: usize) -> f64 {
+    pub fn closure_error_rate(&self, i: usize) -> f64 {
         self.pattern.row(i).map(|e| self.c[e] * self.v[self.pattern.col_idx[e]]).sum::<f64>() + self.a[i]
     }
 }

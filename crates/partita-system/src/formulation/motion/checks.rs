@@ -111,7 +111,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let fastest = self.watch.fastest_yet();
         gaps.in_parts_of(fastest.max(r.fastest()));
         // before the first step nothing is known of the speed
-        let explained = match self.way.length() {
+        let explained = match self.monitor.length() {
             Some(h) => fastest + h * self.checks.trial_sizes.1 + STANDING,
             None => f64::INFINITY,
         };

@@ -1,0 +1,142 @@
+//! What of a drawing does not fit, joint by joint, in the words of the drawing.
+
+use crate::reason::names;
+use crate::stress::Pose;
+use partita_math::spatial::Vec3;
+use partita_model::joint::Motion;
+use partita_model::spec::LARGEST_TOLERANCE;
+use partita_model::{Geometry, Model, Verdict};
+use std::collections::BTreeSet;
+
+/// Axes this near to parallel were meant to be parallel (rad): ten times the largest drawing tolerance.
+const NEARLY_PARALLEL: f64 = 0.1;
+/// Angles below this are round-off of the drawing itself.
+const ROUND_OFF: f64 = 1e-13;
+/// Of those that are off, the ones that are off by at least this part of the worst are named.
+const NAMED: f64 = 0.5;
+/// Displacements of joint frames below this part of the turns beside them are not told.
+const BESIDE: f64 = 0.1;
+
+/// What of a drawing does not fit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct GeometricError {
+    /// In sentences.
+    pub(crate) sentences: Vec<String>,
+    /// The largest change of a joint frame by which it fits (rad, parts of lengths).
+    pub(crate) size: f64,
+    /// Degrees of freedom with the change, where it is beyond the tolerance and not made.
+    pub(crate) repaired_mobility: Option<usize>,
+}
+
+/// What was repaired of the drawing of a mechanism, or what beyond its tolerance would let it move.
+pub(crate) fn of_drawing(model: &Model) -> GeometricError {
+    let own = model.geometry();
+    if own.misfit() > 0.0 {
+        let drawn = model.as_drawn();
+        let sentences = drawn.as_ref().map_or_else(Vec::new, |drawn| sentences(drawn, own));
+        return GeometricError { sentences, size: own.misfit(), repaired_mobility: None };
+    }
+    let freedoms = own.freedoms.unwrap_or(0);
+    let wide = model.geometry_within(LARGEST_TOLERANCE);
+    match wide.freedoms.filter(|x| *x > freedoms && wide.misfit() > 0.0) {
+        Some(repaired_mobility) => GeometricError {
+            sentences: sentences(model, &wide),
+            size: wide.misfit(),
+            repaired_mobility: Some(repaired_mobility),
+        },
+        None => GeometricError::default(),
+    }
+}
+
+/// One sentence for each loop that does not fit.
+fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
+    let mut said: Vec<String> = Vec::new();
+    let Ok(space) = drawn.in_space() else { return said };
+    let pose = Pose::new(&space, 0.0, &space.initial());
+    for block in geometry.blocks.iter().filter(|x| x.verdict == Verdict::Repaired) {
+        let joints: BTreeSet<usize> = block.joints.iter().copied().collect();
+        let mut all = out_of_parallel(&pose, &joints);
+        let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));
+        if let Some((_, &joint)) =
+            worst.filter(|_| all.is_empty() || block.moved.0 > BESIDE * block.length * block.moved.1)
+        {
+            all.push(format!(
+                "the loops would close with joint frames moved by up to {:.2e} m and turned by up to {}, most at {}",
+                block.moved.0,
+                degrees(block.moved.1),
+                drawn.spec.joints[joint].name
+            ));
+        }
+        all.retain(|x| !said.contains(x));
+        said.extend(all);
+    }
+    said
+}
+
+/// An angle as people read it off a drawing.
+fn degrees(angle: f64) -> String {
+    let angle = angle.to_degrees();
+    if angle >= 1e-3 {
+        format!("{angle:.3} deg")
+    } else {
+        format!("{angle:.1e} deg")
+    }
+}
+
+/// Turning axes that were meant to be parallel, and slides across them; or slides alone.
+fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
+    let model = pose.model;
+    let name = |j: usize| model.spec.joints[j].name.as_str();
+    let mut turns: Vec<(usize, Vec3<f64>)> = Vec::new();
+    let mut slides: Vec<(usize, Vec3<f64>)> = Vec::new();
+    for &j in joints {
+        let p = &model.placed.joints[j];
+        let rot = |node: usize, on| pose.tree.links[model.placed.link_of(node)].rot.mul(on);
+        let (on_parent, on_child) = (rot(p.parent, &p.on_parent), rot(p.child, &p.on_child));
+        let mut first = true;
+        for m in &p.shape.motions {
+            match m {
+                Motion::Turn(a) => {
+                    turns.push((j, if first { on_parent.apply(*a) } else { on_child.apply(*a) }));
+                    first = false;
+                }
+                Motion::Slide(a) => slides.push((j, on_parent.apply(*a))),
+                Motion::Ball => return Vec::new(),
+            }
+        }
+        // the drawing may hold two axes of one joint that differ
+        if let ([Motion::Turn(a)], true) = (p.shape.motions.as_slice(), p.links.is_none()) {
+            turns.push((j, on_child.apply(*a)));
+        }
+    }
+    if turns.is_empty() {
+        std::mem::swap(&mut turns, &mut slides); // guides of one carriage
+    }
+    let angle = |a: Vec3<f64>, b: Vec3<f64>| a.cross(b).norm().atan2(a.dot(b).abs());
+    // the axis that the others are nearest to
+    let sum = |x: &(usize, Vec3<f64>)| turns.iter().map(|y| angle(x.1, y.1)).sum::<f64>();
+    let Some(&(_, normal)) = turns.iter().min_by(|x, y| sum(x).total_cmp(&sum(y))) else { return Vec::new() };
+    let off: Vec<(usize, f64)> = turns.iter().map(|&(j, a)| (j, angle(a, normal))).collect();
+    if off.iter().any(|x| x.1 > NEARLY_PARALLEL) {
+        return Vec::new();
+    }
+    let across: Vec<(usize, f64)> = slides.iter().map(|&(j, a)| (j, a.dot(normal).abs().min(1.0).asin())).collect();
+    let worst = |all: &[(usize, f64)]| all.iter().fold(0.0, |m: f64, x| m.max(x.1));
+    let mut said = Vec::new();
+    let mut say = |all: &[(usize, f64)], words: &str, than: &[(usize, f64)]| {
+        let top = worst(all);
+        if top <= ROUND_OFF || top > NEARLY_PARALLEL {
+            return;
+        }
+        let mut which: Vec<usize> = all.iter().filter(|x| x.1 >= NAMED * top).map(|x| x.0).collect();
+        which.dedup();
+        let mut others: Vec<&str> = than.iter().map(|x| x.0).filter(|j| !which.contains(j)).map(name).collect();
+        others.dedup();
+        let verb = if which.len() == 1 { "is" } else { "are" };
+        let which: Vec<&str> = which.into_iter().map(name).collect();
+        said.push(format!("{} {verb} {} {words} {}", names(&which), degrees(top), names(&others)));
+    };
+    say(&off, "out of parallel with", &off);
+    say(&across, "out of the plane across the axes of", &off);
+    said
+}

@@ -1,0 +1,203 @@
+//! What a run keeps, and what follows from it when it is asked for.
+
+use super::verdict::{Finding, Limits};
+use super::Recipe;
+use crate::outputs::{tables, Rows, Watch};
+use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
+use partita_system::reduction::largest;
+use partita_system::{ConstrainedSystem, SystemError};
+
+/// Outputs of a run with the choices in use: from them everything else about an instant can be computed later.
+pub struct SolutionLog {
+    /// How the formulation is made.
+    pub recipe: Recipe,
+    /// Choices, the first included.
+    pub events: Vec<PartitionEvent>,
+    /// Closed positions and velocities.
+    pub outputs: Vec<Output>,
+    /// How far conditions may be open.
+    pub limits: Limits,
+}
+
+/// Accelerations, multipliers and closures at all outputs, row by row.
+#[derive(Clone, Debug)]
+pub struct Described {
+    /// v' (nv).
+    pub vdot: Vec<f64>,
+    /// λ of all rows; zero where a row was dropped as redundant.
+    pub multipliers: Vec<f64>,
+    /// Independent velocities (k), NaN where a position is singular and nothing was chosen.
+    pub independent: Vec<f64>,
+    /// Largest |Φ| over all rows.
+    pub closure: Vec<f64>,
+    /// Largest |C v + a| over all rows.
+    pub velocity_closure: Vec<f64>,
+    /// Number of independent velocities.
+    pub k: usize,
+    /// What is not determined, where and why.
+    pub notes: Vec<String>,
+    /// What stands open at the outputs, in parts of sizes and of the fastest rate, where that is worst.
+    pub gaps: Gaps,
+}
+
+/// How mobile the coordinates are and how good the choice is, at all outputs, row by row.
+#[derive(Clone, Debug)]
+pub struct Assessed {
+    /// P4 (nv).
+    pub measure: Vec<f64>,
+    /// σ of the choice.
+    pub sigma: Vec<f64>,
+    /// √μ of the choice.
+    pub sqrt_mu: Vec<f64>,
+}
+
+/// Numbers kept of what stands open at an output: a part and a row of each kind, and the fastest rate.
+const OPEN: usize = 5;
+
+/// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores nor
+/// on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
+fn chunk(nv: usize) -> usize {
+    (100_000 / nv.max(1)).clamp(16, 128)
+}
+
+impl SolutionLog {
+    /// One table for each width, each row from what the formulation tells of an output.
+    fn tables<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+        &self,
+        system: &S,
+        shared: bool,
+        brief: bool,
+        widths: &[usize],
+        fill: impl Fn(&Sample, usize, &mut Rows) + Sync,
+        watch: Watch<E>,
+    ) -> Result<std::vec::IntoIter<Vec<f64>>, E> {
+        // of redundant rows those in use depend on the outputs before
+        let size = system.size();
+        let chunk = if shared && self.recipe.rank == size.rows { chunk(size.nv) } else { usize::MAX };
+        let row = |i: usize, (f, sample): &mut (Option<_>, Sample), rows: &mut Rows| {
+            if i % chunk == 0 {
+                *f = Some(self.recipe.make(system)?);
+            }
+            let Some(f) = f else { return Ok(()) };
+            describe(&mut **f, &self.outputs[i], &self.events, sample)?;
+            fill(sample, i, rows);
+            Ok::<(), E>(())
+        };
+        let scratch = || (None, Sample { brief, ..Sample::default() });
+        Ok(tables(self.outputs.len(), widths, chunk, scratch, row, watch)?.into_iter())
+    }
+
+    /// Accelerations, multipliers and closures of the outputs; `shared` is false where they may not be asked for at the same
+    /// time (functions of the user).
+    ///
+    /// # Errors
+    /// Where something cannot be evaluated, and those of `watch`.
+    pub fn describe<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+        &self,
+        system: &S,
+        shared: bool,
+        watch: Watch<E>,
+    ) -> Result<Described, E> {
+        let size = system.size();
+        let k = size.nv - self.recipe.rank;
+        let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
+            rows.row(0, i).copy_from_slice(&sample.vdot);
+            rows.row(1, i).copy_from_slice(&sample.multipliers);
+            let chosen = rows.row(2, i);
+            chosen.fill(f64::NAN);
+            for (to, from) in chosen.iter_mut().zip(&sample.independent) {
+                *to = *from as f64;
+            }
+            rows.row(3, i)[0] = sample.closure;
+            rows.row(4, i)[0] = sample.velocity_closure;
+            let (position, velocity) = (sample.gaps.position, sample.gaps.velocity);
+            let open = [position, velocity].map(|gap| [gap.part, gap.row as f64]).concat();
+            let (last, open_to) = (OPEN - 1, rows.row(5, i));
+            open_to[..last].copy_from_slice(&open);
+            open_to[last] = sample.fastest;
+        };
+        let mut found = self.tables(system, shared, true, &[size.nv, size.rows, k, 1, 1, OPEN], fill, watch)?;
+        let mut next = || found.next().unwrap_or_default();
+        let (vdot, multipliers, independent) = (next(), next(), next());
+        let (closure, velocity_closure) = (next(), next());
+        let mut described = Described {
+            vdot,
+            multipliers,
+            independent,
+            closure,
+            velocity_closure,
+            k,
+            notes: Vec::new(),
+            gaps: self.worst(&next()),
+        };
+        described.notes.extend(self.undetermined(system, &described, size.nv)?);
+        Ok(described)
+    }
+
+    /// What stands against the run in outputs that were described.
+    pub fn judge<S: ConstrainedSystem>(&self, system: &S, described: &Described) -> Vec<Finding> {
+        let mut found = Vec::new();
+        self.limits.judge(system, &described.gaps, "the output", &mut found);
+        found
+    }
+
+    /// Measures and qualities of the outputs.
+    ///
+    /// # Errors
+    /// As `describe`.
+    pub fn assess<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
+        &self,
+        system: &S,
+        shared: bool,
+        watch: Watch<E>,
+    ) -> Result<Assessed, E> {
+        let fill = |sample: &Sample, i: usize, rows: &mut Rows| {
+            rows.row(0, i).copy_from_slice(&sample.measure);
+            rows.row(1, i)[0] = sample.sigma;
+            rows.row(2, i)[0] = sample.sqrt_mu;
+        };
+        let mut found = self.tables(system, shared, false, &[system.size().nv, 1, 1], fill, watch)?;
+        let mut next = || found.next().unwrap_or_default();
+        Ok(Assessed { measure: next(), sigma: next(), sqrt_mu: next() })
+    }
+
+    /// The worst of what was open at the outputs.
+    fn worst(&self, open: &[f64]) -> Gaps {
+        let fastest = largest(open.chunks_exact(OPEN).map(|x| x[OPEN - 1]));
+        let mut gaps = Gaps::default();
+        for (x, output) in open.chunks_exact(OPEN).zip(&self.outputs) {
+            let gap = |i: usize| Gap { part: x[2 * i], t: output.t, row: x[2 * i + 1] as usize };
+            let mut here = Gaps { position: gap(0), velocity: gap(1) };
+            here.in_parts_of(fastest);
+            gaps.raise(&here);
+        }
+        gaps
+    }
+
+    /// A sentence for outputs in which accelerations have no value.
+    fn undetermined<S: ConstrainedSystem<Scratch: Send>>(
+        &self,
+        system: &S,
+        found: &Described,
+        nv: usize,
+    ) -> Result<Option<String>, SystemError> {
+        let without = |i: &usize| found.vdot[i * nv..(i + 1) * nv].iter().any(|x| x.is_nan());
+        let all: Vec<usize> = (0..self.outputs.len()).filter(without).collect();
+        let Some(&first) = all.first() else { return Ok(None) };
+        let mut f = self.recipe.make(system)?;
+        let mut sample = Sample { brief: true, ..Sample::default() };
+        describe(&mut *f, &self.outputs[first], &self.events, &mut sample)?;
+        let times = super::some(&all, |&i| format!("{:.6}", self.outputs[i].t));
+        let why = sample.note.unwrap_or_else(|| "accelerations are not determined".into());
+        Ok(Some(format!("{} outputs (t = {times}) stand in singular positions; {why}", all.len())))
+    }
+}
+
+fn describe<F: partita_system::formulation::Formulation + ?Sized>(
+    f: &mut F,
+    output: &Output,
+    events: &[PartitionEvent],
+    sample: &mut Sample,
+) -> Result<(), SystemError> {
+    f.describe(output, events.get(output.choice), sample)
+}

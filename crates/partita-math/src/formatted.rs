@@ -1,0 +1,22 @@
+//! Numbers as people write them.
+
+/// Four significant digits: 1.44, 0.0002267, 2.5e-9; nothing that is not a number is hidden.
+///
+/// ```
+/// use partita_math::formatted;
+/// assert_eq!(formatted(1.439_886), "1.44");
+/// assert_eq!(formatted(-2.267_277e-4), "-0.0002267");
+/// assert_eq!(formatted(2.5e-9), "2.5e-9");
+/// assert_eq!(formatted(1_234_567.0), "1.235e6");
+/// assert_eq!(formatted(99_999.6), "100000");
+/// ```
+pub fn formatted(x: f64) -> String {
+    let rounded: f64 = format!("{x:.3e}").parse().unwrap_or(x);
+    if rounded == 0.0 {
+        return "0".into();
+    }
+    match (1e-4..1e6).contains(&rounded.abs()) || !rounded.is_finite() {
+        true => format!("{rounded}"),
+        false => format!("{rounded:e}"),
+    }
+}

@@ -1,0 +1,95 @@
+//! Where the curves of a mechanism have knots, and what they are read at.
+
+use crate::coupling::{Condition, Law, Says};
+use crate::evaluator::{with_engine, Evaluator, Scratch};
+use crate::force::Element;
+use crate::measurement::is_angle;
+use crate::rows::Owner;
+use crate::spec::{Coupling, Force, Spec, Table, Value};
+use crate::time_domain;
+use partita_math::spatial::Space;
+use partita_system::breakpoints::{Breakpoints, Enters, Reading};
+
+/// What a curve is read at.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// Time.
+    Time,
+    /// The second reading of condition number i.
+    Condition(usize),
+    /// What applied force number i depends on.
+    Element(usize),
+}
+
+/// The curves of a mechanism that have knots.
+#[derive(Clone, Debug)]
+pub(crate) struct Curves {
+    sources: Vec<Source>,
+    pub breakpoints: Vec<Breakpoints>,
+}
+
+impl Curves {
+    /// Of a description and what was made of it.
+    pub fn new(spec: &Spec, model: &Evaluator<f64>) -> Self {
+        let of_time = time_domain::breakpoints(spec).into_iter().map(|breakpoints| (Source::Time, breakpoints));
+        let conditions = model.full.conditions.iter().enumerate();
+        let couplings = conditions.filter_map(|(i, c)| Some((Source::Condition(i), of_condition(spec, model, c)?)));
+        let elements = model.full.elements.iter().enumerate();
+        let efforts = elements.filter_map(|(i, e)| Some((Source::Element(i), of_element(spec, model, e)?)));
+        let (sources, breakpoints) = of_time.chain(couplings).chain(efforts).unzip();
+        Self { sources, breakpoints }
+    }
+
+    /// What they are read at, and its rates, at the point last evaluated.
+    pub fn read(
+        &self,
+        model: &Evaluator<f64>,
+        t: f64,
+        (q, v): (&[f64], &[f64]),
+        s: &mut Scratch<f64>,
+        out: &mut [Reading],
+    ) {
+        for (source, out) in self.sources.iter().zip(out) {
+            *out = with_engine!(model, s, |tree, s| {
+                let reading = match source {
+                    Source::Time => None,
+                    Source::Condition(i) => match &tree.conditions[*i].says {
+                        Says::Law(_, readings) => readings.get(1),
+                        Says::Rolling(..) | Says::Turning(_) => None,
+                    },
+                    Source::Element(i) => match &tree.elements[*i] {
+                        Element::EffortOver(e) => Some(&e.over),
+                        _ => None,
+                    },
+                };
+                match reading {
+                    Some(r) => Reading { x: r.value(tree, s, q), rate: r.rate(tree, s, v) },
+                    None => Reading { x: t, rate: 1.0 },
+                }
+            });
+        }
+    }
+}
+
+fn of_table(table: &Table, enters: Enters, periodic: bool, angle: bool) -> Option<Breakpoints> {
+    Breakpoints::new(&table.breaks, &table.coefficients, enters, periodic, angle)
+}
+
+fn of_condition<G: Space>(spec: &Spec, model: &Evaluator<f64>, condition: &Condition<G>) -> Option<Breakpoints> {
+    let (Says::Law(Law::Curve { curve, periodic, .. }, _), Owner::Coupling(i)) = (&condition.says, condition.owner)
+    else {
+        return None;
+    };
+    let Coupling::Curve { terms, .. } = &spec.couplings[i] else { return None };
+    of_table(curve, Enters::Position, *periodic, is_angle(&model.placed, terms.get(1)?))
+}
+
+fn of_element<G: Space>(spec: &Spec, model: &Evaluator<f64>, element: &Element<G>) -> Option<Breakpoints> {
+    let Element::EffortOver(effort) = element else { return None };
+    spec.forces.iter().find_map(|force| match force {
+        Force::Torque { name, value: Value::Table(table), over: Some(over), periodic, .. } if *name == effort.name => {
+            of_table(table, Enters::Effort, *periodic, is_angle(&model.placed, over))
+        }
+        _ => None,
+    })
+}

@@ -1,0 +1,259 @@
+//! Bodies that have no mass or next to none, or no inertia about some axis.
+//!
+//! The motion needs mass on the motions that the loops leave, `D M Dᵀ`, and nowhere else: a coupler may have none.
+//! M itself is then singular and no metric any more. Where a metric is wanted (scales of coordinates, rank,
+//! corrections) such bodies count with a least share of the heaviest. No equation of motion contains it.
+//!
+//! One motion is different: the turn of a body about a line that holds its mass and the balls it hangs on, a thin
+//! rod's own spin. It moves nothing else, and without inertia nothing says how it goes; where nobody asks for it
+//! either, it is held. Any inertia about the line does that, for it never turns: none of its moments, and none of
+//! its energy, is ever felt. A point mass, or what hangs on one ball without mass, is held from all turns alike.
+
+use crate::spec::{Coupling, Force, JointKind, Measure, Spec};
+use crate::zero_position::{HeldSpin, Massless, Placed};
+use partita_math::dense::Matrix;
+use partita_math::factor::symmetric_eigen;
+use partita_math::spatial::{Mat3, Vec3};
+
+/// Below this part of the heaviest a body is light: squared sines between rows of C shrink by it in the mass
+/// metric, and those below 1e-9 count as redundant.
+const MASSLESS: f64 = 1e-6;
+/// Below this part of the body's mass times the square of its reach a principal moment is light: a bar a thousand
+/// times as long as thick has half of it.
+const THIN: f64 = 1e-6;
+/// What is light counts with this part instead: no coordinate is then a hundred times as mobile as its neighbours
+/// for want of mass alone.
+const COUNTS: f64 = 1e-2;
+/// Inertia below this part of what a body has across is what rounding leaves of none.
+const NONE: f64 = 1e-12;
+/// Points closer to a line than this, in parts of the drawing, are on it.
+const ON_LINE: f64 = 1e-9;
+
+/// A body that balls in one line hold, and nothing else does.
+#[derive(Clone, Debug)]
+pub struct Idle {
+    /// The body, by number.
+    pub body: usize,
+    /// The joints.
+    pub joints: Vec<usize>,
+    /// Their line, mechanism axes in the zero position.
+    pub line: Vec3<f64>,
+}
+
+/// What can turn without anything noticing: points that stay, and the line through them, if they have one.
+struct Turning {
+    body: usize,
+    point: Vec3<f64>,
+    line: Option<Vec3<f64>>,
+}
+
+/// `m 1`.
+fn all_round(m: f64) -> Mat3<f64> {
+    Mat3([[m, 0.0, 0.0], [0.0, m, 0.0], [0.0, 0.0, m]])
+}
+
+/// The joints of each body, in their order: looked for once, whatever the number of bodies.
+fn around(placed: &Placed) -> Vec<Vec<usize>> {
+    let mut found = vec![Vec::new(); placed.bodies.len()];
+    for (j, p) in placed.joints.iter().enumerate() {
+        if p.parent > 0 {
+            found[p.parent - 1].push(j);
+        }
+        if p.child > 0 && p.child != p.parent {
+            found[p.child - 1].push(j);
+        }
+    }
+    found
+}
+
+/// The points of a body's joints.
+fn points<'a>(placed: &'a Placed, around: &'a [Vec<usize>], body: usize) -> impl Iterator<Item = Vec3<f64>> + 'a {
+    around[body].iter().map(|&j| &placed.joints[j]).flat_map(move |p| {
+        let on = |node: usize, point: Vec3<f64>| (node == body + 1).then_some(point);
+        on(p.parent, p.parent_point).into_iter().chain(on(p.child, p.child_point))
+    })
+}
+
+/// Mass of the heaviest body; what turns without mass counts with its inertia.
+fn heaviest(placed: &Placed) -> f64 {
+    let turning = |i: &Mat3<f64>| i.0.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let square = placed.size * placed.size;
+    placed.bodies.iter().fold(0.0, |m: f64, b| m.max(b.mass).max(turning(&b.inertia) / square))
+}
+
+/// Find out what lacks mass in a placed description, with the masses at hand.
+pub fn weigh(placed: &mut Placed, spec: &Spec) {
+    placed.held = held(spec, placed);
+    placed.massless = massless(placed);
+}
+
+/// What links lack to count in a metric.
+pub fn massless(placed: &Placed) -> Vec<Massless> {
+    let heaviest = heaviest(placed);
+    if heaviest <= 0.0 {
+        return Vec::new();
+    }
+    let count = placed.links.len();
+    let (mut mass, mut first) = (vec![0.0; count], vec![Vec3::<f64>::zero(); count]);
+    for b in &placed.bodies {
+        mass[b.link] += b.mass;
+        first[b.link] += b.com.times(b.mass);
+    }
+    let (around, mut carried) = (around(placed), vec![Vec::new(); count]);
+    for (i, b) in placed.bodies.iter().enumerate() {
+        carried[b.link].push(i);
+    }
+    let centre = |l: usize| if mass[l] > 0.0 { first[l].times(1.0 / mass[l]) } else { placed.links[l].point };
+    let mut found = Vec::new();
+    for link in 1..count {
+        let on = &carried[link];
+        if on.is_empty() {
+            continue; // a step of a joint with several motions
+        }
+        let (at, mut inertia, mut reach) = (centre(link), Mat3::zero(), 0.0f64);
+        for &i in on {
+            let b = &placed.bodies[i];
+            inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
+            reach = points(placed, &around, i).fold(reach, |r, p| r.max((p - at).norm()));
+        }
+        if reach <= ON_LINE * placed.size {
+            reach = placed.length;
+        }
+        let missing = if mass[link] < MASSLESS * heaviest { COUNTS * heaviest - mass[link] } else { 0.0 };
+        let mut more = all_round(missing * reach * reach);
+        let whole_round = (mass[link] + missing) * reach * reach;
+        let whole = inertia.add(&more);
+        let Ok((moments, axes)) = symmetric_eigen(&Matrix::from_vec(3, 3, whole.0.as_flattened().to_vec())) else {
+            continue; // not finite: refused elsewhere
+        };
+        for (j, moment) in moments.iter().enumerate().filter(|(_, m)| **m < THIN * whole_round) {
+            let axis = Vec3([axes[(0, j)], axes[(1, j)], axes[(2, j)]]);
+            more = more.add(&along(axis, COUNTS * whole_round - moment));
+        }
+        if missing > 0.0 || more.0.as_flattened().iter().any(|x| *x != 0.0) {
+            found.push(Massless { link, mass: missing, inertia: more });
+        }
+    }
+    found
+}
+
+/// `m e eᵀ`.
+fn along(e: Vec3<f64>, m: f64) -> Mat3<f64> {
+    Mat3(e.0.map(|a| e.0.map(|b| a * b * m)))
+}
+
+/// The line through points, none where they fall together; nothing where they are on no line.
+fn line_through(at: &[Vec3<f64>], placed: &Placed) -> Option<Option<Vec3<f64>>> {
+    let &first = at.first()?;
+    let near = ON_LINE * placed.size;
+    let far = at.iter().map(|x| *x - first).max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
+    let Some(line) = far.unit().filter(|_| far.norm() >= near) else { return Some(None) };
+    at.iter().all(|x| (*x - first).cross(line).norm() < near).then_some(Some(line))
+}
+
+/// The joints of a body, if all of them are balls.
+fn balls(spec: &Spec, around: &[Vec<usize>], body: usize) -> Option<Vec<usize>> {
+    let joints: Vec<usize> = around[body].iter().copied().filter(|&j| spec.joints[j].kind != JointKind::Free).collect();
+    joints.iter().all(|&j| spec.joints[j].kind == JointKind::Spherical).then_some(joints)
+}
+
+/// Bodies held by ball joints in one line alone.
+pub fn idle(spec: &Spec, placed: &Placed) -> Vec<Idle> {
+    let around = around(placed);
+    let of = |body: usize| {
+        let joints = balls(spec, &around, body).filter(|x| x.len() > 1)?;
+        let at: Vec<Vec3<f64>> = points(placed, &around, body).collect();
+        let line = line_through(&at, placed)??;
+        Some(Idle { body, joints, line })
+    };
+    (0..spec.bodies.len()).filter_map(of).collect()
+}
+
+/// Bodies without inertia about what their balls and their mass leave them to turn about, if nobody asks for the turn.
+pub fn held(spec: &Spec, placed: &Placed) -> Vec<HeldSpin> {
+    if placed.planar {
+        return Vec::new();
+    }
+    let (heaviest, around) = (heaviest(placed), around(placed));
+    let of = |body: usize| {
+        let joints = balls(spec, &around, body)?;
+        let b = &placed.bodies[body];
+        // a free joint holds nothing, but gives the point where others count from
+        let mut at: Vec<Vec3<f64>> =
+            joints.iter().map(|&j| point_on(placed, j, body)).chain((b.mass > 0.0).then_some(b.com)).collect();
+        if at.is_empty() {
+            at.push(b.com);
+        }
+        let mut line = line_through(&at, placed)?;
+        let point = at[0];
+        let reach = at.iter().fold(0.0, |r: f64, p| r.max((*p - b.com).norm()));
+        let (moments, axes) = symmetric_eigen(&Matrix::from_vec(3, 3, b.inertia.0.as_flattened().to_vec())).ok()?;
+        let nothing = NONE * moments[2].max(b.mass * reach * reach);
+        if line.is_none() && moments[2] > nothing {
+            // one point, and inertia: a thin rod on a ball at its centre, or floating
+            line = Some(Vec3([axes[(0, 0)], axes[(1, 0)], axes[(2, 0)]]));
+        }
+        let own = line.map_or(moments[2], |e| e.dot(b.inertia.apply(e)));
+        let turning = Turning { body, point, line };
+        if own > nothing || is_seen(spec, placed, &turning) {
+            return None;
+        }
+        let length = if reach > ON_LINE * placed.size { reach } else { placed.length };
+        let inertia = (0.5 * (moments[0] + moments[1] + moments[2])).max(COUNTS * heaviest * length * length);
+        let inertia = line.map_or_else(|| all_round(inertia), |e| along(e, inertia));
+        Some(HeldSpin { body, line, inertia })
+    };
+    (0..spec.bodies.len()).filter_map(of).collect()
+}
+
+/// A joint's point on one of its two bodies.
+fn point_on(placed: &Placed, joint: usize, body: usize) -> Vec3<f64> {
+    let p = &placed.joints[joint];
+    if p.child == body + 1 {
+        p.child_point
+    } else {
+        p.parent_point
+    }
+}
+
+/// Does a force, a drive or a condition see this body turn?
+fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
+    let b = &placed.bodies[x.body];
+    let name = spec.bodies[x.body].name.as_str();
+    let off = |body: &str, point: &[f64; 3]| {
+        let from = b.origin + b.rot.apply(Vec3(*point)) - x.point;
+        let by = x.line.map_or_else(|| from.norm(), |e| from.cross(e).norm());
+        body == name && by >= ON_LINE * placed.size
+    };
+    let turned = |body: &str, axis: &[f64; 3]| {
+        let axis = b.rot.apply(Vec3(*axis));
+        body == name && x.line.is_none_or(|e| axis.cross(e).norm() >= ON_LINE * axis.norm())
+    };
+    let joint = |j: &str| {
+        let on = |i: usize| [placed.joints[i].parent, placed.joints[i].child].contains(&(x.body + 1));
+        placed.joint_numbers.get(j).is_some_and(|&i| on(i))
+    };
+    let measured = |m: &Measure| match m {
+        Measure::Joint { joint: j, .. } => joint(j),
+        Measure::Distance { body1, point1, body2, point2 } => off(body1, point1) || off(body2, point2),
+        Measure::Along { body1, body2, point2, .. } => body1 == name || off(body2, point2),
+        Measure::Cosine { body1, axis1, body2, axis2 } => turned(body1, axis1) || turned(body2, axis2),
+    };
+    let by_force = |f: &Force| match f {
+        Force::Spring { body1, point1, body2, point2, .. } => off(body1, point1) || off(body2, point2),
+        Force::Force { body, point, .. } => off(body, point),
+        Force::TorsionSpring { joint: j, .. } => joint(j),
+        Force::Torque { joint: j, over, .. } => joint(j) || over.as_ref().is_some_and(measured),
+        Force::Weightless(_) | Force::Gravity(_) => false,
+        other => other
+            .load()
+            .is_some_and(|load| load.bodies().contains(&name) || load.joints().into_iter().any(|(j, _)| joint(j))),
+    };
+    let by_coupling = |c: &Coupling| match c {
+        Coupling::Roll { body, on, .. } => body == name || on == name,
+        other => other.terms().iter().any(measured),
+    };
+    spec.drives.iter().any(|d| measured(&d.measure))
+        || spec.couplings.iter().any(by_coupling)
+        || spec.forces.iter().any(by_force)
+}

@@ -1,0 +1,77 @@
+//! What positions alone do not tell of angles whose whole turns nothing counts: couplings that are held by their rates, and
+//! elements that are wound.
+
+use crate::coupling::{Law, Says};
+use crate::model::Model;
+use crate::spec::{Force, Measure};
+use partita_system::{ConstrainedSystem, SystemError};
+use std::f64::consts::TAU;
+
+/// A sum that is off by this part of a large move slipped: far above round-off, below what a closing moves.
+const PHASE_LOST: f64 = 1e-9;
+
+impl Model {
+    /// Refuse a way between two positions on which a coupling slips of which the rates alone are held.
+    ///
+    /// # Errors
+    /// `Argument`: "coordinates".
+    pub fn held_on(&self, from: &[f64], to: &[f64]) -> Result<(), SystemError> {
+        let of_rates = || self.full.conditions.iter().filter(|c| !c.holonomic);
+        if of_rates().next().is_none() {
+            return Ok(());
+        }
+        let (mut s, rest) = (self.scratch(), vec![0.0; self.size().nv]);
+        let mut read = |q: &[f64]| -> Vec<Vec<f64>> {
+            self.look(q, &rest, &mut s);
+            let values = |c: &crate::coupling::Condition<_>| {
+                c.readings().iter().map(|r| r.value(&self.full, &s.full, q)).collect()
+            };
+            of_rates().map(values).collect()
+        };
+        let (before, after) = (read(from), read(to));
+        for (c, (x, y)) in of_rates().zip(before.iter().zip(&after)) {
+            let Says::Law(Law::Linear { factors, .. }, readings) = &c.says else { continue };
+            let (mut phase, mut size) = (0.0, 0.0f64);
+            for (i, r) in readings.iter().enumerate() {
+                let moved = y[i] - x[i];
+                phase += factors[i] * if r.wraps { moved - (moved / TAU).round() * TAU } else { moved };
+                size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.placed.length });
+            }
+            if phase.abs() > PHASE_LOST * size {
+                let message = format!(
+                    "\"{}\" is held by its rates alone in these coordinates, where whole turns of its joints are not known and \
+                     its factors leave no common period: on the way to this position it would slip by {phase:.6}; assemble in \
+                     relative coordinates with its joints in the tree (cut = \"never\"), a run takes that state over",
+                    c.name
+                );
+                return Err(SystemError::argument("coordinates", message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuse the value x of a joint's angle at which something is wound farther than the pose tells.
+    ///
+    /// # Errors
+    /// `Wound`.
+    pub fn check_turns_at(&self, joint: usize, coordinate: usize, x: f64) -> Result<(), SystemError> {
+        let name = &self.spec.joints[joint].name;
+        for (what, middle, within) in self.full.elements.iter().filter_map(|e| e.turn_range()) {
+            let counts = self.spec.forces.iter().any(|f| match f {
+                Force::TorsionSpring { name: own, joint, coordinate: i, .. } => {
+                    own == what && joint == name && *i == coordinate
+                }
+                Force::Stop(stop) => stop.name == what && stop.joint == *name && stop.coordinate == coordinate,
+                Force::Torque { name: own, over: Some(Measure::Joint { joint, coordinate: i }), .. } => {
+                    own == what && joint == name && *i == coordinate
+                }
+                _ => false,
+            });
+            let by = x - middle;
+            if counts && by.abs() > within {
+                return Err(SystemError::Wound { what: what.to_string(), by });
+            }
+        }
+        Ok(())
+    }
+}

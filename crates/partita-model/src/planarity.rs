@@ -1,0 +1,116 @@
+//! Whether what acts lies in the plane of a mechanism that moves in one.
+
+use crate::joint::Motion;
+use crate::spec::{Axes, Coupling, Force, Measure, Spec, Value, VectorValue};
+use partita_math::spatial::{Mat3, Vec3};
+use std::collections::HashMap;
+
+/// Parts below this are the round-off of a drawing.
+const IN_PLANE: f64 = 1e-12;
+/// Heights closer than this part of the reach are one, as for joints that are to fit in a plane.
+const LEVEL: f64 = 1e-9;
+
+/// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the motion?
+/// Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and what couples
+/// and drives does so along coordinates.
+pub(crate) fn carries_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
+    let along_coordinates = |m: &Measure| matches!(m, Measure::Joint { .. });
+    let coupled = |c: &Coupling| !matches!(c, Coupling::Roll { .. }) && c.terms().iter().all(along_coordinates);
+    spec.couplings.iter().all(coupled)
+        && spec.drives.iter().all(|d| along_coordinates(&d.measure))
+        && !loaded_across(spec, Vec3(normal))
+        && lies_in_plane(spec, Vec3(normal), IN_PLANE)
+}
+
+/// Does a friction need what a mechanism that moves across `normal` (world, unit) has no rows for? `motion` tells how a
+/// coordinate of a joint moves.
+///
+/// A turn is pressed in the plane, unless it has a collar or a length. A slide is, as long as nothing pushes any body out of the
+/// plane, and it has no arm to be turned about its axis by; one with a length, which moments press, if all masses, joints and
+/// forces lie in one plane besides.
+pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, usize) -> Option<Motion>) -> bool {
+    let leaves = || loaded_across(spec, Vec3(normal));
+    spec.forces.iter().any(|f| match f {
+        Force::Friction(x) => x.follows.as_ref().is_some_and(|follows| match motion(&x.joint, x.coordinate) {
+            Some(Motion::Turn(_)) => follows.length.is_some() || follows.collar.is_some(),
+            Some(Motion::Slide(_)) => {
+                follows.radius.is_some()
+                    || leaves()
+                    || (follows.length.is_some() && !lies_in_plane(spec, Vec3(normal), LEVEL))
+            }
+            Some(Motion::Ball) | None => false,
+        }),
+        _ => false,
+    })
+}
+
+/// Do masses, joints and forces lie in one plane to the part `level` of their reach, so that nothing turns a body out of it?
+fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
+    let bodies: HashMap<&str, _> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
+    let height = |x: Vec3<f64>| (normal.dot(x), x.norm());
+    // a point of a body, or of the ground
+    let at = |body: &str, point: [f64; 3]| match bodies.get(body) {
+        Some(b) => height(Vec3(b.position) + Mat3(b.orientation).apply(Vec3(point))),
+        None => height(Vec3(point)),
+    };
+    let mut heights: Vec<(f64, f64)> = Vec::new();
+    for j in &spec.joints {
+        heights.extend(std::iter::once(j.point).chain(j.child_point).map(|x| height(Vec3(x))));
+    }
+    for f in &spec.forces {
+        match f {
+            Force::Force { body, point, .. } => heights.push(at(body, *point)),
+            Force::Spring { body1, point1, body2, point2, .. } => {
+                heights.extend([at(body1, *point1), at(body2, *point2)]);
+            }
+            _ => {}
+        }
+    }
+    let mut straight = true;
+    for b in &spec.bodies {
+        if b.mass > 0.0 {
+            heights.push(at(&b.name, b.com));
+        }
+        // products of inertia with the normal turn a body out of the plane as it spins
+        let own = Mat3(b.orientation).apply_transposed(normal);
+        let spun = Mat3(b.inertia).apply(own);
+        straight &= (spun - own.times(own.dot(spun))).norm() <= level * spun.norm();
+    }
+    let reach = heights.iter().fold(0.0f64, |m, x| m.max(x.1));
+    let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x.0), b.max(x.0)));
+    straight && (heights.is_empty() || high - low <= level * reach)
+}
+
+/// May anything push a body across the plane?
+fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
+    let across = |x: Vec3<f64>| normal.dot(x).abs() > IN_PLANE * x.norm();
+    let body = |name: &str| spec.bodies.iter().find(|b| b.name == name);
+    let to_body = |name: &str| body(name).map_or(normal, |b| Mat3(b.orientation).apply_transposed(normal));
+    let vector = |value: &VectorValue, normal: Vec3<f64>| match value {
+        VectorValue::Whole(_) => true,
+        VectorValue::Components(x) => {
+            let parts = || x.iter().zip(normal.0).filter(|(_, n)| n.abs() > IN_PLANE);
+            let constant = |(v, _): (&Value, f64)| if let Value::Constant(v) = v { Some(*v) } else { None };
+            let size = parts().filter_map(constant).fold(0.0f64, |m, x| m.max(x.abs()));
+            let sum: f64 = parts().filter_map(|(v, n)| constant((v, n)).map(|v| v * n)).sum();
+            parts().any(|part| constant(part).is_none()) || sum.abs() > IN_PLANE * size
+        }
+    };
+    let height = |name: &str, point: [f64; 3]| {
+        let at = body(name).map_or(Vec3(point), |b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(point)));
+        (normal.dot(at), at.norm())
+    };
+    across(Vec3(spec.gravity))
+        || spec.forces.iter().any(|f| match f {
+            Force::TorsionSpring { .. } | Force::Torque { .. } | Force::Friction(_) | Force::Stop(_) => false,
+            Force::Weightless(_) => false,
+            Force::Force { value, axes: Axes::Body, body, .. } => vector(value, to_body(body)),
+            Force::Force { value, .. } => vector(value, normal),
+            Force::Gravity(x) => vector(&x.value, normal),
+            Force::Spring { body1, point1, body2, point2, .. } => {
+                let ((a, x), (b, y)) = (height(body1, *point1), height(body2, *point2));
+                (a - b).abs() > LEVEL * x.max(y)
+            }
+            Force::Bushing(_) | Force::Contact(_) | Force::Tyre(_) | Force::Law(_) => true,
+        })
+}

@@ -1,0 +1,171 @@
+//! Frictions whose level follows the reaction of their own joint, which in turn depends on the friction.
+//!
+//! ```text
+//! M v' = h + Σ_j b_j f_j + Cᵀ λ,   C v' + b = 0,   f_i = −κ_i N_i(v', λ)                       (G2)
+//! ```
+//! v' and λ, and with them every reaction, are affine in the efforts f. So one elimination with a right-hand side for each
+//! friction tells what a unit of each does, and the small system [`magnitudes`](crate::friction_magnitudes) has the rest. All this is within the applied forces:
+//! what comes out is h(q, v, t), and no formulation need know.
+//!
+//! Cost: one dense factor of M and one of the rows of C for each evaluation, n³/6 + n²m/2 + nm²/2 + m³/6 for n velocities and
+//! m rows, whatever the formulation.
+
+mod respond;
+
+use crate::error::DescriptionError;
+use crate::evaluator::{Engine, Evaluator, Follow, Scratch};
+use crate::force::Element;
+use crate::joint::Motion;
+use crate::planarity::needs_space;
+use crate::spec::{Force, Spec};
+use crate::zero_position::{Placed, PlacedJoint};
+use partita_math::elimination::Pattern;
+use partita_math::spatial::Vec3;
+use partita_system::SystemError;
+
+/// Where the reaction of a joint is read.
+#[derive(Clone, Copy, Debug)]
+enum Read {
+    /// What the joint of the tree passes on to this link; the link whose own motion the coordinate is.
+    Tree { outer: usize, moved: usize },
+    /// The multipliers of this closing; the link that carries the axis, and the axis in its axes.
+    Cut { closing: usize, link: usize, axis: Vec3<f64> },
+}
+
+/// One friction that follows a reaction.
+#[derive(Clone, Debug)]
+struct ReactionFriction {
+    /// Among the elements.
+    element: usize,
+    /// Names of the friction and of its joint.
+    name: String,
+    joint: String,
+    /// The joint, and the link of its child, which its point is on.
+    number: usize,
+    child: usize,
+    read: Read,
+    turn: bool,
+}
+
+/// All frictions of a mechanism that follow reactions.
+#[derive(Clone, Debug)]
+pub(crate) struct Following {
+    frictions: Vec<ReactionFriction>,
+    /// Of C.
+    pattern: Pattern,
+    /// Squared sines below this are none: rows that depend on each other.
+    dependent: f64,
+    /// Is M singular by itself?
+    short_of_mass: bool,
+}
+
+/// Rows closer to those before them than this (rad) are taken as combinations of them.
+const DEPENDENT: f64 = 3e-6;
+
+impl Following {
+    /// Those of a mechanism, if there are any.
+    pub(crate) fn new(own: &Evaluator<f64>, spec: &Spec, pattern: &Pattern) -> Result<Option<Self>, DescriptionError> {
+        let placed = &own.placed;
+        let mut frictions = Vec::new();
+        for (element, e) in own.full.elements.iter().enumerate() {
+            let Element::Friction(e) = e else { continue };
+            if e.follows.is_none() {
+                continue;
+            }
+            let described = spec.forces.iter().find_map(|f| match f {
+                Force::Friction(x) if x.name == e.name => Some(x),
+                _ => None,
+            });
+            let Some(x) = described else { continue };
+            let Some(&number) = placed.joint_numbers.get(&x.joint) else { continue };
+            let p = &placed.joints[number];
+            let fail = |m: String| DescriptionError::new("force", &x.name, m);
+            if p.shape.own.is_some() || p.shape.rows() == 0 {
+                return Err(fail(format!(
+                    "the reaction of joint \"{}\" does not press what slides there (a screw, a constant velocity or a free \
+                     joint); give the level itself (dynamic=)",
+                    x.joint
+                )));
+            }
+            let Some(read) = read(own, placed, p, number, x.coordinate) else { continue };
+            let turn = p.shape.turns(x.coordinate);
+            if turn && x.follows.as_ref().is_some_and(|f| f.radius.is_none()) {
+                return Err(fail(format!(
+                    "joint \"{}\" turns there: a coefficient needs the radius (m) at which it slides",
+                    x.joint
+                )));
+            }
+            let child = placed.link_of(p.child);
+            frictions.push(ReactionFriction {
+                element,
+                name: x.name.clone(),
+                joint: x.joint.clone(),
+                number,
+                child,
+                read,
+                turn,
+            });
+        }
+        let motion =
+            |joint: &str, i: usize| placed.joint_numbers.get(joint).and_then(|&j| placed.joints[j].shape.motion_of(i));
+        if placed.planar && needs_space(spec, placed.basis.0[2], motion) {
+            let message =
+                "a friction follows a reaction that these numbers take out of the plane of the mechanism; describe \
+                           it anew with them";
+            return Err(DescriptionError::new("mechanism", &spec.name, message));
+        }
+        let dependent = DEPENDENT.max(10.0 * spec.drawing_tolerance).powi(2);
+        let short_of_mass = !placed.massless.is_empty();
+        let pattern = pattern.clone();
+        Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, dependent, short_of_mass }))
+    }
+}
+
+/// Where the reaction of a joint and its axis are read.
+fn read(own: &Evaluator<f64>, placed: &Placed, p: &PlacedJoint, number: usize, coordinate: usize) -> Option<Read> {
+    if let Some(links) = &p.links {
+        let outer = placed.link_of(if p.reversed { p.parent } else { p.child });
+        return Some(Read::Tree { outer, moved: *links.get(coordinate)? });
+    }
+    let closing = match &own.engine {
+        Engine::Planar(tree) => tree.closings.iter().position(|k| k.joint == number),
+        Engine::Full => own.full.closings.iter().position(|k| k.joint == number),
+    }?;
+    let mut turns = p.shape.motions.iter().filter_map(|m| if let Motion::Turn(a) = m { Some(*a) } else { None });
+    let first = turns.next();
+    let (link, axis) = match p.shape.motion_of(coordinate)? {
+        // the second of two turns is about an axis of the child
+        Motion::Turn(a) if turns.next() == Some(a) && first != Some(a) => {
+            (placed.link_of(p.child), p.on_child.apply(a))
+        }
+        Motion::Turn(a) | Motion::Slide(a) => (placed.link_of(p.parent), p.on_parent.apply(a)),
+        Motion::Ball => return None,
+    };
+    Some(Read::Cut { closing, link, axis })
+}
+
+impl Follow<f64> for Following {
+    fn count(&self) -> usize {
+        self.frictions.len()
+    }
+
+    fn add(
+        &self,
+        model: &Evaluator<f64>,
+        (t, q, v): (f64, &[f64], &[f64]),
+        s: &mut Scratch<f64>,
+    ) -> Result<(), SystemError> {
+        let mut hold = std::mem::take(&mut s.hold);
+        let at = model.instant(t, q, v);
+        let found = match (&model.engine, &mut s.planar) {
+            (Engine::Planar(tree), Some(x)) => {
+                let found = self.magnitudes(model, tree, &at, x, &mut s.planar_forces, &mut hold);
+                s.full_forces.normal_forces.clone_from(&s.planar_forces.normal_forces);
+                found
+            }
+            _ => self.magnitudes(model, &model.full, &at, &mut s.full, &mut s.full_forces, &mut hold),
+        };
+        s.hold = hold;
+        found
+    }
+}

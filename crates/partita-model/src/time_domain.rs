@@ -1,0 +1,88 @@
+//! How long a mechanism is described: to the end of the table that ends first.
+
+use crate::spec::{Force, Level, Load, Spec, Table, Turning, Value, VectorValue};
+use partita_system::breakpoints::{Breakpoints, Enters};
+
+fn tables(value: &VectorValue) -> Vec<&Value> {
+    match value {
+        VectorValue::Components(all) => all.iter().collect(),
+        VectorValue::Whole(one) => vec![one],
+    }
+}
+
+/// All tables of time, with what they belong to, in words, and how they enter.
+fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
+    let drives = spec.drives.iter().map(|d| {
+        let enters = match d.level {
+            Level::Position => Enters::Position,
+            Level::Velocity => Enters::Rate,
+        };
+        (&d.motion, words(&d.name, "drive"), enters)
+    });
+    let forces = spec.forces.iter().flat_map(|f| {
+        let values = match f {
+            // a table over a coordinate has no end in time
+            Force::Torque { over: Some(_), .. } => Vec::new(),
+            Force::Torque { value, .. } => vec![value],
+            Force::Force { value, .. } => tables(value),
+            Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
+            other => other.load().map_or_else(Vec::new, Load::values),
+        };
+        values.into_iter().map(|value| (value, words(f.name(), "force"), Enters::Effort))
+    });
+    drives.chain(forces).filter_map(|(value, what, enters)| match value {
+        Value::Table(table) => Some((table, what, enters)),
+        Value::Constant(_) | Value::Function(_) => None,
+    })
+}
+
+/// The end of the table that ends first, and what it belongs to, in words.
+pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
+    // a turn begins anew in each interval: it has an end, but its knots are none of one curve
+    let turns = spec.drives.iter().filter_map(|d| match &d.turning {
+        Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
+        _ => None,
+    });
+    let ends = all(spec).chain(turns).filter_map(|(table, what, _)| Some((*table.breaks.last()?, what)));
+    ends.reduce(|first, other| if other.0 < first.0 { other } else { first })
+}
+
+/// A point of a table is a corner if it lies off the straight line between its neighbours by more than this part of the
+/// table's range: of a curve with a hundred points a wave none is.
+const DISCONTINUITY: f64 = 1e-3;
+
+/// Ascending times at which a table turns a corner: a pulse has some, and a step that saw none of them would pass it unseen.
+pub fn discontinuities(spec: &Spec) -> Vec<f64> {
+    let mut found: Vec<f64> = all(spec).flat_map(|(table, ..)| discontinuities_of(table)).collect();
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    found
+}
+
+/// The knots of all tables of time.
+pub fn breakpoints(spec: &Spec) -> Vec<Breakpoints> {
+    all(spec)
+        .filter_map(|(table, _, enters)| Breakpoints::new(&table.breaks, &table.coefficients, enters, false, false))
+        .collect()
+}
+
+fn discontinuities_of(table: &Table) -> Vec<f64> {
+    let t = &table.breaks;
+    let (Some(last), Some(from)) = (table.coefficients.last(), t.len().checked_sub(2)) else { return Vec::new() };
+    let mut values: Vec<f64> = table.coefficients.iter().map(|c| c[3]).collect();
+    values.push(last.iter().fold(0.0, |sum, c| sum * (t[from + 1] - t[from]) + c));
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+    let is_discontinuity = |i: &usize| {
+        let part = (t[*i] - t[i - 1]) / (t[i + 1] - t[i - 1]);
+        (values[i - 1] + part * (values[i + 1] - values[i - 1]) - values[*i]).abs() > DISCONTINUITY * (high - low)
+    };
+    (1..=from).filter(is_discontinuity).map(|i| t[i]).collect()
+}
+
+/// Usual names say what they are themselves.
+fn words(name: &str, kind: &str) -> String {
+    match name.starts_with(&format!("{kind} of ")) || name.starts_with("torque of ") {
+        true => format!("the {name}"),
+        false => format!("{kind} \"{name}\""),
+    }
+}

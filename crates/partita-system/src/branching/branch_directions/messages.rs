@@ -1,0 +1,131 @@
+//! What rates single out, and why they do not, in words.
+
+use super::{largest, Asked, BranchDirections, BESIDE, ON};
+use crate::branching::{FLAT, WRITTEN};
+use crate::system::ConstrainedSystem;
+use partita_math::factor::symmetric_eigen;
+use partita_math::formatted;
+
+impl<S: ConstrainedSystem> BranchDirections<'_, S> {
+    pub(super) fn asked_rates(&self, asked: &[Asked]) -> String {
+        let all: Vec<String> =
+            asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, formatted(x.rate))).collect();
+        let more = if asked.len() > WRITTEN { ", ..." } else { "" };
+        format!("{}{more}", all.join(", "))
+    }
+
+    /// Rates of what moves, as they are asked for.
+    pub(super) fn written(&self, w: &[f64]) -> String {
+        let v = self.natural(w);
+        let top = largest(w);
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON * top).collect();
+        if moving.is_empty() || moving.len() > WRITTEN {
+            return "see the report for its rates".into();
+        }
+        let all: Vec<String> =
+            moving.iter().map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), formatted(v[i]))).collect();
+        format!("assemble(rates={{{}}})", all.join(", "))
+    }
+
+    /// The rates do not tell between branches.
+    pub(super) fn which(&self, asked: &[Asked]) -> String {
+        if self.k == 1 {
+            let branch_directions: Vec<String> = self
+                .planes
+                .iter()
+                .flatten()
+                .filter_map(|plane| self.on_plane(plane))
+                .map(|(base, _)| self.written(&base))
+                .collect();
+            return format!("the drives leave it two ways, tell which: {}", branch_directions.join(" or "));
+        }
+        match asked.is_empty() {
+            true => REST.into(),
+            false => format!(
+                "the rates {} are had on more than one branch; give the rate of one more joint, and it starts on the branch \
+                 that they single out",
+                self.asked_rates(asked)
+            ),
+        }
+    }
+
+    pub(super) fn none(&self, asked: &[Asked], nearest: &[f64]) -> String {
+        let of: Vec<String> =
+            asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, formatted(self.read(x, nearest)))).collect();
+        format!(
+            "the rates {} lie on no branch; on the nearest one {}: {}",
+            self.asked_rates(asked),
+            of.join(", "),
+            self.written(nearest)
+        )
+    }
+
+    /// The same for velocities of a state.
+    pub(super) fn nearest(&self, w: &[f64], asked: &[Asked]) -> String {
+        let fits = self.planes.iter().flatten().filter_map(|plane| self.on_plane(plane));
+        let fits = fits.filter_map(|(base, basis)| self.fit(&base, &basis, w, &[]));
+        let off = |v: &[f64]| v.iter().zip(w).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+        let best = fits.map(|fit| fit.v).min_by(|a, b| off(a).total_cmp(&off(b)));
+        self.none(asked, &best.unwrap_or_else(|| self.projected(w)))
+    }
+
+    /// The branch along `v`, as it is told.
+    pub fn described(&self, v: &[f64]) -> String {
+        let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
+        let top = largest(&w);
+        let moving: Vec<usize> = (0..v.len()).filter(|&i| w[i].abs() > ON * top).collect();
+        let all: Vec<String> = moving
+            .iter()
+            .take(WRITTEN)
+            .map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), formatted(v[i])))
+            .collect();
+        format!("{{{}{}}}", all.join(", "), if moving.len() > WRITTEN { ", ..." } else { "" })
+    }
+
+    /// Why no velocity is allowed at all, in words that end a sentence.
+    pub(super) fn impossible(&self) -> Option<String> {
+        let (off, row, _) = self.forbidden;
+        let fastest = self.unit.max(largest(&self.particular));
+        if self.driven && off.abs() > BESIDE * fastest {
+            let (what, speed) = (self.system.row_owner(row), self.drive_speed(row));
+            return Some(format!(
+                "{what} asks for {speed} at t = {}, and nothing moves at that rate here: in a dead centre the rate has to \
+                 be 0, and the course to bend inwards",
+                self.t
+            ));
+        }
+        if !self.driven {
+            return None;
+        }
+        let (values, _) = symmetric_eigen(&self.form).ok()?;
+        let top = largest(&values);
+        let acts: Vec<f64> = values.into_iter().filter(|x| x.abs() > FLAT * top).collect();
+        let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
+        if acts.len() < 2 && rest <= FLAT * top {
+            return Some(
+                "to second order the drives stand still here, and which way the joints go on is decided by higher orders, \
+                 that are not looked at; let the course begin with an acceleration inwards"
+                    .to_owned(),
+            );
+        }
+        let one_sign = acts.iter().all(|x| x * acts[0] > 0.0);
+        one_sign.then(|| {
+            format!(
+                "to second order the drives ask for what the joints cannot follow at t = {} ({whose}): the course bends \
+                 outwards, where nothing can go; let it bend inwards",
+                self.t
+            )
+        })
+    }
+
+    pub(super) fn drive_speed(&self, row: usize) -> String {
+        let unit = if self.system.row_is_angle(row) { "rad/s" } else { "m/s" };
+        format!("{} {unit}", formatted(self.forbidden.2))
+    }
+}
+
+pub(super) const REST: &str =
+    "at rest nothing says which way it goes; with rates that only one branch has, as in assemble(rates=...), it \
+                    starts along that branch";
+pub(super) const TOUCH: &str =
+    "these rates lie where branches touch, and the motion from there is not unique to second order";

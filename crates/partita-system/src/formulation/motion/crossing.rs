@@ -1,0 +1,326 @@
+//! Singular positions on the way of a motion: foreseen, crossed and verified, told from dead points of the choice.
+
+use super::Motion;
+use crate::error::Result;
+use crate::formulation::{Formulation, Step};
+use crate::positions::Positions;
+use crate::reduction::{Reduction, Sides};
+use crate::singular::change_point::{Advice, Crossing, Probe};
+use crate::singular::checkpoint::{Checkpoints, StepBoundary};
+use crate::singular::dead_point::{self, Loss};
+use crate::start::choose_partition;
+use crate::system::{ConstrainedSystem, Size, SystemError};
+use crate::tangent::Tangent;
+
+/// Steps are no longer than this much motion, in radians or parts of a characteristic length: an error estimate that
+/// looks at a
+/// dozen places of a turn sees a circle, and singular positions lie half a turn apart.
+const LONGEST: f64 = 1.2;
+
+/// Of redundant rows, those kept are given up where they will be so many times nearer to dependence than others.
+const POOR_BESIDE: f64 = 0.3;
+
+/// This part of the distance at the ends of a step is none: v is exact to 1e-12 there, v' to 1e-8.
+const NOTHING: f64 = 1e-3;
+
+/// So often in a row is a step shortened in which the choice came to a dead point of its own; where it is not what is
+/// integrated
+/// that does no harm.
+const MOST_SPOILT: u32 = 6;
+
+/// Rows that may take the place of those kept, and how far from singular the mechanism is by them.
+struct Others {
+    rows: Vec<usize>,
+    distance: f64,
+}
+
+/// The way since the last singular position, and what the step under way and the one that was judged tell of the next.
+pub(super) struct CrossingMonitor {
+    pub(super) crossing: Crossing,
+    pub(super) crosses_next: bool,
+    pub(super) checkpoints: Checkpoints,
+    /// Start of the step under way, and the end of the one that was judged.
+    step_start: StepBoundary,
+    step_end: StepBoundary,
+    /// Rows to be kept from the start of the step under way on.
+    others: Option<Others>,
+    /// Margin at the start of the step under way.
+    margin_before: Option<(f64, u64)>,
+    /// Is the length of steps free?
+    paced: bool,
+    /// Sides of C_D there and at the end of the step that was judged.
+    pub(super) sides: Sides,
+    sides_ahead: Sides,
+    /// Was C_D singular within the step that was judged, the mechanism close to it; and did velocities jump there?
+    flipped: bool,
+    pub(super) lost: bool,
+    /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
+    pub(super) spoilt: bool,
+    pub(super) serving: Option<Vec<usize>>,
+    pub(super) spoilt_in_a_row: u32,
+    /// Largest rate at the end of the step that was judged, in reaches.
+    fastest: f64,
+}
+
+impl CrossingMonitor {
+    pub(super) fn new(size: Size) -> Self {
+        Self {
+            crossing: Crossing::default(),
+            crosses_next: false,
+            checkpoints: Checkpoints::new(size.nq, size.nv),
+            step_start: StepBoundary::new(size.nq, size.nv),
+            step_end: StepBoundary::new(size.nq, size.nv),
+            others: None,
+            margin_before: None,
+            paced: false,
+            sides: Sides::new(size.rows),
+            sides_ahead: Sides::new(size.rows),
+            flipped: false,
+            lost: false,
+            spoilt: false,
+            serving: None,
+            spoilt_in_a_row: 0,
+            fastest: 0.0,
+        }
+    }
+}
+
+impl CrossingMonitor {
+    /// Length of the step that was judged; none before the first.
+    pub(super) fn length(&self) -> Option<f64> {
+        let (from, to) = (&self.step_start, &self.step_end);
+        (!from.v().is_empty() && !to.v().is_empty()).then(|| (to.t() - from.t()).abs())
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
+    /// How far from singular the mechanism will be so far ahead of the state (t, y), by the plan of now.
+    pub(super) fn probe(&mut self, t: f64, y: &[f64], ahead: f64) -> Probe {
+        // where a drive leads to the limit of a loop nothing lies beyond
+        if (P::CLOSED && self.k == 0) || self.evaluate(t, y).is_err() {
+            return Probe::Unknown;
+        }
+        let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
+        self.tangent.full_acceleration(&mut self.vdot);
+        let v = &self.tangent.seen().v;
+        let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
+        let mut q = self.positions.q().to_vec();
+        self.system.step(&mut q, &moved);
+        let there = t + ahead;
+        let found = self.tangent.reduction().position(there, &q);
+        let by_plan = match found.and_then(|()| self.tangent.tangent(there, &q, false)) {
+            // a plan made there was made for a place that the step keeps away from; one for here follows with the next
+            // evaluation
+            Ok(()) => match self.tangent.margin() {
+                Some((distance, same)) if same == plan => Probe::Distance(distance),
+                _ => Probe::Unknown,
+            },
+            Err(_) => Probe::Unknown,
+        };
+        let Some(others) = self.others(there, &q) else { return by_plan };
+        let kept = if let Probe::Distance(kept) = by_plan { kept } else { 0.0 };
+        let distance = kept.max(others.distance);
+        self.monitor.others = (kept < POOR_BESIDE * others.distance).then_some(others);
+        Probe::Distance(distance)
+    }
+
+    /// Of redundant rows those kept lose rank in positions where nothing is wrong with the mechanism: those that serve
+    /// best at
+    /// (t, q). None where there are no other rows.
+    fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
+        let rank = self.tangent.seen().rank();
+        if rank == self.system.size().rows {
+            return None;
+        }
+        let mut best = Reduction::new(self.system, rank).keeping(&self.tangent.seen().partition.rows);
+        choose_partition(&mut best, t, q, None, None).ok()?;
+        Some(Others { distance: best.distance().0, rows: best.partition.rows })
+    }
+
+    /// Keep other rows from (t, y) on, if a look ahead found those in use about to lose rank and others not. True if
+    /// so.
+    fn keep_others(&mut self, t: f64, y: &[f64]) -> Result<bool> {
+        let Some(others) = self.monitor.others.take() else { return Ok(false) };
+        self.evaluate(t, y)?;
+        let r = self.tangent.reduction();
+        let serves = r.keep_rows(t, &others.rows).is_ok() && r.distance().0 > POOR_BESIDE * others.distance;
+        if !serves {
+            r.factor(t)?;
+            r.exchange_rows(t)?; // those that are best here
+        }
+        r.sides(&mut self.monitor.sides);
+        self.monitor.margin_before = None;
+        Ok(true)
+    }
+
+    /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
+    pub(super) fn look_back(&mut self, t: f64) {
+        if !self.breakpoints.is_empty() {
+            let r = self.tangent.reduction();
+            r.system.breakpoint_readings(t, self.positions.q(), &r.v, &mut r.scratch, self.breakpoints.ends(t));
+        }
+        self.tangent.full_acceleration(&mut self.vdot);
+        let r = self.tangent.seen();
+        self.monitor.fastest =
+            (0..r.v.len()).fold(0.0, |m, i| m.max(r.v[i].abs() / self.system.characteristic_displacement(i)));
+        self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
+        (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
+        if self.margin.is_none() {
+            return;
+        }
+        r.sides(&mut self.monitor.sides_ahead);
+        self.monitor.flipped = self.monitor.sides.differ(&self.monitor.sides_ahead);
+        if self.monitor.flipped {
+            let loss = self.loss();
+            if !matches!(loss, Loss::Mechanism) {
+                self.monitor.flipped = false;
+                self.monitor.spoilt = self.monitor.spoilt_in_a_row < MOST_SPOILT;
+                self.monitor.serving = if let Loss::Rows(rows) = loss { Some(rows) } else { None };
+                return;
+            }
+        }
+        if !self.monitor.flipped && self.monitor.crossing.zero().is_some_and(|zero| zero < t) && self.stays_clear() {
+            self.monitor.crossing.forget();
+        }
+        if P::CLOSED {
+            return; // positions on another branch are told apart where they are solved for
+        }
+        let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
+        let creeps = self.monitor.flipped && self.monitor.crossing.creeps(t - self.monitor.step_start.t());
+        self.monitor.lost = crosses
+            && self.monitor.paced
+            && (creeps || !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales()));
+    }
+
+    /// What lost rank in the step that was judged, in which C_D changed sides?
+    fn loss(&self) -> Loss {
+        let (one, two) = (&self.monitor.step_start, &self.monitor.step_end);
+        let (half_t, half) = self.half_way();
+        let ends = [(one.t(), one.q()), (two.t(), two.q())];
+        dead_point::loss(self.tangent.seen(), ends, (half_t, &half))
+    }
+
+    /// Redundant rows: is the mechanism as far from singular half-way through the step that was judged as at its ends? Rows
+    /// kept come near to dependence elsewhere, and what their distance foretells need not be there.
+    fn stays_clear(&self) -> bool {
+        let at_ends =
+            [self.monitor.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));
+        let (t, q) = self.half_way();
+        self.others(t, &q).is_some_and(|half| half.distance > POOR_BESIDE * at_ends)
+    }
+
+    /// Is the position last evaluated, inside the step that was judged, singular for all that can be computed? Next to
+    /// one v is
+    /// off by round-off over the distance, v' by that over its square.
+    pub(super) fn stands_in_a_singular_position(&mut self) -> bool {
+        let at_ends = [self.monitor.margin_before, self.margin].into_iter().flatten().fold(0.0, |m: f64, x| m.max(x.0));
+        at_ends > 0.0 && self.tangent.margin().is_none_or(|(here, _)| here < NOTHING * at_ends)
+    }
+
+    /// Half-way through the step that was judged.
+    pub(super) fn half_way(&self) -> (f64, Vec<f64>) {
+        let mut q = self.monitor.step_start.q().to_vec();
+        self.system.step(&mut q, &self.monitor.step_start.half_way(&self.monitor.step_end));
+        (0.5 * (self.monitor.step_start.t() + self.monitor.step_end.t()), q)
+    }
+
+    /// When C_D was singular within the step to t that was judged: between the distances at both its ends, which are
+    /// of one
+    /// choice, or, where the first is not known, as foreseen.
+    pub(super) fn flip(&self, t: f64) -> Option<f64> {
+        let (from, h) = (self.monitor.step_start.t(), t - self.monitor.step_start.t());
+        let zero = match (self.monitor.margin_before, self.margin) {
+            (Some((one, _)), Some((two, _))) if one + two > 0.0 => from + h * one / (one + two),
+            _ => self.monitor.crossing.zero().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
+        };
+        self.monitor.flipped.then_some(zero)
+    }
+
+    /// The step that was judged lost the branch: cross with another length, or from farther away.
+    pub(super) fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let zero = self.monitor.crossing.zero().or_else(|| self.flip(self.monitor.step_end.t())).unwrap_or(step.t);
+        if let Some(pace) = step.pace.as_deref_mut() {
+            if self.monitor.crossing.again(zero, step.t, pace) {
+                self.monitor.crosses_next = true;
+                self.derivative(step.t, step.y, step.dy)?;
+                return Ok(true);
+            }
+        }
+        match self.monitor.crossing.back(zero) {
+            Some(to) if self.go_back(zero, to, step)? => Ok(true),
+            _ => Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() }),
+        }
+    }
+
+    /// Put the march back to a state not after `to`, before the singular position at `zero`. False where none is left.
+    pub(super) fn go_back(&mut self, zero: f64, to: f64, step: &mut Step) -> Result<bool, SystemError> {
+        let (p, w) = self.places();
+        let (Some(checkpoint), Some(pace)) = (self.monitor.checkpoints.back_to(to), step.pace.as_deref_mut()) else {
+            return Ok(false);
+        };
+        let (t, mut q) = (checkpoint.t, checkpoint.q);
+        self.tangent.resume(t, &mut q, &checkpoint.v)?;
+        self.positions.start(&mut self.tangent, t, &q, step.y);
+        self.tangent.select(&checkpoint.v, &mut step.y[p..w]);
+        if self.observes_work {
+            step.y[w] = checkpoint.work;
+        }
+        step.turns.copy_from_slice(&checkpoint.turns);
+        step.t = t;
+        self.monitor.crossing.put_back(zero, t, pace);
+        self.monitor.crosses_next = true;
+        self.derivative(t, step.y, step.dy)?;
+        self.margin = self.tangent.margin();
+        self.look_back(t);
+        self.begin();
+        Ok(true)
+    }
+
+    /// The next step begins where the one that was judged ended.
+    pub(super) fn begin(&mut self) {
+        self.breakpoints.accept();
+        std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
+        std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
+        self.monitor.margin_before = self.margin;
+        (self.monitor.flipped, self.monitor.lost) = (false, false);
+        let r = self.tangent.seen();
+        if r.choices() != self.monitor.sides.choice() {
+            r.sides(&mut self.monitor.sides); // of a choice made at the end
+            self.monitor.margin_before = None;
+        }
+    }
+
+    /// How the march goes on from (t, y).
+    pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
+        let Some(pace) = step.pace.take() else { return Ok(false) };
+        self.monitor.paced = true;
+        if self.tangent.seen().rank() > 0 && self.monitor.fastest > 0.0 {
+            pace.next = pace.next.min(LONGEST / self.monitor.fastest);
+        }
+        let mut crossing = std::mem::take(&mut self.monitor.crossing);
+        let (t, y) = (step.t, &*step.y);
+        let advice = crossing.foresee(t, pace, self.margin, |ahead| self.probe(t, y, ahead));
+        self.monitor.crossing = crossing;
+        if self.keep_others(t, y)? && self.monitor.crossing.zero().is_none() {
+            pace.floor = 0.0; // what fell was the distance of the rows given up
+        }
+        self.monitor.crosses_next = advice != Advice::Free;
+        if let Advice::GiveUp { zero } = advice {
+            return Err(SystemError::Crossing { t: zero, tries: self.monitor.crossing.tries() });
+        }
+        if let Advice::Back { zero, to } = advice {
+            step.pace = Some(pace);
+            if self.go_back(zero, to, step)? {
+                return Ok(true);
+            }
+            if let Some(pace) = step.pace.as_deref_mut() {
+                self.monitor.crossing.cross(zero, t, pace);
+            }
+        } else if !P::CLOSED {
+            let (w, apart) = (self.work(y), 0.25 * self.monitor.crossing.usual());
+            let (q, v) = (&y[..self.system.size().nq], self.monitor.step_start.v());
+            self.monitor.checkpoints.push(t, apart, (q, v), w, step.turns);
+        }
+        Ok(false)
+    }
+}

@@ -1,0 +1,100 @@
+//! What stays open, in words.
+
+use super::descent::Ending;
+use super::Assembly;
+use crate::manifold::least_change::LeastChange;
+use crate::messages::{loop_of, some};
+use crate::system::{ConstrainedSystem, SystemError};
+use partita_math::formatted;
+
+fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String {
+    let s = &d.scaled;
+    let mut open: Vec<usize> = (0..s.rows()).filter(|&i| s.phi[i].abs() > tolerance).collect();
+    open.sort_by(|&a, &b| s.phi[b].abs().total_cmp(&s.phi[a].abs()));
+    some(
+        &open
+            .iter()
+            .map(|&i| format!("{} by {}", s.system.row_description(i), formatted(s.raw(i).abs())))
+            .collect::<Vec<_>>(),
+    )
+}
+
+/// `Assembly` at the position last evaluated.
+pub(super) fn open<S: ConstrainedSystem>(
+    d: &LeastChange<S>,
+    report: &Assembly,
+    tolerance: f64,
+    advice: &str,
+) -> SystemError {
+    stopped(d, report, tolerance, (open_rows(d, tolerance), advice))
+}
+
+fn stopped<S: ConstrainedSystem>(
+    d: &LeastChange<S>,
+    report: &Assembly,
+    tolerance: f64,
+    (loops, advice): (String, &str),
+) -> SystemError {
+    let (iterations, residual) = (report.iterations, d.scaled.residual());
+    SystemError::Assembly { iterations, residual, tolerance, loops, advice: advice.into() }
+}
+
+/// Why the best position found, the one last evaluated, is not closed.
+pub(super) fn refused<S: ConstrainedSystem>(
+    d: &LeastChange<S>,
+    endings: &[Ending],
+    turned: &[usize],
+    report: &Assembly,
+    tolerance: f64,
+) -> SystemError {
+    let s = &d.scaled;
+    let worst = |a: &usize, b: &usize| s.phi[*a].abs().total_cmp(&s.phi[*b].abs());
+    let of = |ending: Ending| {
+        let parts = d.blocks.iter().zip(endings).filter(move |(_, e)| **e == ending);
+        parts.flat_map(|(b, _)| b.rows.iter().copied()).max_by(worst)
+    };
+    if let (Some(&row), true) = (turned.first(), endings.contains(&Ending::TurnedOver)) {
+        let words = s.system.row_description(row);
+        let advice = format!(
+            "all of {} starts close {words} the wrong way round, its axes pointing backwards; draw {} nearer to where it \
+             closes, or turn its axis on one of its bodies",
+            report.restarts + 1,
+            closed_loop(d, row)
+        );
+        let over = turned.iter().map(|&i| format!("{} the wrong way round", s.system.row_description(i)));
+        let mut loops: Vec<String> = over.collect();
+        loops.extend(Some(open_rows(d, tolerance)).filter(|x| !x.is_empty()));
+        return stopped(d, report, tolerance, (some(&loops), &advice));
+    }
+    let Some(row) = of(Ending::AtRest) else {
+        let farthest = of(Ending::Unfinished).map_or_else(String::new, |i| closed_loop(d, i));
+        let advice = format!(
+            "none of {} starts came to rest, so this says nothing of the lengths; draw {farthest} nearer to where it closes, \
+             or start from a state in which it does",
+            report.restarts + 1
+        );
+        return open(d, report, tolerance, &advice);
+    };
+    // all rows of the same joint
+    let owner = |i: usize| s.system.row_name(i).rsplit_once('.').map_or_else(|| s.system.row_name(i), |x| x.0.into());
+    let name = owner(row);
+    let rows: Vec<usize> = (0..s.rows()).filter(|&i| owner(i) == name).collect();
+    let size = |angle: bool| {
+        let of_kind = rows.iter().filter(|&&i| s.system.row_is_angle(i) == angle);
+        of_kind.map(|&i| s.raw(i).powi(2)).sum::<f64>().sqrt()
+    };
+    SystemError::Lengths {
+        owner: name.into(),
+        loop_description: closed_loop(d, row).into(),
+        shortfall: size(false),
+        angle: size(true),
+        starts: report.restarts + 1,
+        iterations: report.iterations,
+        residual: s.residual(),
+        loops: open_rows(d, tolerance).into(),
+    }
+}
+
+fn closed_loop<S: ConstrainedSystem>(d: &LeastChange<S>, row: usize) -> String {
+    format!("{} closed by {}", loop_of(d.scaled.system, row), d.scaled.system.row_description(row))
+}

@@ -1,0 +1,157 @@
+//! How far conditions stand open: in parts of what a large move opens them by, so that units and sizes cancel.
+
+use super::{largest, velocity_residuals, Reduction};
+use crate::system::{ConstrainedSystem, SystemError};
+
+/// Conditions open by less than this part of their size count as closed: the accuracy asked of whole runs.
+pub const CLOSED: f64 = 1e-9;
+/// Conditions open by more than this part of their size are open: a thousand times what is called closed, so that what is
+/// merely badly conditioned stays below.
+pub const OPEN: f64 = 1e-6;
+/// Rates off by more than this part of the fastest are open. Of positions that are closed they may be the root of [`OPEN`] off
+/// next to a singular position; where conditions hold for rates alone [`OPEN`] is asked of these.
+pub const OPEN_RATE: f64 = 1e-3;
+
+/// A step drifts by its error; one that leaves a condition by more than this part of its size is too long, whatever it was
+/// allowed.
+const JUMP: f64 = 1e-3;
+
+/// What holds a dropped row takes part in its contradiction with at least this part of the row: less is round-off.
+const TAKES_PART: f64 = 1e-6;
+
+impl<S: ConstrainedSystem> Reduction<'_, S> {
+    /// What a large move opens row i by: 1 for an angle, a length for a displacement.
+    pub fn row_size(&self, i: usize) -> f64 {
+        self.row_size[i]
+    }
+
+    /// Rows left out as redundant, ascending.
+    pub fn dropped(&self) -> &[usize] {
+        &self.dropped
+    }
+
+    /// Largest |Φ_i| in parts of its row's size, and its row; NaN counts as infinite.
+    pub fn gap(&self) -> (f64, usize) {
+        worst(self.phi.iter().zip(&self.row_size).map(|(x, size)| x / size).enumerate())
+    }
+
+    /// The same over the rows that were dropped.
+    pub fn dropped_gap(&self) -> (f64, usize) {
+        let positions = self.dropped.iter().filter(|&&i| i < self.size.holonomic);
+        worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i])))
+    }
+
+    /// The same over the rows that were kept.
+    pub fn gap_of_kept(&self) -> f64 {
+        let positions = self.partition.rows.iter().filter(|&&i| i < self.size.holonomic);
+        worst(positions.map(|&i| (i, self.phi[i] / self.row_size[i]))).0
+    }
+
+    /// Largest |C v + a|_i over its row's size [1/s], and its row.
+    pub fn velocity_gap(&self) -> (f64, usize) {
+        let open = velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a);
+        worst(open.zip(&self.row_size).map(|(x, size)| x / size).enumerate())
+    }
+
+    /// The same over the rows that were dropped.
+    pub fn dropped_velocity_gap(&self) -> (f64, usize) {
+        worst(self.dropped.iter().map(|&i| (i, (self.row_times(i, &self.v) + self.a[i]) / self.row_size[i])))
+    }
+
+    /// Largest |C v' + b|_i over its row's size [1/s²] of the rows that were dropped, and its row.      (S5)
+    pub fn dropped_acceleration_gap(&self, vdot: &[f64]) -> (f64, usize) {
+        worst(self.dropped.iter().map(|&i| (i, (self.row_times(i, vdot) + self.b[i]) / self.row_size[i])))
+    }
+
+    /// Largest |C v' + b|_i over its row's size [1/s²], and its row.
+    pub fn acceleration_gap(&self, vdot: &[f64]) -> (f64, usize) {
+        let open = velocity_residuals(self.system.pattern(), &self.c, vdot, &self.b).zip(&self.row_size);
+        worst(open.map(|(x, size)| x / size).enumerate())
+    }
+
+    /// Row i of C times x.
+    pub fn row_times(&self, i: usize, x: &[f64]) -> f64 {
+        let pattern = self.system.pattern();
+        pattern.row(i).map(|e| self.c[e] * x[pattern.col_idx[e]]).sum()
+    }
+
+    /// The fastest rate at hand [1/s]: of velocities in reaches, and of what moves the conditions themselves.
+    pub fn fastest(&self) -> f64 {
+        let moved = largest(self.v.iter().zip(&self.displacement).map(|(v, displacement)| v / displacement));
+        moved.max(largest(self.a.iter().zip(&self.row_size).map(|(a, size)| a / size)))
+    }
+
+    /// An energy at hand: of what is hardest to move, moved by its reach in a second.
+    pub fn natural_energy(&self) -> f64 {
+        let energies =
+            self.s2.iter().zip(&self.displacement).map(|(s2, displacement)| displacement * displacement / s2);
+        largest(energies).max(f64::MIN_POSITIVE)
+    }
+
+    /// The strongest acceleration at hand [1/s²], as `fastest`.
+    pub fn strongest(&self, vdot: &[f64]) -> f64 {
+        let moved = largest(vdot.iter().zip(&self.displacement).map(|(v, displacement)| v / displacement));
+        moved.max(largest(self.b.iter().zip(&self.row_size).map(|(b, size)| b / size)))
+    }
+
+    /// Does a step end with a drive or a function of the user's so far open that it left it, rather than drifted?
+    ///
+    /// # Errors
+    /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.
+    pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
+        let given = (0..self.size.holonomic).filter(|&i| self.system.row_may_jump(i));
+        let (part, row) = worst(given.map(|i| (i, self.phi[i] / self.row_size[i])));
+        if part <= JUMP {
+            return Ok(());
+        }
+        let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
+        Err(SystemError::Jump { what: what.into(), t, by })
+    }
+
+    /// The dropped row i against the kept rows it follows from: who contradicts whom. Needs the factors of C_D.
+    pub fn contradiction(&mut self, t: f64, row: usize, off: f64, unit: &'static str) -> SystemError {
+        let pattern = self.system.pattern();
+        let mut of_row = vec![0.0; self.size.nv];
+        pattern.row(row).for_each(|e| of_row[pattern.col_idx[e]] = self.c[e]);
+        // C_Dᵀ w = (C_i)_D: the row as a sum of kept ones
+        let mut w: Vec<f64> = self.partition.dependent.iter().map(|&i| of_row[i]).collect();
+        self.solve_transposed(&mut w);
+        let who = self.system.row_owner(row);
+        let mut whom: Vec<(bool, String)> = Vec::new();
+        for (w, &kept) in w.iter().zip(&self.partition.rows) {
+            let owner = (!self.system.row_is_drive(kept), self.system.row_owner(kept));
+            let part = w.abs() * self.row_size[kept] / self.row_size[row];
+            if part > TAKES_PART && owner.1 != who && !whom.contains(&owner) {
+                whom.push(owner);
+            }
+        }
+        whom.sort(); // drives first: they are what is easily changed
+        let whom_drives = whom.iter().any(|x| !x.0);
+        let (angle, drive) = (self.system.row_is_angle(row), self.system.row_is_drive(row));
+        let unit = match (angle, self.row_displacement[row].is_some()) {
+            (true, _) => format!("rad{unit}"),
+            (false, true) => format!("m{unit}"),
+            _ => format!("(in its own unit){unit}"),
+        };
+        SystemError::Contradiction {
+            t,
+            who: who.into(),
+            whom: whom.into_iter().map(|x| x.1).collect(),
+            gap: off * self.row_size[row],
+            unit: unit.into(),
+            drive: drive || whom_drives,
+        }
+    }
+}
+
+/// The largest |x| and where; NaN counts as infinite.
+fn worst(all: impl Iterator<Item = (usize, f64)>) -> (f64, usize) {
+    all.fold((0.0, 0), |best: (f64, usize), (i, x)| {
+        let x = if x.is_nan() { f64::INFINITY } else { x.abs() };
+        if x > best.0 {
+            (x, i)
+        } else {
+            best
+        }
+    })
+}

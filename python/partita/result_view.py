@@ -1,0 +1,126 @@
+"""What figures, pages and files read of a run: the form of a `Result`, without its methods that draw and write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ArgumentError
+from .naming import Names, coordinate_units
+from .numeric import shown
+
+FloatArray = NDArray[np.float64]
+
+
+def checked_run(result: Any) -> None:
+    """Refuse what is no run, before a figure or a page is begun."""
+    if not all(hasattr(result, name) for name in ("t", "names", "summary")):
+        raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
+
+
+FEW = np.pi / 3.0
+"""Outputs of which a turn has six or fewer say nothing of what lies between them: no line joins them."""
+
+
+def turn_between_outputs(result: ResultView) -> tuple[str, float]:
+    """The first coordinate of those that turn farthest between outputs and its usual step [rad]; ("", 0.0): none turns.
+
+    The usual step is the median over the run. Beyond `FEW` a line from output to output would show a slower motion than
+    there was, as a film shows the wheels of a coach.
+    """
+    units = coordinate_units(result.summary, result.names)[0]
+    turning = [i for i, unit in enumerate(units) if unit == "rad"]
+    if len(result.t) < 3 or not turning:
+        return "", 0.0
+    steps = np.nan_to_num(np.median(np.abs(np.diff(np.asarray(result.q)[:, turning], axis=0)), axis=0))
+    most = int(np.argmax(steps >= 0.8 * steps.max()))  # of several that turn alike the first: a crank before its rods
+    return str(result.names.coordinates[turning[most]]), float(steps[most])
+
+
+class ResultView(Protocol):
+    """A run as those see it that show or store it; `partita.results.Result` says what each of these is."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+    @property
+    def counters(self) -> Mapping[str, Any]: ...
+    @property
+    def summary(self) -> Mapping[str, Any]: ...
+    @property
+    def spec(self) -> Mapping[str, Any] | None: ...
+    @property
+    def names(self) -> Names: ...
+    @property
+    def record(self) -> Any: ...
+    @property
+    def certificate(self) -> Any: ...
+    @property
+    def is_mechanism(self) -> bool: ...
+    @property
+    def has_energy(self) -> bool: ...
+
+    @property
+    def t(self) -> FloatArray: ...
+    @property
+    def q(self) -> FloatArray: ...
+    @property
+    def v(self) -> FloatArray: ...
+    @property
+    def arrays(self) -> Mapping[str, NDArray[Any]]: ...
+    @property
+    def vdot(self) -> FloatArray: ...
+    @property
+    def multipliers(self) -> FloatArray: ...
+    @property
+    def closure(self) -> FloatArray: ...
+    @property
+    def velocity_closure(self) -> FloatArray: ...
+    @property
+    def measure(self) -> FloatArray: ...
+    @property
+    def sigma(self) -> FloatArray: ...
+    @property
+    def sqrt_mu(self) -> FloatArray: ...
+    @property
+    def independent(self) -> NDArray[np.int64]: ...
+    @property
+    def observed(self) -> Mapping[str, NDArray[Any]]: ...
+    @property
+    def reactions(self) -> Mapping[str, NDArray[Any]]: ...
+    @property
+    def checks(self) -> Mapping[str, NDArray[Any]]: ...
+    @property
+    def joint_accelerations(self) -> FloatArray: ...
+    @property
+    def determined_efforts(self) -> NDArray[np.bool_]: ...
+    @property
+    def determined_drive(self) -> NDArray[np.bool_]: ...
+    @property
+    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]: ...
+    @property
+    def energy(self) -> Any: ...
+    @property
+    def partitions(self) -> Sequence[Any]: ...
+
+    def joint(self, name: str) -> Any:
+        """Motion and reaction of a joint."""
+
+    def body(self, name: str) -> Any:
+        """Motion of a body."""
+
+    def sensor(self, name: str) -> Any:
+        """What a sensor read."""
+
+    def applied_forces(self) -> Mapping[str, tuple[FloatArray, FloatArray]]:
+        """Of loads that push at a point: where, and the force, in the world."""
