@@ -396,7 +396,7 @@ def test_a_drive_past_the_reach_of_the_links_is_refused(level: str, coordinates:
     dt = 0.05
     sim = m.stepper(dt, inputs=["push"], coordinates=coordinates)
     u = 1.0
-    with pytest.raises(SingularityError, match="no step of this length leads on"):
+    with pytest.raises(SingularityError, match="the step fails at t"):
         for k in range(100):
             before = sim.state
             sim.step([dt * (k + 1) if level == "position" else u])

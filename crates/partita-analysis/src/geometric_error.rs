@@ -1,4 +1,4 @@
-//! What of a drawing does not fit, joint by joint, in the words of the drawing.
+//! Geometric error of a drawing, joint by joint.
 
 use crate::reason::names;
 use crate::stress::Pose;
@@ -8,13 +8,13 @@ use partita_model::spec::LARGEST_TOLERANCE;
 use partita_model::{Geometry, Model, Verdict};
 use std::collections::BTreeSet;
 
-/// Axes this near to parallel were meant to be parallel (rad): ten times the largest drawing tolerance.
+/// Axes this near to parallel were intended to be parallel (rad): ten times the largest drawing tolerance.
 const NEARLY_PARALLEL: f64 = 0.1;
 /// Angles below this are round-off of the drawing itself.
 const ROUND_OFF: f64 = 1e-13;
 /// Of those that are off, the ones that are off by at least this part of the worst are named.
 const NAMED: f64 = 0.5;
-/// Displacements of joint frames below this part of the turns beside them are not told.
+/// Displacements of joint frames below this fraction of the rotations are not reported.
 const BESIDE: f64 = 0.1;
 
 /// What of a drawing does not fit.
@@ -83,7 +83,7 @@ fn degrees(angle: f64) -> String {
     }
 }
 
-/// Turning axes that were meant to be parallel, and slides across them; or slides alone.
+/// Turning axes that were intended to be parallel, and slides across them; or slides alone.
 fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let model = pose.model;
     let name = |j: usize| model.spec.joints[j].name.as_str();

@@ -1,8 +1,8 @@
 //! The mechanism in space without its masses.
 //!
 //! Mobility, redundancy and self-stresses are matters of geometry. Asked of a system in which every velocity weighs the
-//! same over its reach (a radian of a turn, a mechanism's size of a slide), they can be answered for bodies without mass
-//! or axial inertia too, and the answer does not change with the masses.
+//! same over its characteristic displacement (a radian of a turn, a mechanism's size of a slide), they can be answered
+//! for bodies without mass or axial inertia too, and the answer does not change with the masses.
 //!
 //! Rows are measured against the loop they close. One that no motion of the loop changes (the turn about an axis of the
 //! plane, in a loop of parallel axes) is made of rounding errors alone in a tilted drawing; taken for what it says, it
@@ -46,7 +46,7 @@ pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
     lifted
 }
 
-/// The closing rows of a model, with or without its drives, and unit masses over squared reaches.
+/// The closing rows of a model, with or without its drives, and unit masses over squared characteristic displacements.
 pub(crate) struct Geometry<'m> {
     /// The mechanism.
     pub(crate) model: &'m Model,
@@ -55,7 +55,7 @@ pub(crate) struct Geometry<'m> {
     rows: Vec<usize>,
     /// How many of them, the first ones, hold positions.
     holonomic: usize,
-    /// `s_i² = [M⁻¹]_ii`: the square of the reach of velocity i.
+    /// `s_i² = [M⁻¹]_ii`: the square of the characteristic displacement of velocity i.
     scale2: Vec<f64>,
     /// By how much a large move can open each row: 1 for a turn, the size of its loop for a displacement.
     row_displacement: Vec<f64>,
@@ -104,7 +104,8 @@ impl<'m> Geometry<'m> {
         Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
     }
 
-    /// Length of row `i` of C for unit reaches over what a large move can open it: squared, 1 for a healthy row.
+    /// Length of row `i` of C for unit characteristic displacements over what a large move can open it: squared, 1 for
+    /// a healthy row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
         if self.row_displacement[i] == 0.0 {
             return 1.0;
@@ -134,7 +135,7 @@ impl<'m> Geometry<'m> {
         self.rows[i]
     }
 
-    /// Reaches of all velocities.
+    /// Characteristic displacements of all velocities.
     pub(crate) fn scales(&self) -> Vec<f64> {
         self.scale2.iter().map(|s2| s2.sqrt()).collect()
     }

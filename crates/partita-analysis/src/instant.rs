@@ -6,7 +6,7 @@ use partita_system::partition::split::Split;
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
 
-/// Room for the position and the velocity level of a system.
+/// Scratch memory for the position and the velocity level of a system.
 pub struct Levels<'s, S: ConstrainedSystem> {
     system: &'s S,
     /// Scratch of the system, at the state last taken.
@@ -101,7 +101,7 @@ pub struct Instant {
 /// Costs O(n³).
 ///
 /// # Errors
-/// Where the system cannot be evaluated or stands in a singular position.
+/// Where the system cannot be evaluated or is in a singular position.
 pub fn at<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], v: Option<&[f64]>) -> Result<Instant, SystemError> {
     let size = system.size();
     let found = start::analyse(system, t, q)?;

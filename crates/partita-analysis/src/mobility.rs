@@ -47,11 +47,12 @@ pub struct Mobility {
     pub redundant: Vec<Redundant>,
     /// The same as rows of [`Model::in_space`], ascending.
     pub dropped: Vec<usize>,
-    /// What of the drawing does not fit, in sentences: within its tolerance, and repaired, or beyond it, and a condition.
+    /// What of the drawing does not fit, in sentences: within its tolerance, and repaired, or beyond it, and a
+    /// condition.
     pub misfits: Vec<String>,
     /// The largest change of a joint frame by which the drawing fits (rad, parts of lengths); 0 where it does as it is.
     pub misfit: f64,
-    /// Degrees of freedom that it would have, drives released, if its drawing did not misfit by more than its tolerance.
+    /// Degrees of freedom that it would have, drives released, if its drawing were not off by more than its tolerance.
     pub repaired_mobility: Option<usize>,
     /// Squared sine of the angle between the weakest row and those it nearly follows from: 0 in a singular position.
     pub smallest: f64,

@@ -17,7 +17,7 @@ use serde::Serialize;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Self-stresses up to which cures are looked for; beyond, what to do is the same for each loop.
+/// Self-stresses up to which remedies are looked for; beyond, what to do is the same for each loop.
 const MOST: usize = 150;
 /// Up to so many self-stresses all choices of few joints are tried, fewest joints first.
 const FEW: usize = 6;

@@ -75,9 +75,9 @@ pub struct Report {
     pub redundancy: String,
     /// Coordinates that the closed loops lock.
     pub locked: Vec<String>,
-    /// Coordinates that stand still in this position alone: dead positions.
+    /// Coordinates with zero rate in this position only: dead positions.
     pub dead: Vec<String>,
-    /// Data that look like a slip of the pen.
+    /// Data that look like a typing error.
     pub suspicious: Vec<String>,
     /// Conditions of all joints, in space.
     pub joint_rows: usize,
@@ -352,7 +352,8 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
 
 /// Measure below which a coordinate stands still: what round-off leaves of nothing.
 const STILL: f64 = 1e-6;
-/// The move, over its reach, by which a coordinate that stands still here only is told from one that always does.
+/// The move, over its characteristic displacement, by which a coordinate that stands still here only is distinguished
+/// from one that always does.
 const NUDGE: f64 = 0.02;
 
 /// Coordinates that cannot move: in any position, and in this one alone.

@@ -191,8 +191,8 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// Choose the reactions among all that are possible: wrenches in world axes about the joints' points on their
-    /// children; `condition` is told, by rows of the mechanism in space, what the multipliers of conditions that are no
-    /// closings change by. Reactions that are not finite (a singular position) stay so.
+    /// children; `condition` is reported, by rows of the mechanism in space, what the multipliers of conditions that
+    /// are no closings change by. Reactions that are not finite (a singular position) stay so.
     pub(crate) fn share(
         &self,
         t: f64,
@@ -388,8 +388,9 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
 }
 
 /// The same for reactions of a motion, without a rule where it would change none of them: self-stresses of a mechanism
-/// whose closings are independent in its plane lie across it, and where all that acts lies in the plane they do no work on
-/// the reactions. Then each joint is found by itself. Compliances along axes that lean out of the plane would tie both.
+/// whose closings are independent in its plane lie across it, and where all that acts lies in the plane they do no work
+/// on the reactions. Then each joint is found by itself. Compliances along axes that lean out of the plane would tie
+/// both.
 ///
 /// # Errors
 /// As [`with_rule`].

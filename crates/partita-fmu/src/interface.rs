@@ -1,8 +1,8 @@
 //! The wall to C: the functions of FMI 2.0 for co-simulation.
 //!
-//! Pointers are read here and nowhere else. What a function is handed is checked for null before it is read; that it is as
-//! long as it says, and that an instance is one that was made here and not yet freed, is the environment's promise (FMI
-//! 2.0.4, section 2.1). A panic ends in an error.
+//! Pointers are read here and nowhere else. What a function is handed is checked for null before it is read; that it is
+//! as long as it says, and that an instance is one that was made here and not yet freed, is the environment's promise
+//! (FMI 2.0.4, section 2.1). A panic ends in an error.
 #![allow(unsafe_code)]
 #![allow(missing_docs)] // what the functions do is said in the standard
 
@@ -75,9 +75,10 @@ impl From<String> for Failed {
     }
 }
 
-/// Do something to an instance; what fails, or panics, is told and becomes a status.
+/// Call an instance; an error or a panic is logged and becomes a status.
 fn with(component: *mut Component, what: &str, f: impl FnOnce(&mut Component) -> Result<c_int, Failed>) -> c_int {
-    // SAFETY: null, or an instance from `fmi2Instantiate` that was not freed; one call at a time (the environment's promise).
+    // SAFETY: null, or an instance from `fmi2Instantiate` that was not freed; one call at a time (the environment's
+    // promise).
     let Some(component) = (unsafe { component.as_mut() }) else { return ERROR };
     let done = catch_unwind(AssertUnwindSafe(|| f(component)));
     let Failed(status, message) = match done {

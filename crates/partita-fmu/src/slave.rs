@@ -24,7 +24,7 @@ pub struct State {
     pub t: f64,
     q: Vec<f64>,
     v: Vec<f64>,
-    /// What the inputs are told.
+    /// Values of the inputs.
     inputs: Vec<f64>,
     /// What they are over the last step.
     courses: Vec<Course>,
@@ -150,7 +150,7 @@ impl Slave {
         Ok(())
     }
 
-    /// What is told at the start holds from the start: efforts act at once, drives move at their rates.
+    /// What is reported at the start holds from the start: efforts act at once, drives move at their rates.
     pub fn settle(&mut self) {
         let mut state = self.state.clone();
         for (course, input) in state.courses.iter_mut().zip(&state.inputs) {
@@ -207,7 +207,7 @@ impl Slave {
         }
     }
 
-    /// Compute the outputs where it stands.
+    /// Compute the outputs at the current state.
     fn look(&mut self) -> Result<(), String> {
         let now = self.state.t;
         let span = 1.0_f64.max(now.abs());

@@ -53,7 +53,7 @@ fn a_pendulum_is_turned() {
     assert_eq!(fmi2EnterInitializationMode(c), 0);
     assert_eq!(fmi2ExitInitializationMode(c), 0);
     let mut shown = [0.0; 2];
-    // SAFETY: arrays of the lengths that are told; the instance is alive until it is freed.
+    // SAFETY: arrays of the lengths that are reported; the instance is alive until it is freed.
     unsafe {
         assert_eq!(fmi2SetReal(c, [0].as_ptr(), 1, [3.0].as_ptr()), 0);
         for k in 0..10 {

@@ -45,7 +45,7 @@ pub enum Conclusion {
     Rejected,
 }
 
-/// Where the cycle stands.
+/// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// At `t_old`, a step may be attempted.
@@ -91,7 +91,7 @@ pub struct Stepper {
     grid: Option<FixedGrid>,
     attempted_h: f64,
     error: f64,
-    /// Errors up to this many tolerances are accepted; 1 but for passages.
+    /// Errors up to this many tolerances are accepted; 1 but for crossings.
     lenience: f64,
     floor: f64,
     norm: ErrorNorm,
@@ -291,7 +291,8 @@ impl Stepper {
         error > 1.0
     }
 
-    /// Signed step and its end: `t_end`, the next grid point or the next corner if within reach, so that they are met exactly.
+    /// Signed step and its end: `t_end`, the next grid point or the next discontinuity if within reach, so that they
+    /// are met exactly.
     fn plan(&self) -> (f64, f64) {
         let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
         let ahead = || self.goal.into_iter().chain(self.next_discontinuity()).fold(self.t_end, first);
@@ -304,7 +305,7 @@ impl Stepper {
         (h, self.t_old + h)
     }
 
-    /// The first corner ahead, if one comes before the end.
+    /// The first discontinuity ahead, if one comes before the end.
     fn next_discontinuity(&self) -> Option<f64> {
         let (discontinuities, t) = (&self.options.discontinuities, self.t_old);
         let next = match self.direction > 0.0 {
@@ -353,8 +354,9 @@ impl Stepper {
         })
     }
 
-    /// As [`conclude`](Stepper::conclude), where `end(t, y, dy, known)` corrects the end y itself and leaves the slope there in
-    /// dy; `known` tells that dy holds the slope at y as it is, the last one evaluated. Its answer is whether it evaluated f.
+    /// As [`conclude`](Stepper::conclude), where `end(t, y, dy, known)` corrects the end y itself and leaves the slope
+    /// there in dy; `known` tells that dy holds the slope at y as it is, the last one evaluated. Its answer is whether
+    /// it evaluated f.
     ///
     /// # Errors
     /// See [`StepFailure`].
@@ -500,7 +502,8 @@ impl Stepper {
         self.counters.rejected += 1;
     }
 
-    /// Throw the concluded step away: it ends at `t` inside it, and is taken anew. Its length stays the one that is planned.
+    /// Throw the concluded step away: it ends at `t` inside it, and is taken anew. Its length stays the one that is
+    /// planned.
     pub fn end_at(&mut self, t: f64) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());

@@ -25,8 +25,9 @@ impl From<Vec<f64>> for AbsoluteTolerance {
 
 /// Settings of a [`Stepper`](crate::explicit_rk::Stepper).
 ///
-/// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled component, where
-/// `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN) and s the natural size of the component: 1 unless
+/// A step is accepted when `error / (atol s + rtol max(|y_old|, |y_new|))` is at most one in every controlled
+/// component, where `error` is the estimate times [`MARGIN`](crate::step_size::MARGIN) and s the natural size of the
+/// component: 1 unless
 /// [`set_sizes`](crate::explicit_rk::Stepper::set_sizes) tells another. Mechanisms tell their characteristic length for
 /// displacements and 1 for angles.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +45,7 @@ pub struct Options {
     pub fixed_step: Option<f64>,
     /// Length of the first step under error control; chosen by the stepper when absent.
     pub first_step: Option<f64>,
-    /// Ascending times at which what acts turns a corner: under error control steps end there, so that none is passed unseen
+    /// Ascending times of discontinuities: under error control steps end there, so that none is passed unseen
     /// and none spoils the order of a step.
     pub discontinuities: Vec<f64>,
 }

@@ -115,7 +115,8 @@ fn stretch(tableau: &'static Tableau) -> f64 {
 /// March from `(t, q, v)` to the end; `sink` gets an output at each time of `t_eval`, `watch` is asked after each step.
 ///
 /// Outputs lie on the dense output of the step and are closed to round-off one by one; what else there is to know about
-/// them is computed when it is asked for (`Sample::of`). What was computed before a failure stays with the sink. Fails only where nothing could start.
+/// them is computed when it is asked for (`Sample::of`). What was computed before a failure stays with the sink. Fails
+/// only where nothing could start.
 pub fn simulate<F: Formulation>(
     formulation: &mut F,
     t: f64,
@@ -212,8 +213,8 @@ pub enum Control {
         /// Accepted steps at the most.
         max_steps: u64,
     },
-    /// So many equal ones to each end, whatever happens: for control loops. What acts may change at these ends, and only there.
-    /// None of them may be next to a singular position.
+    /// So many equal ones to each end, whatever happens: for control loops. What acts may change at these ends, and
+    /// only there. None of them may be next to a singular position.
     Ticks {
         /// Steps to each end.
         steps: u32,
@@ -234,8 +235,8 @@ impl<'o> Outputs<'o> {
     }
 }
 
-/// A formulation's state on its way, and the stepper that takes it there. Memory is taken at the start; steps take none, but
-/// where the formulation changes coordinates.
+/// A formulation's state on its way, and the stepper that takes it there. Memory is taken at the start; steps take
+/// none, but where the formulation changes coordinates.
 #[derive(Debug)]
 pub struct March {
     control: Control,
@@ -250,27 +251,27 @@ pub struct March {
     output: Output,
     /// See [`Pace::stretch`].
     stretch: f64,
-    /// What knots may add to a step, in parts of the velocities.
+    /// Error that breakpoints may add to a step, relative to the velocities.
     tolerance: f64,
 }
 
 /// Attempts for each step of a tick: a choice of coordinates that has gone bad is renewed and the step taken again.
 const ATTEMPTS: u32 = 4;
 
-/// Nearer to a singular position than this, in parts of the reaches, no step of a tick may end: rates are quotients of what
-/// round-off leaves of the closing by the square of the distance, so that six digits of them are left here and none a little
-/// nearer.
+/// Nearer to a singular position than this, in parts of the characteristic displacements, no step of a tick may end:
+/// rates are quotients of what round-off leaves of the closing by the square of the distance, so that six digits of
+/// them are left here and none a little nearer.
 const NEAR: f64 = 1e-5;
 
-/// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a tenth of a
-/// step apart, so where a stage came close to the position, it lies between two stages then.
+/// A crossing step that fails is tried again with these multiples of its length: the nodes of a method lie about a
+/// tenth of a step apart, so where a stage came close to the position, it lies between two stages then.
 const AGAIN: [f64; 3] = [1.25, 1.12, 1.06];
 
-/// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those to be
-/// exact, and so near that the polynomial through them is.
+/// Outputs in singular positions are taken from others beside them, this part of the step apart: far enough for those
+/// to be exact, and so near that the polynomial through them is.
 const BESIDE: f64 = 1.0 / 80.0;
 
-/// Knots that add less than this to a step are round-off.
+/// Breakpoints that add less than this to a step are round-off.
 const FINEST: f64 = 1e-14;
 
 /// What outputs are handed to.
@@ -404,7 +405,7 @@ impl March {
         Ok(Status::Finished)
     }
 
-    /// The outputs where it stands.
+    /// The outputs at the current state.
     fn emit<F: Formulation>(&mut self, formulation: &mut F, outputs: &mut Outputs) -> Result<(), SystemError> {
         while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
             formulation.state_at(self.t, &self.y, &mut self.output)?;
@@ -522,7 +523,8 @@ impl March {
             Err(StepFailure::Rhs { t, error }) if is_of_a_position(&error) => Some(StepFailure::Rhs { t, error }),
             Err(other) => return Err(other),
         };
-        // In a singular position q_D and v_D are quotients of nothing by nothing, while the motion goes through smoothly:
+        // In a singular position q_D and v_D are quotients of nothing by nothing, while the motion goes through
+        // smoothly:
         // the polynomial through three positions on either side has them, to the sixth power of their distance.
         let apart = ((t - from) / 3.0).min((to - t) / 3.0).min((to - from) * BESIDE);
         let (mut side, mut q, mut v, mut work) = (Output::default(), Vec::new(), Vec::new(), 0.0);

@@ -8,10 +8,10 @@
 //! ```
 //!
 //! u are independent velocities of a choice that is good a little along the branch. At every node the loops are closed
-//! next to the prediction, which stays on the branch, and the equations are the ordinary ones there. The stages are found by
-//! iteration with Anderson's extrapolation: where branches form a cone its curvature grows as one over the distance, and
-//! plain iteration need not contract, however short the step. The step is taken with two numbers of nodes and shortened until
-//! both agree.
+//! next to the prediction, which stays on the branch, and the equations are the ordinary ones there. The stages are
+//! found by iteration with Anderson's extrapolation: where branches form a cone its curvature grows as one over the
+//! distance, and plain iteration need not contract, however short the step. The step is taken with two numbers of nodes
+//! and shortened until both agree.
 
 use partita_math::dense::Matrix;
 use partita_math::factor::least_squares_min_norm;
@@ -21,7 +21,8 @@ use partita_system::reduction::Reduction;
 use partita_system::start::choose_partition;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// The fastest velocity moves by this part of its reach (a radian) in the first step that is tried.
+/// The fastest velocity moves by this part of its characteristic displacement (a radian) in the first step that is
+/// tried.
 const MOVE: f64 = 0.4;
 /// A step that moves less ends where rounding, over the square of the distance, is 1e-10.
 const LEAST: f64 = 1e-3;
@@ -36,22 +37,23 @@ const TIGHTEST: f64 = 1e-11;
 /// Iterations, and how many of them the extrapolation remembers.
 const ITERATIONS: usize = 60;
 const REMEMBERED: usize = 12;
-/// Rounding, over the square of the distance, may keep the two from agreeing within the tolerance whatever the length: the step
-/// in which they agree best is taken where they do so within this many times of it.
+/// Rounding, over the square of the distance, may keep the two from agreeing within the tolerance whatever the length:
+/// the step in which they agree best is taken where they do so within this many times of it.
 const LENIENT: f64 = 1e3;
-/// The velocities through the nodes lead back to those of the start within this part of the fastest: on another branch they
-/// differ by about as much as they are.
+/// The velocities through the nodes lead back to those of the start within this part of the fastest: on another branch
+/// they differ by about as much as they are.
 const BACK: f64 = 1e-3;
 /// Start velocities below this part of those reached say nothing of where the motion leads.
 const SLOW: f64 = 1e-3;
-/// Accelerations through the nodes are those of the branch within this part of them and of the square of the rates: on another
-/// branch they differ by about as much as they are.
+/// Accelerations through the nodes are those of the branch within this part of them and of the square of the rates: on
+/// another branch they differ by about as much as they are.
 const BENDS: f64 = 0.05;
 /// Part of the step over which the polynomial is differentiated.
 const BESIDE: f64 = 1e-3;
-/// An output whose distance from singularity is below this part of that at the end of the step takes q and v from the polynomial.
+/// An output whose distance from singularity is below this part of that at the end of the step takes q and v from the
+/// polynomial.
 const NOTHING: f64 = 1e-3;
-/// A start that is moved by less stands on its branch to round-off.
+/// A start moved by less lies on its branch to round-off.
 const UNMOVED: f64 = 1e-12;
 const SHIFTS: usize = 4;
 /// Moves of the start that are more than the round-off of positions which are known to the root of it.
@@ -74,7 +76,7 @@ pub struct SingularStep<'s, S: ConstrainedSystem> {
     pub v: Vec<f64>,
     /// Work of non-conservative forces and of driven constraints in the step.
     pub work: f64,
-    /// How far the start was moved onto the branch, in reaches: it may stand beside the position.
+    /// Distance by which the start was moved onto the branch, in characteristic displacements.
     pub moved: f64,
     /// What the two ways to the step differ by, in parts of the motion.
     pub error: f64,
@@ -290,7 +292,8 @@ impl<S: ConstrainedSystem> Attempt<'_, '_, S> {
             let Some(stages) = self.sweep(nodes, &x)? else { return Ok(None) };
             let off: Vec<f64> =
                 stages.rates.iter().zip(&x).enumerate().map(|(e, (n, x))| (n - x) / scales[e % width]).collect();
-            // what is off at a node counts by its weight: the first one is next to the position, and rounding is largest there
+            // what is off at a node counts by its weight: the first one is next to the position, and rounding is
+            // largest there
             let worst = off.chunks_exact(width.max(1)).zip(&nodes.b).fold(0.0, |m: f64, (off, b)| {
                 off.iter().fold(m, |m, o| if o.is_nan() { f64::INFINITY } else { m.max(b * o.abs()) })
             });
@@ -351,9 +354,9 @@ fn velocities(nodes: &Nodes, stages: &Stages, x: f64) -> Vec<f64> {
     v
 }
 
-/// The first step from the singular (t, q) with the velocities v, that lie on one branch, and the accelerations with which it
-/// leaves as far as they are known; C has `rank` next to it. It ends at `limit` at the latest and is exact to a tenth of the
-/// relative `tolerance`.
+/// The first step from the singular (t, q) with the velocities v, that lie on one branch, and the accelerations with
+/// which it leaves as far as they are known; C has `rank` next to it. It ends at `limit` at the latest and is exact to
+/// a tenth of the relative `tolerance`.
 ///
 /// # Errors
 /// `SingularStart` where no step was found; what failed last where something could not be evaluated.
@@ -441,7 +444,8 @@ fn attempt<'s, S: ConstrainedSystem>(
         Some(a) => first.copy_from_slice(a),
         None => r.full_acceleration(&mut first),
     }
-    // a start beside the position is on no branch, or on another: what closing adds along the step is taken off at its start
+    // a start beside the position is on no branch, or on another: what closing adds along the step is taken off at its
+    // start
     let (given, mut q, mut less) = (q, q.to_vec(), None);
     for _ in 0..SHIFTS {
         let mut attempt = Attempt { r: &mut r, start: (t, &q, v), h, tolerance, evaluations: 0 };
@@ -538,7 +542,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     }))
 }
 
-/// The farthest move between two positions, in reaches.
+/// The farthest move between two positions, in characteristic displacements.
 fn system_move<S: ConstrainedSystem>(system: &S, from: &[f64], to: &[f64]) -> f64 {
     let mut far = 0.0f64;
     for i in 0..system.size().nv {
@@ -551,8 +555,8 @@ fn system_move<S: ConstrainedSystem>(system: &S, from: &[f64], to: &[f64]) -> f6
 }
 
 impl<S: ConstrainedSystem> SingularStep<'_, S> {
-    /// The output at a time inside the step, closed to round-off; next to its start, where nothing closes, as the polynomial
-    /// has it, and told to stand in a singular position.
+    /// The output at a time inside the step, closed to round-off; next to its start, where nothing closes, as the
+    /// polynomial has it, and told to be in a singular position.
     ///
     /// # Errors
     /// Where the system cannot be evaluated.

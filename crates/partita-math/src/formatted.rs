@@ -1,4 +1,4 @@
-//! Numbers as people write them.
+//! Numbers formatted for messages.
 
 /// Four significant digits: 1.44, 0.0002267, 2.5e-9; nothing that is not a number is hidden.
 ///

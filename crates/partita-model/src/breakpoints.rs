@@ -1,4 +1,4 @@
-//! Where the curves of a mechanism have knots, and what they are read at.
+//! Breakpoints of the curves of a mechanism, and the quantities that they depend on.
 
 use crate::coupling::{Condition, Law, Says};
 use crate::evaluator::{with_engine, Evaluator, Scratch};
@@ -21,7 +21,7 @@ enum Source {
     Element(usize),
 }
 
-/// The curves of a mechanism that have knots.
+/// The curves of a mechanism that have breakpoints.
 #[derive(Clone, Debug)]
 pub(crate) struct Curves {
     sources: Vec<Source>,

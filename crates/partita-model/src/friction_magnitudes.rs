@@ -6,14 +6,14 @@
 //! ```text
 //! f_i + κ_i N_i(f) = 0                                                                          (G1)
 //! ```
-//! where κ_i is the coefficient at the speed there, with its sign. There is one solution for every load if
-//! `1 + κ_i Σ_t weight_t u_t · B_tj` is regular for all vectors |u_t| ≤ 1: then (G1) is a homeomorphism (Hadamard). That is so
-//! where the matrix `|κ_i| Σ_t weight_t |B_tj|` is a contraction; and where every R_t keeps to one line, so that u_t is a number
-//! between −1 and 1, as soon as the determinant, which is affine in each of them, is positive in all corners.
+//! where κ_i is the coefficient at the speed there, with its sign. There is one solution for every load if `1 + κ_i Σ_t
+//! weight_t u_t · B_tj` is regular for all vectors |u_t| ≤ 1: then (G1) is a homeomorphism (Hadamard). That is so where
+//! the matrix `|κ_i| Σ_t weight_t |B_tj|` is a contraction; and where every R_t keeps to one line, so that u_t is a
+//! number between −1 and 1, as soon as the determinant, which is affine in each of them, is positive in all corners.
 
 use partita_math::dense;
 
-/// Lines that are told apart by less than this part are one.
+/// Lines that are distinguished by less than this part are one.
 const ONE_LINE: f64 = 1e-9;
 /// Corners are counted for so many terms at the most.
 const MOST_TERMS: usize = 12;
@@ -146,8 +146,8 @@ impl FrictionMagnitudes {
         }
     }
 
-    /// Does elimination without pivoting meet a pivot that is not above zero? A matrix with no positive entry beside its
-    /// diagonal is an M-matrix if it does not.
+    /// Does elimination without pivoting meet a pivot that is not above zero? A matrix with no positive entry beside
+    /// its diagonal is an M-matrix if it does not.
     fn fails(&mut self) -> bool {
         let n = self.kappa.len();
         let m = &mut self.matrix;
@@ -247,7 +247,7 @@ impl FrictionMagnitudes {
         jam
     }
 
-    /// What stands open of (G1) at `tried`, and what stands in it.
+    /// What remains open of (G1) at `tried`, and what stands in it.
     fn open(&mut self) -> (f64, f64) {
         let tried = std::mem::take(&mut self.tried);
         let mut normal = std::mem::take(&mut self.normal);
@@ -263,7 +263,8 @@ impl FrictionMagnitudes {
         (worst, scale)
     }
 
-    /// Efforts and levels of (G1), by Newton's method from no effort: the way does not depend on what was solved before.
+    /// Efforts and levels of (G1), by Newton's method from no effort: the way does not depend on what was solved
+    /// before.
     pub fn solve(&mut self) -> Result<(), Jam> {
         if !self.single() {
             return Err(self.worst());
@@ -420,7 +421,7 @@ mod tests {
         x.terms[0] = Term { of: 0, weight: 1.0, a: [0.0, 1.0, 0.0] };
         x.terms[1] = Term { of: 1, weight: 1.0, a: [0.0, 1.0, 0.0] };
         x.b.copy_from_slice(&[[0.0; 3], [0.0, 1.5, 0.0], [0.0, 1.5, 0.0], [0.0; 3]]);
-        // |κ₁ κ₂ 1.5²| = 1.125: some corner is singular or turned over, and it is told
+        // |κ₁ κ₂ 1.5²| = 1.125: some corner is singular or turned over, and it is reported
         assert!(x.solve().is_err());
     }
 }

@@ -18,8 +18,8 @@ use partita_math::spatial::{Mat3, Vec3};
 /// Below this part of the heaviest a body is light: squared sines between rows of C shrink by it in the mass
 /// metric, and those below 1e-9 count as redundant.
 const MASSLESS: f64 = 1e-6;
-/// Below this part of the body's mass times the square of its reach a principal moment is light: a bar a thousand
-/// times as long as thick has half of it.
+/// Below this part of the body's mass times the square of its characteristic displacement a principal moment is light:
+/// a bar a thousand times as long as thick has half of it.
 const THIN: f64 = 1e-6;
 /// What is light counts with this part instead: no coordinate is then a hundred times as mobile as its neighbours
 /// for want of mass alone.

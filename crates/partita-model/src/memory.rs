@@ -42,7 +42,7 @@ pub struct ClusterScratch<S> {
     pub(crate) few: FewScratch<S>,
 }
 
-/// Of all clusters with few freedoms.
+/// Of all clusters with few degrees of freedom.
 #[derive(Clone, Debug, Default)]
 pub struct FewScratch<S> {
     /// Partial twists, links x k x DIM.

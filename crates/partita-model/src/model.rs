@@ -84,7 +84,8 @@ struct Dense {
     work: Vec<f64>,
 }
 
-/// A compiled mechanism: an [`Evaluator`] over `f64`, and what belongs to the structure. It never changes; threads share it.
+/// A compiled mechanism: an [`Evaluator`] over `f64`, and what belongs to the structure. It never changes; threads
+/// share it.
 pub struct Model {
     own: Evaluator<f64>,
     /// The description it was made from.
@@ -100,7 +101,7 @@ pub struct Model {
     pattern: Pattern,
     /// Where M is not zero, found when it is first asked for.
     mass_layout: OnceLock<MassLayout>,
-    /// Curves with knots, found when they are first asked for.
+    /// Curves with breakpoints, found when they are first asked for.
     curves: OnceLock<Curves>,
     /// What all answers together depend on, found when it is first asked for.
     whole: OnceLock<Part>,
@@ -431,7 +432,7 @@ impl Model {
         links * (k * k * 6 + 24 * k)
     }
 
-    /// Multiplications for one dense M_d of k freedoms, its factor included.
+    /// Multiplications for one dense M_d of k degrees of freedom, its factor included.
     fn dense_cost(&self, k: usize) -> usize {
         let scale = if self.is_planar() { 1 } else { 4 };
         scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
@@ -612,8 +613,9 @@ fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, D
     Ok(drives)
 }
 
-/// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as the
-/// mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each other.
+/// Least reach of a closing row, in parts of the mechanism: its round-off is one of positions, which are as large as
+/// the mechanism, and must be small against what counts as closed (1e-12) of a loop whose joints lie next to each
+/// other.
 const LEAST_DISPLACEMENT: f64 = 1e-3;
 
 /// Columns of every row.

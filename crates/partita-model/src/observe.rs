@@ -62,7 +62,7 @@ impl Freedom {
 }
 
 impl Model {
-    /// The freedoms of the joints `which` side by side, each in the order of its velocities.
+    /// The degrees of freedom of the joints `which` side by side, each in the order of its velocities.
     ///
     /// # Errors
     /// None for a model that could be compiled.
@@ -95,7 +95,8 @@ impl Model {
         }
     }
 
-    /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Turns of a joint that closes a loop in space come out in (−π, π].
+    /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Turns of a joint that closes a loop in space come
+    /// out in (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
         let p = &self.placed.joints[j];
         let (child, parent) = (self.node_state(s, p.child), self.node_state(s, p.parent));
@@ -163,8 +164,8 @@ impl Model {
 ///
 /// Their angles are read off the pose and so are known up to full turns; of the candidates the one nearest to what the
 /// mean of the two speeds predicts is taken. That is safe while outputs are closer than about half a turn of unforeseen
-/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted. A quaternion and its
-/// negative are one turn; of the two the one next to the last is taken.
+/// motion. In the plane, and for joints in the tree, angles are never wrapped and nothing is counted. A quaternion and
+/// its negative are one turn; of the two the one next to the last is taken.
 #[derive(Clone, Debug)]
 pub struct TurnCounter {
     turns: Vec<Vec<bool>>,

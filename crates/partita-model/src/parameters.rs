@@ -271,12 +271,13 @@ impl Model {
         !Slot::all(&self.spec).iter().any(|(known, slot)| known == name && self.counts_turns(*slot))
     }
 
-    /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates stay. The bodies stay
-    /// where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by itself.
+    /// The same mechanism with other parameters, `(name, numbers)`: its tree, rows and coordinates stay. The bodies
+    /// stay where they are drawn, a joint's point moves on both of them; of masses and inertias each is given by
+    /// itself.
     ///
-    /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a planar
-    /// mechanism whose joints no longer meet in the plane, a gear whose whole turns are told no more.
-    /// Cost: that of making the trees, without finding them.
+    /// Fails for unknown names, wrong counts, numbers that no body can have, and where the structure would change: a
+    /// planar mechanism whose joints no longer meet in the plane, a gear whose whole turns are reported no more. Cost:
+    /// that of making the trees, without finding them.
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
         if let Some(drawn) = &self.geometry().drawn {
             // what was repaired is repaired anew
@@ -329,8 +330,8 @@ impl Model {
     /// derivatives with respect to masses, lengths, stiffnesses, ...
     ///
     /// Fails as [`with_parameters`](Self::with_parameters) and [`over`](Self::over) do, and for masses and inertias of
-    /// links that have none in the model: those have no dynamics to depend on them; and for factors of couplings between
-    /// several joints whose whole turns are not known.
+    /// links that have none in the model: those have no dynamics to depend on them; and for factors of couplings
+    /// between several joints whose whole turns are not known.
     pub fn over_with<S: Scalar>(&self, changes: &[(&str, &[S])]) -> Result<Evaluator<S>, DescriptionError> {
         let (described, slots) = changed(&self.spec, changes)?;
         for (slot, (name, _)) in slots.iter().zip(changes) {

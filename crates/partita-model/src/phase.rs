@@ -1,4 +1,4 @@
-//! What positions alone do not tell of angles whose whole turns nothing counts: couplings that are held by their rates, and
+//! Whole turns that positions alone do not determine: couplings satisfied by their rates, and
 //! elements that are wound.
 
 use crate::coupling::{Law, Says};
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 const PHASE_LOST: f64 = 1e-9;
 
 impl Model {
-    /// Refuse a way between two positions on which a coupling slips of which the rates alone are held.
+    /// Refuse a path between two positions on which a coupling loses its phase.
     ///
     /// # Errors
     /// `Argument`: "coordinates".

@@ -1,4 +1,4 @@
-//! Whether what acts lies in the plane of a mechanism that moves in one.
+//! Planarity of the loads of a planar mechanism.
 
 use crate::joint::Motion;
 use crate::spec::{Axes, Coupling, Force, Measure, Spec, Value, VectorValue};
@@ -10,9 +10,9 @@ const IN_PLANE: f64 = 1e-12;
 /// Heights closer than this part of the reach are one, as for joints that are to fit in a plane.
 const LEVEL: f64 = 1e-9;
 
-/// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the motion?
-/// Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and what couples
-/// and drives does so along coordinates.
+/// Are all reactions of a mechanism that moves across `normal` (world, unit) reactions in its plane, whatever the
+/// motion? Nothing pushes or turns a body out of it: masses, joints and forces stand in one plane to round-off, and
+/// what couples and drives does so along coordinates.
 pub(crate) fn carries_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
     let along_coordinates = |m: &Measure| matches!(m, Measure::Joint { .. });
     let coupled = |c: &Coupling| !matches!(c, Coupling::Roll { .. }) && c.terms().iter().all(along_coordinates);
@@ -25,9 +25,9 @@ pub(crate) fn carries_in_plane(spec: &Spec, normal: [f64; 3]) -> bool {
 /// Does a friction need what a mechanism that moves across `normal` (world, unit) has no rows for? `motion` tells how a
 /// coordinate of a joint moves.
 ///
-/// A turn is pressed in the plane, unless it has a collar or a length. A slide is, as long as nothing pushes any body out of the
-/// plane, and it has no arm to be turned about its axis by; one with a length, which moments press, if all masses, joints and
-/// forces lie in one plane besides.
+/// A turn is pressed in the plane, unless it has a collar or a length. A slide is, as long as nothing pushes any body
+/// out of the plane, and it has no arm to be turned about its axis by; one with a length, which moments press, if all
+/// masses, joints and forces lie in one plane besides.
 pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, usize) -> Option<Motion>) -> bool {
     let leaves = || loaded_across(spec, Vec3(normal));
     spec.forces.iter().any(|f| match f {
@@ -44,7 +44,8 @@ pub(crate) fn needs_space(spec: &Spec, normal: [f64; 3], motion: impl Fn(&str, u
     })
 }
 
-/// Do masses, joints and forces lie in one plane to the part `level` of their reach, so that nothing turns a body out of it?
+/// Do masses, joints and forces lie in one plane to the part `level` of their characteristic displacement, so that
+/// nothing turns a body out of it?
 fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
     let bodies: HashMap<&str, _> = spec.bodies.iter().map(|b| (b.name.as_str(), b)).collect();
     let height = |x: Vec3<f64>| (normal.dot(x), x.norm());

@@ -29,7 +29,8 @@ pub struct Spec {
     pub name: String,
     /// Gravity [m/s²].
     pub gravity: [f64; 3],
-    /// How far the drawing may be off (radians, parts of lengths): joints that over-constrain by no more than that are repaired.
+    /// How far the drawing may be off (radians, parts of lengths): joints that over-constrain by no more than that are
+    /// repaired.
     #[serde(default = "drawing_tolerance")]
     pub drawing_tolerance: f64,
     /// Rigid bodies.
@@ -99,7 +100,7 @@ pub enum JointKind {
     Screw,
     /// Two bends that pass a spin on unchanged.
     ConstantVelocity,
-    /// A point on a line that turns as it likes.
+    /// A point on a line, free to rotate.
     PointOnLine,
     /// A point in a plane.
     PointOnPlane,
@@ -184,20 +185,22 @@ pub struct Joint {
     /// Its axis on the child in an open drawing.
     #[serde(default)]
     pub child_axis: Option<[f64; 3]>,
-    /// Joint axes on the child in an open drawing, as columns: those of the joint lie along these when all its coordinates
-    /// are 0.
+    /// Joint axes on the child in an open drawing, as columns: those of the joint lie along these when all its
+    /// coordinates are 0.
     #[serde(default)]
     pub child_frame: Option<[[f64; 3]; 3]>,
     /// May it be cut?
     #[serde(default)]
     pub cut: Cut,
-    /// How far it gives along and about the joint axes x, y, z [m/N], [rad/(N m)]: by this redundant joints share loads.
+    /// How far it gives along and about the joint axes x, y, z [m/N], [rad/(N m)]: by this redundant joints share
+    /// loads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compliance: Option<[f64; 6]>,
 }
 
 impl Joint {
-    /// A joint of this kind between two bodies at a point, without an axis yet; where a loop is cut is left to the tree.
+    /// A joint of this kind between two bodies at a point, without an axis yet; where a loop is cut is left to the
+    /// tree.
     pub fn new(name: impl Into<String>, kind: JointKind, parent: &str, child: &str, point: [f64; 3]) -> Self {
         Self {
             name: name.into(),
@@ -328,7 +331,8 @@ pub struct Drive {
     /// Which of them.
     #[serde(default)]
     pub level: Level,
-    /// Of a joint that turns about all axes: the orientation of which its coordinate is a component, in place of `motion`.
+    /// Of a joint that turns about all axes: the orientation of which its coordinate is a component, in place of
+    /// `motion`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turning: Option<Turning>,
 }
@@ -346,7 +350,8 @@ impl Drive {
 pub enum Turning {
     /// The same at all times.
     Held([[f64; 3]; 3]),
-    /// From break to break a rotation vector (three cubics over the same breaks), turned on from a quaternion (w, x, y, z).
+    /// From break to break a rotation vector (three cubics over the same breaks), turned on from a quaternion (w, x, y,
+    /// z).
     Table {
         /// The components of the vector.
         vectors: [Table; 3],

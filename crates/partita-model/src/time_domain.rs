@@ -1,4 +1,4 @@
-//! How long a mechanism is described: to the end of the table that ends first.
+//! Time domain of a mechanism: up to the end of the table that ends first.
 
 use crate::spec::{Force, Level, Load, Spec, Table, Turning, Value, VectorValue};
 use partita_system::breakpoints::{Breakpoints, Enters};
@@ -38,7 +38,7 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, String, Enters)> {
 
 /// The end of the table that ends first, and what it belongs to, in words.
 pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
-    // a turn begins anew in each interval: it has an end, but its knots are none of one curve
+    // a turn begins anew in each interval: it has an end, but its breakpoints are none of one curve
     let turns = spec.drives.iter().filter_map(|d| match &d.turning {
         Some(Turning::Table { vectors, .. }) => Some((&vectors[0], words(&d.name, "drive"), Enters::Position)),
         _ => None,
@@ -51,7 +51,8 @@ pub fn time_domain(spec: &Spec) -> Option<(f64, String)> {
 /// table's range: of a curve with a hundred points a wave none is.
 const DISCONTINUITY: f64 = 1e-3;
 
-/// Ascending times at which a table turns a corner: a pulse has some, and a step that saw none of them would pass it unseen.
+/// Ascending times at which a table is discontinuous: a pulse has some, and a step that saw none of them would pass it
+/// unseen.
 pub fn discontinuities(spec: &Spec) -> Vec<f64> {
     let mut found: Vec<f64> = all(spec).flat_map(|(table, ..)| discontinuities_of(table)).collect();
     found.sort_by(f64::total_cmp);
@@ -59,7 +60,7 @@ pub fn discontinuities(spec: &Spec) -> Vec<f64> {
     found
 }
 
-/// The knots of all tables of time.
+/// The breakpoints of all tables of time.
 pub fn breakpoints(spec: &Spec) -> Vec<Breakpoints> {
     all(spec)
         .filter_map(|(table, _, enters)| Breakpoints::new(&table.breaks, &table.coefficients, enters, false, false))

@@ -1,8 +1,8 @@
 //! Bodies and joints as a graph: a spanning tree, and the joints cut to open the loops.
 //!
 //! Which joints stay: first those that must (driven, loaded along a coordinate, `cut = "never"`), then those with the
-//! fewest freedoms, then those nearest to the ground, then by order of description. So the tree is shallow, the loops
-//! are short, and equal descriptions give equal trees.
+//! fewest degrees of freedom, then those nearest to the ground, then by order of description. So the tree is shallow,
+//! the loops are short, and equal descriptions give equal trees.
 
 use std::collections::BTreeSet;
 
@@ -55,7 +55,7 @@ impl Topology {
         let mut depth = vec![usize::MAX; nodes];
         let mut in_tree = vec![false; edges.len()];
         let mut tree = Vec::with_capacity(nodes.saturating_sub(1));
-        // candidates ordered by (class, freedoms, depth of the inner node, joint)
+        // candidates ordered by (class, degrees of freedom, depth of the inner node, joint)
         let mut open: BTreeSet<(u8, usize, usize, usize)> = BTreeSet::new();
         let mut next_floating = 1;
         depth[0] = 0;

@@ -25,8 +25,9 @@ pub enum Coordinates {
     Absolute,
 }
 
-/// A rigid motion of the drawing: `x → to + rot (x - from)`. A joint that was drawn in the point `from` is in `to` to the last
-/// digit: points that coincide in the drawing coincide here, and a body between two joints in one point has no arm by rounding.
+/// A rigid motion of the drawing: `x → to + rot (x - from)`. A joint that was drawn in the point `from` is in `to` to
+/// the last digit: points that coincide in the drawing coincide here, and a body between two joints in one point has no
+/// arm by rounding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moved<S> {
     pub rot: Mat3<S>,
@@ -103,8 +104,8 @@ pub struct PlacedJoint {
 }
 
 impl PlacedJoint {
-    /// Its links, if its coordinates are those of the state, side by side: not of a joint that closes a loop, nor of one of
-    /// several freedoms that is walked backwards.
+    /// Its links, if its coordinates are those of the state, side by side: not of a joint that closes a loop, nor of
+    /// one of several degrees of freedom that is walked backwards.
     pub fn in_state(&self) -> Option<&[usize]> {
         self.links.as_deref().filter(|links| !(links.is_empty() || self.reversed && self.shape.freedoms() > 1))
     }
@@ -222,8 +223,8 @@ pub(crate) fn alignment(joint: &Joint) -> Result<Mat3<f64>, DescriptionError> {
     }
 }
 
-/// Slides alone that are out of parallel by less (rad) were meant to be parallel, or may have been: twice the largest drawing
-/// tolerance.
+/// Slides alone that are out of parallel by less (rad) were intended to be parallel, or may have been: twice the
+/// largest drawing tolerance.
 const NEARLY_PARALLEL: f64 = 0.02;
 
 /// The plane of the mechanism, if all its motions lie in one: rows of the basis.
@@ -239,7 +240,7 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
         let across = slides.iter().map(|a| first.cross(*a)).max_by(|x, y| x.norm().total_cmp(&y.norm()))?;
         normal = Some(match across.norm() {
             sine if sine < 1e-12 => first.complement().0,
-            // guides that were meant to be parallel say of no plane that it is theirs
+            // guides that were intended to be parallel say of no plane that it is theirs
             sine if sine < NEARLY_PARALLEL => return None,
             _ => across.unit()?,
         });
@@ -571,8 +572,8 @@ fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
     found
 }
 
-/// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism in
-/// one point.
+/// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism
+/// in one point.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
     points.extend(held_points(spec).iter().map(|(_, p)| *p));

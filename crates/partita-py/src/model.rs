@@ -157,7 +157,8 @@ impl Model {
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         self.inner.parameters()
     }
-    /// The equations as a WebAssembly module with these parameters as inputs, and what a page needs to know of them (JSON):
+    /// The equations as a WebAssembly module with these parameters as inputs, and what a page needs to know of them
+    /// (JSON):
     /// sizes, places of numbers, patterns of C and M, the rows that are redundant at the closed position q.
     fn recorded(
         slf: &Bound<'_, Self>,
@@ -231,8 +232,8 @@ impl Model {
         (array(py, &[size.nq], self.inner.initial()), array(py, &[size.nv], vec![0.0; size.nv]))
     }
 
-    /// (q, v) with the loops closed: `targets` by level, `rates` of velocities, `turns` those of other coordinates; also the
-    /// JSON report.
+    /// (q, v) with the loops closed: `targets` by level, `rates` of velocities, `turns` those of other coordinates;
+    /// also the JSON report.
     #[pyo3(signature = (t, q, v, targets, rates, turns, fixed, guess, tolerance))]
     fn assemble<'py>(
         slf: &Bound<'py, Self>,
@@ -257,8 +258,8 @@ impl Model {
         })
     }
 
-    /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, words of
-    /// the blocks, notes.
+    /// All positions that close for the input values in the closed position q: (q, branches, residual) of each, words
+    /// of the blocks, notes.
     #[pyo3(signature = (t, q, inputs))]
     fn assemblies<'py>(
         &self,
@@ -444,7 +445,7 @@ impl Model {
         guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
     }
 
-    /// Accelerations along the freedoms of the joints `which` at nt samples.
+    /// Accelerations along the degrees of freedom of the joints `which` at nt samples.
     fn joint_accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -590,8 +591,8 @@ impl Model {
         guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
     }
 
-    /// Orthonormal self-stresses at one position: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and the
-    /// length that moments are divided by.
+    /// Orthonormal self-stresses at one position: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives),
+    /// and the length that moments are divided by.
     fn self_stress_basis<'py>(
         &self,
         py: Python<'py>,

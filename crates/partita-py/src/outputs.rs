@@ -174,7 +174,7 @@ pub fn joints<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> P
     named(py, states.len(), found, &shapes)
 }
 
-/// Accelerations along the freedoms of the joints `which` (nt, freedoms).
+/// Accelerations along the degrees of freedom of the joints `which` (nt, degrees of freedom).
 pub fn joint_accelerations<'py>(
     py: Python<'py>,
     m: &Model,
@@ -297,8 +297,8 @@ pub fn checks<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> P
 /// Answers of yes or no.
 pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their freedoms (nt, freedoms),
-/// and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
+/// Flags of all joints in world axes and in joint axes (nt, nj, 6), of the efforts along their degrees of freedom (nt,
+/// degrees of freedom), and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
 pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flags<'py>; 4]> {
     let (states, nj) = (x.states(), m.spec.joints.len());
     let freedoms = m.placed.joints.iter().map(|p| p.shape.freedoms()).sum();

@@ -1,9 +1,10 @@
 //! What a mechanism can do from a singular position: its motions to second order, each tried by a finite move.
 //!
-//! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, asks of them to second order
-//! that `Q_n(u) = n^T b(D^T u)` vanish: forms that are nothing belong to rows that are redundant, a definite one leaves no motion
-//! at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few degrees and closed there
-//! with all its rows: what does not close is no motion, and the rank there is that of the branch.
+//! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, asks of them to second
+//! order that `Q_n(u) = n^T b(D^T u)` vanish: forms that are nothing belong to rows that are redundant, a definite one
+//! leaves no motion at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a
+//! few degrees and closed there with all its rows: what does not close is no motion, and the rank there is that of the
+//! branch.
 
 pub mod branch_directions;
 
@@ -23,11 +24,11 @@ const NONE: f64 = 3.2e-5;
 const _: () = assert!(NONE * NONE > 0.9 * REDUNDANT && NONE * NONE < 1.1 * REDUNDANT);
 /// The least ratio between singular values kept and dropped: the square root of that of the squared sines.
 const GAP: f64 = 30.0;
-/// Second rates (in parts of sizes, at rates of one reach a second) below this are round-off of positions known to the root of
-/// round-off, 1e-8, as those closed in a singular position are.
+/// Second rates (in parts of sizes, at rates of one reach a second) below this are round-off of positions known to the
+/// root of round-off, 1e-8, as those closed in a singular position are.
 const FLAT: f64 = 1e-6;
-/// The fastest velocity moves by so much of its reach, some three degrees: the rows lost here are open by the square of it
-/// elsewhere, and one lost rank has come back to a part of it, far above [`NONE`].
+/// The fastest velocity moves by so much of its characteristic displacement, some three degrees: the rows lost here are
+/// open by the square of it elsewhere, and one lost rank has come back to a part of it, far above [`NONE`].
 const MOVE: f64 = 0.05;
 /// Closed there to this part of sizes; round-off over the move.
 const CLOSED: f64 = 1e-12;
@@ -40,7 +41,7 @@ const SAME: f64 = 1e-6;
 /// One way to go on, in both senses where it has two.
 #[derive(Clone, Debug)]
 pub struct Branch {
-    /// Velocities along it, the fastest of them 1 in its reach.
+    /// Velocities along it, the fastest of them 1 in its characteristic displacement.
     pub rates: Vec<f64>,
     /// A closed position a few degrees along it.
     pub beside: Vec<f64>,
@@ -75,7 +76,7 @@ impl Branching {
     }
 }
 
-/// Rows over their sizes, velocities over their reaches.
+/// Rows over their sizes, velocities over their characteristic displacements.
 struct Scaled<'s, S: ConstrainedSystem> {
     system: &'s S,
     /// Those looked at.
@@ -141,7 +142,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         self.rows.iter().map(|&i| self.phi[i] / self.sizes[i]).collect()
     }
 
-    /// The part of b that is quadratic in the velocities `w` (in reaches).
+    /// The part of b that is quadratic in the velocities `w` (in characteristic displacements).
     fn bend(&mut self, t: f64, q: &[f64], w: &[f64]) -> Result<Vec<f64>, SystemError> {
         let mut sum = vec![0.0; self.sizes.len()];
         let mut b = sum.clone();
@@ -234,10 +235,11 @@ impl Forms {
     }
 }
 
-/// Motions from a closed position that may be singular; none where it is not, where rows have no positions to close, where the
-/// rank is not clear or the mechanism too large to look at.
+/// Motions from a closed position that may be singular; none where it is not, where rows have no positions to close,
+/// where the rank is not clear or the mechanism too large to look at.
 ///
-/// `drives`: those hold still, too; else they are released. Cost: dense decompositions of C, some twenty for each branch.
+/// `drives`: those hold still, too; else they are released. Cost: dense decompositions of C, some twenty for each
+/// branch.
 ///
 /// # Errors
 /// Where the system cannot be evaluated here.

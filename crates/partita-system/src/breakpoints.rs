@@ -1,10 +1,10 @@
-//! Knots of piecewise cubics: places where a curve that acts is no longer smooth.
+//! Breakpoints of piecewise cubics: places where a curve is not smooth.
 //!
 //! A method of order eight looks at a dozen places of a step and takes the motion between them for a polynomial. Where
-//! a knot
+//! a breakpoint
 //! lies inside, its error falls with the square of the step only, and the estimate is no better. So steps end at
-//! knots, wherever
-//! what a knot adds is more than the tolerance.
+//! breakpoints, wherever
+//! what a breakpoint adds is more than the tolerance.
 
 /// At which level of the equations a curve enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,26 +17,25 @@ pub enum Enters {
     Position,
 }
 
-/// What is left of a knot in the middle of a step: the nodes of a method lie about a tenth of a step apart, and of
-/// what a kink
-/// adds between two of them a sum over the nodes misses about so much.
+/// What is left of a breakpoint in the middle of a step: the nodes of a method lie about a tenth of a step apart, and
+/// of what a kink adds between two of them a sum over the nodes misses about so much.
 const MISSED: f64 = 0.02;
-/// Steps over very many knots see them as noise, which does not add up; this many tolerances of it are let pass.
+/// Steps over very many breakpoints see them as noise, which does not add up; this many tolerances of it are let pass.
 const NOISE: f64 = 100.0;
-/// A step that ends beside a knot loses this part of the tolerance at the most: hundreds of knots make one of it.
+/// A step that ends beside a breakpoint loses this part of the tolerance at the most: hundreds of breakpoints make one
+/// of it.
 const BESIDE: f64 = 1e-2;
 /// Jumps below this part of what jumps are round-off of the coefficients.
 const ROUND_OFF: f64 = 1e-9;
-/// Halvings that find where a reading passes a knot: to round-off.
+/// Halvings that find where a reading passes a breakpoint: to round-off.
 const HALVINGS: usize = 50;
 
-/// The knots of one curve, and what the velocities of a mechanism lose at each.
+/// The breakpoints of one curve, and what the velocities of a mechanism lose at each.
 #[derive(Clone, Debug)]
 pub struct Breakpoints {
     breaks: Vec<f64>,
-    /// For each break, what a velocity is off by, in parts of its size, over a distance d past the knot: `Σ jump_p d^p
-    /// / p!`,
-    /// p from 1.
+    /// For each break, what a velocity is off by, in parts of its size, over a distance d past the breakpoint: `Σ
+    /// jump_p d^p / p!`, p from 1.
     jumps: Vec<[f64; 4]>,
     /// The largest of each.
     largest: [f64; 4],
@@ -59,7 +58,7 @@ pub struct Reading {
 impl Breakpoints {
     /// Of piecewise cubics, the highest power first; `periodic` if they repeat themselves after the last break. None
     /// where no
-    /// knot is one.
+    /// breakpoint is one.
     pub fn new(breaks: &[f64], cubics: &[[f64; 4]], enters: Enters, periodic: bool, angle: bool) -> Option<Self> {
         let n = cubics.len();
         let (first, last) = (*breaks.first()?, *breaks.last()?);
@@ -106,8 +105,8 @@ impl Breakpoints {
         (found.largest != [0.0; 4]).then_some(found)
     }
 
-    /// The first knot that matters to a step of length h from one reading to another, if one does: when, as a part of
-    /// the step.
+    /// The first breakpoint that matters to a step of length h from one reading to another, if one does: when, as a
+    /// part of the step.
     ///
     /// In between the reading goes along the cubic that its values and rates at both ends give.
     pub fn within(&self, h: f64, from: Reading, to: Reading, tolerance: f64) -> Option<f64> {
@@ -151,7 +150,7 @@ impl Breakpoints {
         None
     }
 
-    /// Does a knot within a step over so much of the curve matter?
+    /// Does a breakpoint within a step over so much of the curve matter?
     fn matter(&self, jumps: &[f64; 4], travelled: f64, tolerance: f64) -> bool {
         let breakpoints = travelled / self.spacing;
         // of many, each is seen over the distance to the next
@@ -159,13 +158,13 @@ impl Breakpoints {
         MISSED * each > tolerance * breakpoints.clamp(1.0, NOISE)
     }
 
-    /// The next knot after x on the way up or down, and its number.
+    /// The next breakpoint after x on the way up or down, and its number.
     fn next(&self, x: f64, up: bool) -> Option<(f64, usize)> {
         let n = self.jumps.len();
         let first = self.breaks[0];
         let turns = self.period.map_or(0.0, |p| ((x - first) / p).floor());
         let offset = turns * self.period.unwrap_or(0.0);
-        // up to n - 1 the knots of this period; those of the next begin with its first
+        // up to n - 1 the breakpoints of this period; those of the next begin with its first
         let place = |i: usize| match i < n {
             true => self.breaks[i] + offset,
             false => self.breaks[0] + offset + self.period.unwrap_or(f64::INFINITY),
@@ -184,7 +183,7 @@ impl Breakpoints {
     }
 }
 
-/// What a velocity is off by over a distance past a knot.
+/// What a velocity is off by over a distance past a breakpoint.
 fn lost(jumps: &[f64; 4], d: f64) -> f64 {
     jumps[0] * d + jumps[1] * d * d / 2.0 + jumps[2] * d * d * d / 6.0 + jumps[3] * d * d * d * d / 24.0
 }
@@ -201,8 +200,8 @@ fn turns(r: f64, b: f64, c: f64) -> [f64; 2] {
     [one.min(two), one.max(two)]
 }
 
-/// Knots on the way of a march: what was read at the start of the step under way and at the end of the one that is
-/// judged.
+/// Breakpoints on the way of a march: what was read at the start of the step under way and at the end of the one that
+/// is judged.
 #[derive(Clone, Debug, Default)]
 pub struct Watched {
     breakpoints: Vec<Breakpoints>,
@@ -246,7 +245,7 @@ impl Watched {
         self.start.clone_from(&self.end);
     }
 
-    /// When the step that is judged passes the first knot that matters.
+    /// When the step that is judged passes the first breakpoint that matters.
     pub fn within(&self, tolerance: f64) -> Option<f64> {
         let h = self.end.t - self.start.t;
         self.first(h, tolerance, |i| self.end.readings[i])
@@ -308,7 +307,7 @@ mod tests {
         assert_eq!(tent(false, false).within(0.1, at(0.2, 1.0), at(0.3, 1.0), 1e-9), None);
         // 1e-6 from the end: half its square times a jump of 2, over an effort that acts on 2
         assert_eq!(tent(false, false).within(0.1, at(0.8, 2.0), at(1.0 + 1e-6, 2.0), 1e-9), None);
-        // the ends of a table that does not repeat itself are no knots
+        // the ends of a table that does not repeat itself are no breakpoints
         assert_eq!(tent(false, false).within(0.1, at(1.9, 2.0), at(2.1, 2.0), 1e-9), None);
         // a parabola in two pieces has none
         let cubics = [[0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 2.0, 1.0]];

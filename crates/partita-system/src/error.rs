@@ -174,7 +174,7 @@ pub enum SystemError {
     Targets {
         /// Which, why, where they end and what is missing.
         message: String,
-        /// By how much the nearest position is open; NaN where that is not told.
+        /// By how much the nearest position is open; NaN where that is not reported.
         residual: f64,
         /// Iterations done.
         iterations: usize,
@@ -215,7 +215,7 @@ pub enum SystemError {
         message: String,
     },
     /// A step of the length asked for ends where the motion cannot be told.
-    #[error("no step of this length leads on at t = {}: {message}", six_digits(*t))]
+    #[error("the step fails at t = {}: {message}", six_digits(*t))]
     Tick {
         /// Time.
         t: f64,
@@ -244,7 +244,8 @@ pub enum SystemError {
         /// By how much the lengths miss each other (m); 0 where they just meet and the inputs lead no further.
         shortfall: f64,
     },
-    /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's lengths.
+    /// Independent coordinates that stay do not determine the others here; a matter of the choice, not of a loop's
+    /// lengths.
     #[error("the independent coordinates {coordinates} stand at a dead point at t = {t}: {seen}; {advice}")]
     DeadPoint {
         /// Names of the coordinates.

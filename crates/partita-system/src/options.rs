@@ -1,4 +1,4 @@
-//! What a formulation may be told. Each reads what concerns it; what it needs and does not find it asks for.
+//! Options of formulations. Each reads its own; a missing one that it needs is an error.
 
 use crate::error::{Result, SystemError};
 use crate::partition::Selection;

@@ -13,10 +13,11 @@ use partita_math::rank::{preferred_rows, RowRank};
 /// Smallest accepted ratio between the last pivot kept and the first one dropped.
 pub const RANK_GAP: f64 = 1e3;
 
-/// The move next door (in reaches) by which redundant rows are told from rows that are dependent here only.
+/// The move next door (in characteristic displacements) by which redundant rows are distinguished from rows that are
+/// dependent here only.
 const NEXT_DOOR: f64 = 1e-3;
-/// Rows open by more than this there (in what a large move opens them by) are independent: an independent row opens by the
-/// square of the move, 1e-6, a redundant one by rounding.
+/// Rows open by more than this there (in what a large move opens them by) are independent: an independent row opens by
+/// the square of the move, 1e-6, a redundant one by rounding.
 const OPENS: f64 = 1e-9;
 
 /// What was found at the start.
@@ -52,12 +53,13 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
 
 /// Rank of the constraints at an assembled position, and the rows to be kept.
 ///
-/// Where the geometry was decided its verdict is taken: of so many closings the strongest here. Else pivots with a gap tell
-/// (scaled Delassus matrix), and a small move along the own motion tells a row that is dependent only here (a singular position)
-/// from a redundant one: redundant rows stay closed and stay dependent.
+/// Where the geometry was decided its verdict is taken: of so many closings the strongest here. Else pivots with a gap
+/// tell (scaled Delassus matrix), and a small move along the own motion tells a row that is dependent only here (a
+/// singular position) from a redundant one: redundant rows stay closed and stay dependent.
 ///
 /// # Errors
-/// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only, everywhere.
+/// `SingularStart` in a singular position, and of a mechanism some motions of which exist for an instant only,
+/// everywhere.
 pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     analyse_with(&mut Reduction::new(system, 0), t, q)
 }
@@ -96,7 +98,7 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
     Ok(start)
 }
 
-/// What is told of conditions that rounding hides.
+/// Message for constraints hidden by round-off.
 const HIDDEN: &str = "conditions hold the mechanism that are so weak that what they carry is lost in rounding: its drawing is off by \
                       more than its drawing_tolerance, but by little; draw its joints exactly as they are meant, or give a larger \
                       drawing_tolerance for the play they have";
@@ -116,8 +118,8 @@ fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
     SystemError::SingularStart { t, message }
 }
 
-/// Of the closings that the verdict counts those that are strongest at a position, and drives besides. Where the position is
-/// singular there are fewer.
+/// Of the closings that the verdict counts those that are strongest at a position, and drives besides. Where the
+/// position is singular there are fewer.
 fn counted<S: ConstrainedSystem>(
     probe: &mut Reduction<S>,
     t: f64,
@@ -157,7 +159,7 @@ fn counted<S: ConstrainedSystem>(
     Ok(start)
 }
 
-/// What is told of rows that are dependent here and not next to it, where the rank is `there`.
+/// Message for rows that are dependent here and not nearby, where the rank is `there`.
 fn singular<S: ConstrainedSystem>(
     system: &S,
     (t, q): (f64, &[f64]),
@@ -198,8 +200,8 @@ fn persists<S: ConstrainedSystem>(
     }
 }
 
-/// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused: a
-/// singular position has a rank of its own.
+/// Rank of the constraints at one position, and the rows that are combinations of the others there. Nothing is refused:
+/// a singular position has a rank of its own.
 pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     let mut probe = Reduction::new(system, 0);
     match system.finite() {

@@ -7,7 +7,7 @@ pub use crate::error::SystemError;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 
-/// What is known of the freedoms of a system over finite motions, drives released.
+/// What is known of the degrees of freedom of a system over finite motions, drives released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Finite {
     /// Degrees of freedom at generic positions.
@@ -46,7 +46,7 @@ pub struct Tangent<'a> {
 /// How a system finds its reduced accelerations cluster by cluster, decided when rows are kept.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recursion {
-    /// Columns of the packed `Dᵀ` it wants: the most freedoms of a cluster that goes by partial velocities.
+    /// Columns of the packed `Dᵀ` it wants: the most degrees of freedom of a cluster that goes by partial velocities.
     pub columns: usize,
     /// Does this cluster go by partial velocities? The others need no D.
     pub by_partial_velocities: Vec<bool>,
@@ -59,7 +59,8 @@ pub type BlockSink<'b, T = f64> = &'b mut dyn FnMut(usize, &[usize], &[T]);
 pub struct ClusterTangent<'a> {
     /// Columns of `dt`.
     pub columns: usize,
-    /// `Dᵀ` (nv x columns): the freedoms of its own cluster beside each velocity; zero where the cluster needs none.
+    /// `Dᵀ` (nv x columns): the degrees of freedom of its own cluster beside each velocity; zero where the cluster
+    /// needs none.
     pub dt: &'a [f64],
     /// `[0; ξ]` (nv).
     pub delta: &'a [f64],
@@ -69,7 +70,7 @@ pub struct ClusterTangent<'a> {
     pub b: &'a [f64],
 }
 
-/// S1-S5 of a mechanism or of a system written by hand.
+/// S1-S5 of a mechanism or of a user-defined system.
 ///
 /// Evaluated by level: [`position`](Self::position), then [`velocity`](Self::velocity) at the same `(t, q)`, then the
 /// dynamics. What one level computes it leaves in the scratch for the next; the scratch is never an answer. The
@@ -121,7 +122,7 @@ pub trait ConstrainedSystem: Sync {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError>;
-    /// Where M may be nonzero (nv x nv, both triangles); everywhere where the system does not tell.
+    /// Pattern of M (nv x nv, both triangles); full by default.
     fn mass_pattern(&self) -> Pattern {
         Pattern::dense(self.size().nv, self.size().nv)
     }
@@ -148,12 +149,13 @@ pub trait ConstrainedSystem: Sync {
         md: &mut [f64],
         hd: &mut [f64],
     ) -> Result<(), SystemError>;
-    /// Velocities and rows that hang together through C; all in one where the system does not tell.
+    /// Blocks of velocities and rows connected through C; one block by default.
     fn clusters(&self) -> Clusters {
         let size = self.size();
         Clusters::one(size.nv, size.rows)
     }
-    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or all there is.
+    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or all there
+    /// is.
     fn plan_recursion(&self, _kept: &[usize], _s: &mut Self::Scratch) -> Option<Recursion> {
         None
     }
@@ -213,7 +215,8 @@ pub trait ConstrainedSystem: Sync {
         out: &mut [f64],
     ) -> Result<(), SystemError>;
     /// Is M short of mass somewhere, so that it is no metric? Then one stands beside it:
-    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations of motion are those of M.
+    /// [`add_metric`](Self::add_metric) is what it has more, and `[M⁻¹]_ii` and columns of `M⁻¹` are its own. Equations
+    /// of motion are those of M.
     fn lacks_mass(&self) -> bool {
         false
     }
@@ -303,11 +306,11 @@ pub trait ConstrainedSystem: Sync {
     fn time_domain(&self) -> Option<(f64, String)> {
         None
     }
-    /// Ascending times at which what acts turns a corner, as far as the system knows: steps are to end there.
+    /// Ascending times of known discontinuities of loads and drives: steps end there.
     fn discontinuities(&self) -> Vec<f64> {
         Vec::new()
     }
-    /// Curves with knots: steps are to end where what they are read at passes one that matters.
+    /// Curves with breakpoints: steps end where a breakpoint that matters is passed.
     fn breakpoints(&self) -> Vec<Breakpoints> {
         Vec::new()
     }
@@ -321,7 +324,7 @@ pub trait ConstrainedSystem: Sync {
     fn instantaneous(&self) -> String {
         "its conditions".into()
     }
-    /// How far velocities v move the mechanism, in reaches: the fastest coordinate, or what stands for it whatever the axes.
+    /// Size of velocities v, in characteristic displacements: the fastest coordinate, or its invariant over axes.
     fn travel(&self, v: &[f64]) -> f64 {
         v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.characteristic_displacement(i)))
     }
@@ -341,8 +344,8 @@ pub trait ConstrainedSystem: Sync {
     fn row_is_angle(&self, _i: usize) -> bool {
         false
     }
-    /// Rows that are closed at q the wrong way round: the directions they compare are perpendicular as they should be, but
-    /// an axis points backwards. One row for each closing that is.
+    /// Rows that are closed at q the wrong way round: the directions they compare are perpendicular as they should be,
+    /// but an axis points backwards. One row for each closing that is.
     fn turned_over(&self, _q: &[f64]) -> Vec<usize> {
         Vec::new()
     }

@@ -4,19 +4,20 @@ use crate::reduction::Reduction;
 use crate::system::{ConstrainedSystem, SystemError, Tangent};
 use partita_math::dense::{self, Matrix};
 
-/// A freedom that carries less than this part of what light bodies count with in the metric, a hundredth of the
+/// A freedom that carries less than this part of what massless bodies count with in the metric, a hundredth of the
 /// heaviest, carries nothing but rounding.
 const NOTHING: f64 = 1e-12;
 /// Steps of inverse iteration: each brings the least of the spectrum out by what separates nothing from something.
 const STEPS: usize = 4;
-/// Velocities below this part of the largest (in reaches a second) do not belong to the motion.
+/// Velocities below this part of the largest (in characteristic displacements per second) do not belong to the motion.
 const PART: f64 = 1e-6;
 /// Beyond so many velocities a dense look costs more than it is worth: the pivots of each evaluation tell as well.
 const MOST: usize = 2000;
 /// Coordinates named before the rest is counted.
 const NAMED: usize = 8;
 
-/// A motion that moves no mass at `(t, q)`, if there is one: its velocities, the fastest 1 (in reaches a second).
+/// A motion that moves no mass at `(t, q)`, if there is one: its velocities, the fastest 1 (in characteristic
+/// displacements per second).
 pub fn unfelt<S: ConstrainedSystem>(
     system: &S,
     t: f64,
@@ -77,8 +78,8 @@ pub fn unfelt<S: ConstrainedSystem>(
     Ok(Some(v))
 }
 
-/// Refuse a start in which some freedom moves no mass, with the joints that it turns and the bodies that it takes
-/// along.
+/// Refuse a start in which some degree of freedom moves no mass, with the joints that it turns and the bodies that it
+/// takes along.
 ///
 /// # Errors
 /// `Unfelt`.

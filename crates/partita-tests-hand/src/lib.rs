@@ -1,4 +1,4 @@
-//! Tests of reduction and marching, on equations written by hand.
+//! Tests of reduction and marching, on user-defined equations.
 #![cfg(test)]
 
 #[path = "../../partita-tests/src/counting/mod.rs"]

@@ -139,7 +139,7 @@ def add_friction(
             above 0 [m].
         length: of the bearing, above 0 [m]; None: moments do not press.
         collar: mean radius of the collar that carries the force along the axis of a turn [m]; None: it does not press.
-        preload: force that presses always, not negative [N].
+        preload: constant normal force, not negative [N].
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
 

@@ -218,9 +218,7 @@ def _grouped(notes: tuple[str, ...]) -> list[str]:
     rows = [note for note in notes if note.startswith(("row ", "rows ")) and " removed: " in note]
     if not rows:
         return list(notes)
-    rest = [
-        note for note in notes if note not in rows and "closing rows say nothing that the others do not" not in note
-    ]
+    rest = [note for note in notes if note not in rows and "closing rows are redundant" not in note]
     others = len(rows) - 1
     more = [f"and the like of {others} other group{'s' * (others > 1)} of joints, in certificate.notes"] * (others > 0)
     return [rows[0], *more, *rest]

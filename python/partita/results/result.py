@@ -151,7 +151,7 @@ class Result(Run):
         much, in which direction), "paths" (of `points`, {name: (body, place in body axes)}, or of the joints),
         "energy", "measure", "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor
         to stand along the bottom in the place of time: over what angle is it loaded? Angles are in degrees, of one
-        turn where there are more. `ax` takes one word of one panel into axes of yours.
+        turn where there are more. `ax`: existing Matplotlib axes to draw a single panel into.
 
         Nothing is shown on the screen; in a notebook the figure displays itself. Raises `UnknownNameError` with the
         nearest names, `ArgumentError` where a word cannot stand over `x` or in `ax`.

@@ -92,7 +92,7 @@ pub fn joints<E: Send>(model: &Model, states: &States, which: &[usize], watch: W
     Ok(found)
 }
 
-/// Accelerations along the freedoms of the joints `which`, side by side, in the order of their velocities.
+/// Accelerations along the degrees of freedom of the joints `which`, side by side, in the order of their velocities.
 ///
 /// # Errors
 /// Those of `watch`.
@@ -165,8 +165,8 @@ pub fn body_accelerations<E: Send>(
     tables(states.len(), &[3 * which.len(); 2], 1, || model.scratch(), row, watch)
 }
 
-/// Power, potential and effort (NaN where there is none) of applied force `number` of the description, then point, force and
-/// moment on each body that it acts on, world axes; also how many these are.
+/// Power, potential and effort (NaN where there is none) of applied force `number` of the description, then point,
+/// force and moment on each body that it acts on, world axes; also how many these are.
 ///
 /// # Errors
 /// There is no such force; what a user's function raises, and those of `watch`.

@@ -1,4 +1,4 @@
-//! The way of a mechanism from one position to another along its own motion, the goals going straight.
+//! Continuation of a mechanism from one position to another along its own motion, the goals on a straight line.
 //!
 //! Each step goes ahead along the tangent and is closed again by Newton's method. It counts only if Newton's
 //! corrections are small against the step and shrink as they do near the solution that the tangent leads to, if the
@@ -21,12 +21,13 @@ use partita_system::SystemError;
 const NEAR: Rule = near_by(CLOSED);
 /// To round-off.
 const LAST: Rule = Rule::new(6, f64::EPSILON, CLOSED);
-/// Where steps that move the goals by this (in reaches) do not lead on, the way ends: six digits of where.
+/// Where steps that move the goals by this (in characteristic displacements) do not lead on, the way ends: six digits
+/// of where.
 const SHORTEST: f64 = 1e-6;
-/// Steps, in reaches, that are tried across a singular position: Newton's method needs some distance to it on both
-/// sides.
+/// Steps, in characteristic displacements, that are tried across a singular position: Newton's method needs some
+/// distance to it on both sides.
 const LEAPS: [f64; 3] = [1e-3, 1e-2, 3e-2];
-/// Largest residual that counts as closed, in reaches.
+/// Largest residual that counts as closed, in characteristic displacements.
 pub(super) const CLOSED: f64 = 1e-12;
 /// Velocities up to which the sign of the determinant is watched: its cost grows with their cube.
 const WATCHED: usize = 150;
@@ -191,7 +192,7 @@ impl<'m> Continuation<'m> {
             to += 1;
         }
         lu(&mut self.matrix, n, &mut self.pivots).ok()?;
-        // the sign alone: a determinant of many entries may be too small to be told
+        // the sign alone: a determinant of many entries may underflow
         for k in 0..n {
             let pivot = &mut self.matrix[k * n + k];
             *pivot = pivot.signum();

@@ -13,10 +13,10 @@ use partita_system::{ConstrainedSystem, SystemError};
 
 /// Values of a joint listed.
 const LISTED: usize = 6;
-/// Values nearer to each other than this (in reaches) are one.
+/// Values closer than this (in characteristic displacements) are equal.
 const SAME: f64 = 1e-6;
 
-/// How far the goals of a way are from their aims at q, in reaches.
+/// Distance of the goals from their aims at q, in characteristic displacements.
 pub(super) fn off(continuation: &mut Continuation, q: &[f64], aims: &[f64]) -> f64 {
     continuation.field.look(q);
     let f = &continuation.field;

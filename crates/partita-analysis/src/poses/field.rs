@@ -46,7 +46,7 @@ pub(super) struct Field<'m> {
     mu: Vec<f64>,
     r: Vec<f64>,
     room: Room,
-    /// Move in reaches.
+    /// Move in characteristic displacements.
     pub dv: Vec<f64>,
     rest: Vec<f64>,
     scaled: Vec<f64>,
@@ -201,7 +201,7 @@ impl<'m> Field<'m> {
         self.pattern.row(i).map(|e| self.c[e] * y[self.pattern.col_idx[e]]).sum()
     }
 
-    /// How far the rows of this duty are open, in reaches.
+    /// How far the rows of this duty are open, in characteristic displacements.
     fn open_of(&self, duty: Duty) -> Open {
         let of = self.phi.iter().zip(&self.duty).filter(|(_, d)| **d == duty);
         Open::of(of.map(|(x, _)| *x))

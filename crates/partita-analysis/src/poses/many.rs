@@ -11,17 +11,20 @@ use partita_model::Model;
 use partita_system::closing::Closing;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Farthest a goal goes at once where closed forms serve, in reaches: no angle of a healthy loop turns by π meanwhile.
+/// Farthest a goal goes at once where closed forms serve, in characteristic displacements: no angle of a healthy loop
+/// turns by π meanwhile.
 const STRIDE: f64 = 0.1;
-/// Farthest a goal may be from the state's, in reaches: more is a slip of the pen.
+/// Largest distance of a goal from the state, in characteristic displacements: more is taken for a typing error.
 const FARTHEST: f64 = 1e4;
-/// Largest |Φ| (in reaches) that a closed form leaves: its round-off, multiplied a hundred thousand times next to a limit.
+/// Largest |Φ| (in characteristic displacements) of a closed-form solution: round-off, amplified 1e5 times next to a
+/// limit.
 const CLOSES: f64 = 1e-10;
-/// Strides that move the goals by less than this (in reaches) do not count: six digits of where a way ends.
+/// Strides that move the goals by less than this (in characteristic displacements) do not count: six digits of where a
+/// way ends.
 const SHORTEST: f64 = 1e-6;
 /// Signs of so many blocks are tried where a pose does not close on its branch.
 const BLOCKS: usize = 6;
-/// Goals that depend on each other agree within this, in reaches.
+/// Goals that depend on each other agree within this, in characteristic displacements.
 const AGREE: f64 = 1e-9;
 
 /// What became of a pose.
@@ -63,7 +66,7 @@ pub struct Poses {
     pub outcomes: Vec<Outcome>,
     /// How far the goals came on the straight way.
     pub reached: Vec<f64>,
-    /// By how much the nearest position is open (m); NaN where it is not told.
+    /// Closure error of the nearest position (m); NaN where it is not known.
     pub shortfall: Vec<f64>,
     /// The same for directions (rad).
     pub angle: Vec<f64>,
@@ -108,9 +111,10 @@ fn put(found: &Found, reached: &[f64], q: &[f64], i: usize, rows: &mut Rows) {
 
 /// Positions in which the goals have the values of each row of `values`, on the branch of the closed position q.
 ///
-/// The branch is what the straight way of the goals leads to from q without meeting a limit or a singular position. Where
-/// several goals are inputs from which all loops follow in closed form, it is the signs of their blocks: a pose is found
-/// wherever it closes with them, whatever stands in the straight way. Each pose depends on its own values and on q alone.
+/// The branch is what the straight way of the goals leads to from q without meeting a limit or a singular position.
+/// Where several goals are inputs from which all loops follow in closed form, it is the signs of their blocks: a pose
+/// is found wherever it closes with them, whatever stands in the straight way. Each pose depends on its own values and
+/// on q alone.
 ///
 /// # Errors
 /// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.

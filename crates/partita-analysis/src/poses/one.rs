@@ -57,8 +57,9 @@ pub struct One {
 /// The loops of the model closed from q, and what is asked met.
 ///
 /// # Errors
-/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense, or where a coupling that is held
-/// by its rates alone would slip; `Wound` where an angle cannot be told from one a turn beside it.
+/// `Assembly`, `Lengths` and `Targets` where that cannot be; `Argument` where it makes no sense, or where a coupling
+/// that is held by its rates alone would slip; `Wound` where an angle cannot be distinguished from one a turn beside
+/// it.
 pub fn one(model: &Model, t: f64, q: &[f64], ask: &Ask) -> Result<One, SystemError> {
     let mut found = One { q: q.to_vec(), ..One::default() };
     guess(model, t, &mut found.q, &ask.guess)?;
@@ -100,8 +101,8 @@ fn stopped(level: usize, e: &SystemError) -> SystemError {
     )
 }
 
-/// q with the guessed coordinates: those of the state as they are given, others as nearly as moves of the state allow, the
-/// loops left open.
+/// q with the guessed coordinates: those of the state as they are given, others as nearly as moves of the state allow,
+/// the loops left open.
 fn guess(model: &Model, t: f64, q: &mut Vec<f64>, guess: &[(Target, f64)]) -> Result<(), SystemError> {
     for (x, value) in guess {
         if let Some((at, _)) = x.own() {

@@ -72,7 +72,8 @@ fn gradients_are_those_of_the_values() {
     }
 }
 
-/// Loops whose conditions depend on each other, and one with a link that spins: closed with all rows where a walk leads.
+/// Loops whose conditions depend on each other, and one with a link that spins: closed with all rows where a walk
+/// leads.
 #[test]
 fn poses_are_where_continuation_leads() {
     let kinds = [Revolute, Spherical, Spherical, Revolute];
@@ -100,7 +101,7 @@ fn poses_are_where_continuation_leads() {
                 let next = value * f64::from(part) / 20.0;
                 assembly::move_to(&m, 0.0, &mut walked, &[(at, next)], assembly::CLOSED).unwrap();
             }
-            // the spin of a link is nobody's business: points of the last body tell
+            // the spin of a link is arbitrary: compare points of the last body
             let (rest, mut s) = (vec![0.0; m.size().nv], m.scratch());
             for axis in 0..3 {
                 let point = Goal::Point { body: m.spec.bodies.len() - 1, point: [0.3, -0.2, 0.5], axis };

@@ -10,7 +10,7 @@ use partita_system::ConstrainedSystem;
 const OPEN: f64 = 1e4;
 /// Rates off by more than this part of what is added up in them are off, ...
 const OFF: f64 = 1e-9;
-/// ... unless a move at that rate (in reaches a second) would not be seen in an hour.
+/// ... unless a move at that rate (in characteristic displacements per second) would not be seen in an hour.
 const STANDING: f64 = 1e-13;
 
 /// Rows open by more than this part of the lengths added up in them stand somewhere else: no step closes them, and what

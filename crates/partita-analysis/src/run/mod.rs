@@ -43,7 +43,7 @@ pub struct Run {
     pub gaps: Gaps,
     /// What the user should know, in sentences.
     pub notes: Vec<String>,
-    /// What stands against the run at the ends of its steps.
+    /// Findings of a run at the ends of its steps.
     pub findings: Vec<Finding>,
 }
 
@@ -64,8 +64,8 @@ fn note_of_crossings(outcome: &Outcome) -> String {
     )
 }
 
-/// A motion that stopped in a position: was it driven to where the joints do not go? Whether the step or the pivot was the
-/// first to give way there is a matter of rounding.
+/// A motion that stopped in a position: was it driven to where the joints do not go? Whether the step or the pivot was
+/// the first to give way there is a matter of rounding.
 fn report_driven_beyond<S: Balance>(
     system: &S,
     request: &Request,

@@ -14,14 +14,15 @@ use partita_system::start::{self, Start};
 use partita_system::{weight, ConstrainedSystem, SystemError};
 use std::sync::Arc;
 
-/// A formulation before it is made: by name, for a rank, with options. Runs make it to march, and again to describe outputs.
+/// A formulation before it is made: by name, for a rank, with options. Runs make it to march, and again to describe
+/// outputs.
 #[derive(Clone)]
 pub struct Recipe {
     /// The formulation, by name.
     pub formulation: String,
     /// Rank of the constraints.
     pub rank: usize,
-    /// What the formulation is told.
+    /// Options of the formulation.
     pub options: FormulationOptions,
 }
 
@@ -49,8 +50,8 @@ pub struct Looked<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Looked<'s, S> {
-    /// Rank, redundant rows and the way out of a singular position, up to `end` and to this tolerance. Redundant rows agree with
-    /// the others, every motion moves mass, and the state is next to one that satisfies the constraints.
+    /// Rank, redundant rows and the way out of a singular position, up to `end` and to this tolerance. Redundant rows
+    /// agree with the others, every motion moves mass, and the state is next to one that satisfies the constraints.
     ///
     /// # Errors
     /// Where one of these is not so, and where the velocities single out no branch.
@@ -186,7 +187,7 @@ fn within(end: f64, request: &Request) -> bool {
 
 fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
     format!(
-        "{} closing rows say nothing that the others do not and were dropped by rank ({}); the gap between kept and dropped \
+        "{} closing rows are redundant and were dropped by rank ({}); the gap between kept and dropped \
          pivots is {:.1e}",
         found.dropped.len(),
         some(&found.dropped, |&i| system.row_name(i)),
@@ -199,7 +200,7 @@ pub(super) const CANNOT_MOVE: &str =
     "the mechanism cannot move: its joints make a structure of the bodies, with no degree of freedom; the run \
      holds it where it is, and its reactions are those at rest";
 
-/// What a structure is told whose conditions are too weak for its reactions to be computed.
+/// Message for a structure whose constraints are too weak for its reactions to be computed.
 pub(super) fn no_reactions() -> AnalysisError {
     let message = "the mechanism cannot move: it is held by conditions so weak that what they carry is lost in rounding; draw its \
                    joints exactly as they are meant, or give a larger drawing_tolerance for the play they have"

@@ -135,7 +135,7 @@ impl Request {
         Ok(Settings { t_end: self.t_end, tableau, options, max_steps: self.max_steps })
     }
 
-    /// What the formulation is told, with the user's tangent velocities.
+    /// Options of the formulation, with the user's tangent velocities.
     ///
     /// # Errors
     /// `Argument` for unknown words, `Unknown` for velocities that the system does not have.

@@ -6,10 +6,10 @@ use partita_system::branching::branch_directions;
 use partita_system::record::Output;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// The step out of it, and what is told of it.
+/// The step out of the singular position, with its note.
 pub(super) struct BranchStart<'s, S: ConstrainedSystem> {
     pub step: SingularStep<'s, S>,
-    /// What is told of it.
+    /// Its note.
     pub note: String,
 }
 

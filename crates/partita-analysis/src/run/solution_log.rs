@@ -36,7 +36,7 @@ pub struct Described {
     pub k: usize,
     /// What is not determined, where and why.
     pub notes: Vec<String>,
-    /// What stands open at the outputs, in parts of sizes and of the fastest rate, where that is worst.
+    /// Largest constraint violation at the outputs, relative to the row sizes and to the fastest rate.
     pub gaps: Gaps,
 }
 
@@ -51,17 +51,17 @@ pub struct Assessed {
     pub sqrt_mu: Vec<f64>,
 }
 
-/// Numbers kept of what stands open at an output: a part and a row of each kind, and the fastest rate.
+/// Numbers kept of what remains open at an output: a part and a row of each kind, and the fastest rate.
 const OPEN: usize = 5;
 
-/// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores nor
-/// on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
+/// Outputs that share an elimination plan: a number of the mechanism's own, so that answers depend neither on the cores
+/// nor on how fast they are. Of large mechanisms fewer, so that a wish to stop is heard in time.
 fn chunk(nv: usize) -> usize {
     (100_000 / nv.max(1)).clamp(16, 128)
 }
 
 impl SolutionLog {
-    /// One table for each width, each row from what the formulation tells of an output.
+    /// One table for each width, a row for each output described by the formulation.
     fn tables<S: ConstrainedSystem<Scratch: Send>, E: Send + From<SystemError>>(
         &self,
         system: &S,
@@ -87,8 +87,8 @@ impl SolutionLog {
         Ok(tables(self.outputs.len(), widths, chunk, scratch, row, watch)?.into_iter())
     }
 
-    /// Accelerations, multipliers and closures of the outputs; `shared` is false where they may not be asked for at the same
-    /// time (functions of the user).
+    /// Accelerations, multipliers and closures of the outputs; `shared` is false where they may not be asked for at the
+    /// same time (functions of the user).
     ///
     /// # Errors
     /// Where something cannot be evaluated, and those of `watch`.
@@ -134,7 +134,7 @@ impl SolutionLog {
         Ok(described)
     }
 
-    /// What stands against the run in outputs that were described.
+    /// Findings of a run from the outputs that were described.
     pub fn judge<S: ConstrainedSystem>(&self, system: &S, described: &Described) -> Vec<Finding> {
         let mut found = Vec::new();
         self.limits.judge(system, &described.gaps, "the output", &mut found);

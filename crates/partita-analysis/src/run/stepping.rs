@@ -26,12 +26,12 @@ pub struct Stepping<'s, S: Balance> {
     rtol: f64,
     /// The first step, where it began in a singular position, as long as it stands there.
     singular_start: Option<BranchStart<'s, S>>,
-    /// What is told of it.
+    /// Its note.
     departed: Option<String>,
     recipe: Recipe,
     limits: Limits,
     notes: Vec<String>,
-    /// Where it stands.
+    /// Current state.
     now: Output,
     /// Work done before the formulation was started the last time.
     work: f64,
@@ -244,7 +244,7 @@ impl<'s, S: Balance<Scratch: Send>> Stepping<'s, S> {
         }
     }
 
-    /// Where it stands; angles without their whole turns.
+    /// Current state; angles without whole turns.
     pub fn now(&self) -> &Output {
         &self.now
     }

@@ -1,4 +1,4 @@
-//! What stands against a run, in sentences: conditions that are open, velocities that jump, steps beyond the tolerance, energy
+//! Findings of a run, in sentences: open constraints, velocity jumps, steps beyond the tolerance, energy
 //! and forces out of balance. It is decided once, when the run ends.
 
 use super::balance::{self, Asked, Balance, Energy};
@@ -10,33 +10,35 @@ use partita_system::record::{Gap, Gaps, Output, Sample, StepChecks};
 use partita_system::reduction::closure_error::{CLOSED, OPEN, OPEN_RATE};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Of its own accord a run leaves conditions open by no more than this many tolerances: the error of a step, over the steps of
+/// Without correction, constraint violation stays below this many tolerances: the error of a step, over the steps of
 /// a motion and grown with it.
 const DRIFT: f64 = 1e4;
 /// What fixed steps may drift by, of whom no tolerance is asked: a hundredth can still be seen as small.
 const FIXED: f64 = 1e-2;
-/// Rates off by more than this part of the fastest are no round-off: 1e-16 times the worst condition that is worked with.
+/// Rates off by more than this part of the fastest are no round-off: 1e-16 times the worst condition that is worked
+/// with.
 const RATES_HOLD: f64 = 1e-7;
 /// Steps beyond the tolerance that one singular position explains: a crossing step and those that lead up to it.
 const LENIENT_EACH: u64 = 20;
 
-/// Accelerations off by more than these parts of the strongest leave a condition: tables through exact points err by the
-/// square of their spacing there.
+/// Accelerations off by more than these parts of the strongest leave a condition: tables through exact points err by
+/// the square of their spacing there.
 const BENDS: (f64, f64) = (1e-2, 1e-1);
-/// Velocities change by less than a tolerance where what is open of S4 is removed after a step; next to a singular position
-/// that is divided by the distance. Beyond the second, in parts of the speed, the motion goes on along another branch or has
-/// lost a hundredth of its energy at once.
+/// Velocities change by less than a tolerance where what is open of S4 is removed after a step; next to a singular
+/// position that is divided by the distance. Beyond the second, in parts of the speed, the motion goes on along another
+/// branch or has lost a hundredth of its energy at once.
 const JUMPS: (f64, f64) = (1e-3, 1e-1);
 /// So many tolerances of a change are no jump, up to this part.
 const JUMPS_EXPLAINED: (f64, f64) = (100.0, 2e-2);
-/// Positions open by this part of the squared distance from a singular position, and the error decides between the branches
-/// there: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
+/// Positions open by this part of the squared distance from a singular position, and the error decides between the
+/// branches there: two branches x y = 0 that are open by e are x y = e, whose arms lead from one to the other at the
+/// distance sqrt(2 e).
 const BRANCH_BY_ERROR: f64 = 0.1;
 
 /// An output is faster than this many times what the ends of steps explain, and something acted between them.
 const SURGE: f64 = 10.0;
 
-/// One thing that stands against a run.
+/// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// Does it break the run, or is it merely doubtful?
@@ -157,8 +159,8 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
     }
 }
 
-/// A run that has ended: what stands against it besides what is `found` already, and whether it is a success. What is found
-/// to break it ends it, in the outcome; nothing that is looked at later changes that.
+/// A run that has ended: what counts against it besides what is `found` already, and whether it is a success. What is
+/// found to break it ends it, in the outcome; nothing that is looked at later changes that.
 pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
@@ -196,7 +198,8 @@ fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemE
     Ok(())
 }
 
-/// The first and the last output that have accelerations: are these and the multipliers finite, and in balance at all bodies?
+/// The first and the last output that have accelerations: are these and the multipliers finite, and in balance at all
+/// bodies?
 fn of_ends<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
@@ -218,7 +221,7 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
                 let sentence = format!("accelerations and efforts are not finite at the output t = {t} s");
                 return Some(Finding { broken: true, t: x.t, sentence });
             }
-            Err(_) => continue, // what fails there is told to whoever asks for it
+            Err(_) => continue, // a failure there is reported by the output that asks for it
         }
         sample.q.iter_mut().zip(&x.turns).for_each(|(q, n)| *q = partita_system::positions::turns::whole(*q, *n));
         if let Ok(Some(residual)) = system.residual(&sample, scratch) {
@@ -241,7 +244,7 @@ fn of_energies<S: Balance>(system: &S, log: &SolutionLog, steps: u64, scratch: &
     balance::of_energy(&at, log.limits.asked, steps, system.energy_floor(log.limits.atol))
 }
 
-/// Steps that were accepted beyond the tolerance: told where a singular position does not explain them.
+/// Steps accepted beyond the tolerance: reported where no singular position explains them.
 pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
     let (lenient, crossings) = (outcome.counters.lenient, outcome.crossings.len() as u64);
     let explained = LENIENT_EACH * crossings.max(1);

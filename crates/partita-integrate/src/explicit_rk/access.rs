@@ -4,8 +4,8 @@ use super::{Phase, Stepper};
 use crate::counters::Counters;
 use crate::tableau::Tableau;
 
-/// Steps shorter than this part of the time (of the run, near t = 0) are not shortened again: they are some hundred times the
-/// round-off of t.
+/// Steps shorter than this part of the time (of the run, near t = 0) are not shortened again: they are some hundred
+/// times the round-off of t.
 const SHORTEST: f64 = 1e-13;
 
 impl Stepper {
@@ -88,8 +88,8 @@ impl Stepper {
         self.others.clear();
     }
 
-    /// Should the next step fail by its error, try these lengths, the last first, before it is shortened: for where a shorter one
-    /// is no better. Call it after [`set_step_size`](Stepper::set_step_size), which forgets them.
+    /// Should the next step fail by its error, try these lengths, the last first, before it is shortened: for where a
+    /// shorter one is no better. Call it after [`set_step_size`](Stepper::set_step_size), which forgets them.
     pub fn set_other_sizes(&mut self, lengths: impl IntoIterator<Item = f64>) {
         self.others.extend(lengths);
     }
@@ -99,17 +99,17 @@ impl Stepper {
         self.goal = t;
     }
 
-    /// Until told otherwise: take no tolerance for smaller than `floor` (0 is the rule), and accept errors up to `limit`
-    /// tolerances (1 is the rule). For where the estimate is known to be round-off, so that shorter steps would not
-    /// lower it. Steps that the tolerances themselves would have refused are counted.
+    /// Unless set otherwise: take no tolerance for smaller than `floor` (0 is the rule), and accept errors up to
+    /// `limit` tolerances (1 is the rule). For where the estimate is known to be round-off, so that shorter steps would
+    /// not lower it. Steps that the tolerances themselves would have refused are counted.
     pub fn set_lenience(&mut self, floor: f64, limit: f64) {
         self.floor = floor;
         self.norm.set_floor(floor);
         self.lenience = limit.max(1.0);
     }
 
-    /// Natural size of each component, in which `atol` and the floor of [`set_lenience`](Stepper::set_lenience) are meant from
-    /// the next step on; 1 until told otherwise.
+    /// Natural size of each component, in which `atol` and the floor of [`set_lenience`](Stepper::set_lenience) are
+    /// meant from the next step on; 1 unless set otherwise.
     pub fn set_sizes(&mut self, sizes: &[f64]) {
         self.norm.set_sizes(sizes);
     }

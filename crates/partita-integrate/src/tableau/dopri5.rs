@@ -2,7 +2,7 @@ use super::{Dense, ErrorWeights, Tableau};
 
 /// Dormand and Prince's pair of orders five and four: six new evaluations a step.
 ///
-/// A sound choice for tolerances from 1e-3 to 1e-7 and for motions with many corners; DOP853 is cheaper below.
+/// A sound choice for tolerances from 1e-3 to 1e-7 and for motions with many discontinuities; DOP853 is cheaper below.
 /// Dense output: Shampine's quartic, without further evaluations.
 pub static DOPRI5: Tableau = Tableau {
     name: "dopri5",

@@ -1,4 +1,4 @@
-//! A cluster with few freedoms, as one joint: its links move by `S_c = S D_cᵀ`.                       (48)
+//! A cluster with few degrees of freedom, as one joint: its links move by `S_c = S D_cᵀ`.                       (48)
 
 use super::freedoms;
 use super::plan::{FewPlan, Plan, NONE};
@@ -108,7 +108,7 @@ impl<G: Space> Tree<G> {
         cholesky(factor, k);
         solve(factor, k, own, 1);
         if f.base != 0 {
-            // push of the freedoms on the base (k x DIM); the gain follows from it
+            // push of the degrees of freedom on the base (k x DIM); the gain follows from it
             let inertia = &mut x.inertia[f.base * d * d..(f.base + 1) * d * d];
             let force = &mut x.force[f.base * d..(f.base + 1) * d];
             for j in 0..k {
@@ -141,7 +141,7 @@ impl<G: Space> Tree<G> {
         x.few = few;
     }
 
-    /// Twists of the cluster's links per freedom, seen from its base.
+    /// Twists of the cluster's links per degree of freedom, seen from its base.
     fn partial_twists(
         &self,
         f: &FewPlan,
@@ -213,8 +213,8 @@ impl<G: Space> Tree<G> {
         }
     }
 
-    /// Reduced mass (k x k, lower triangle) of the cluster number `f` of those that go by partial velocities, on a resting
-    /// base, after [`accelerate`](Self::accelerate).
+    /// Reduced mass (k x k, lower triangle) of the cluster number `f` of those that go by partial velocities, on a
+    /// resting base, after [`accelerate`](Self::accelerate).
     pub(crate) fn cluster_mass<'x>(&self, plan: &Plan, f: usize, x: &'x ClusterScratch<G::S>) -> &'x [G::S] {
         let few = &plan.few[f];
         &x.few.whole[few.square..few.square + few.k * few.k]

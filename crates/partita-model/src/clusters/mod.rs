@@ -3,13 +3,14 @@
 //! Joints that share loops or drives form a cluster. Seen from the link it hangs on, a cluster is one joint: inward it
 //! hands over an articulated inertia and a force, outward it takes an acceleration. Two ways lead through it:
 //!
-//! * *partial velocities*, for few freedoms: its links move by `S_c = S D_cᵀ`;
-//! * *range space*, for many freedoms or conditions: the links move freely along the cluster's own tree, and each row of C
+//! * *partial velocities*, for few degrees of freedom: its links move by `S_c = S D_cᵀ`;
+//! * *range space*, for many degrees of freedom or conditions: the links move freely along the cluster's own tree, and
+//!   each row of C
 //!   carries its multiplier with it until the row is complete, where it is eliminated. The matrix of the multipliers stays
 //!   sparse; which entries it has and in which order they go is a plan.
 //!
-//! A joint that is in no loop is a cluster without rows. Cost: proportional to the links, for one freedom and for a
-//! thousand. (Jain 2009, 2012; Chignoli, Adrian, Kim, Wensing 2023; Sathya, Carpentier 2025.)
+//! A joint that is in no loop is a cluster without rows. Cost: proportional to the links, for one degree of freedom and
+//! for a thousand. (Jain 2009, 2012; Chignoli, Adrian, Kim, Wensing 2023; Sathya, Carpentier 2025.)
 
 mod compliance;
 mod delassus;
@@ -36,8 +37,8 @@ pub(crate) fn freedoms<G: Space>(motion: &LinkMotion<G>) -> usize {
     }
 }
 
-/// Clusters of a tree whose C has this pattern: all links on the path of a closing belong together, so that a cluster is a
-/// connected part of the tree below one link.
+/// Clusters of a tree whose C has this pattern: all links on the path of a closing belong together, so that a cluster
+/// is a connected part of the tree below one link.
 pub fn clusters<G: Space>(tree: &Mechanics<G>, pattern: &Pattern) -> Clusters {
     let mut together: Vec<Vec<usize>> = Vec::new();
     for l in tree.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Ball)) {

@@ -11,8 +11,8 @@ use std::ops::Range;
 /// No entry, no place.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Up to so many freedoms a cluster goes by its partial velocities whatever the count of operations says: D loses one
-/// digit where C M⁻¹ Cᵀ loses two.
+/// Up to so many degrees of freedom a cluster goes by its partial velocities whatever the count of operations says: D
+/// loses one digit where C M⁻¹ Cᵀ loses two.
 const FEW: usize = 4;
 
 /// The way through a cluster.
@@ -112,7 +112,7 @@ pub(super) struct RangePlan {
 pub struct Plan {
     /// Way of each cluster.
     pub routes: Vec<Route>,
-    /// Columns that Dᵀ needs: the most freedoms of a cluster that goes by partial velocities.
+    /// Columns that Dᵀ needs: the most degrees of freedom of a cluster that goes by partial velocities.
     pub columns: usize,
     /// Multiplications of one recursion, roughly.
     pub cost: usize,

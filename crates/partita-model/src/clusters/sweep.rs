@@ -1,4 +1,5 @@
-//! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number type.
+//! The recursion itself: inward over the links, outward again. Straight-line given a plan; written over any number
+//! type.
 
 use super::freedoms;
 use super::plan::{Duty, Plan, NONE};
@@ -10,8 +11,8 @@ use partita_math::spatial::Space;
 /// What the recursion is given of the loops: indexed by velocity or as C is.
 #[derive(Clone, Copy)]
 pub struct Tangents<'a, S> {
-    /// `Dᵀ` of the clusters that go by partial velocities (nv x columns): each velocity has the freedoms of its own
-    /// cluster side by side.
+    /// `Dᵀ` of the clusters that go by partial velocities (nv x columns): each velocity has the degrees of freedom of
+    /// its own cluster side by side.
     pub dt: &'a [S],
     /// `[0; ξ]`.
     pub delta: &'a [S],
@@ -54,8 +55,8 @@ impl<S: Scalar> ClusterScratch<S> {
         self.few.fit(d, plan);
     }
 
-    /// Inertia felt by each velocity of the clusters that do not go by partial velocities (1 for the others): what is not
-    /// positive moves nothing.
+    /// Inertia felt by each velocity of the clusters that do not go by partial velocities (1 for the others): what is
+    /// not positive moves nothing.
     pub fn pivots(&self) -> &[S] {
         &self.pivots
     }

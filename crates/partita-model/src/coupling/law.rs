@@ -16,9 +16,11 @@ use std::f64::consts::TAU;
 /// Readings of a function at the most.
 const MOST: usize = value::READINGS;
 
-/// A little less than half a turn (rad): beyond, an angle whose turns nothing counts may come out a whole turn beside the next.
+/// A little less than half a turn (rad): beyond, an angle whose turns nothing counts may come out a whole turn beside
+/// the next.
 const KNOWN: f64 = 3.0;
-/// A function is the same after a whole turn if it is so to this part of its numbers: more than round-off of sines and cosines.
+/// A function is the same after a whole turn if it is so to this part of its numbers: more than round-off of sines and
+/// cosines.
 const SAME: f64 = 1e-9;
 
 /// A law.
@@ -159,7 +161,7 @@ impl<S: Scalar> Law<S> {
                     (x[i], rates[i]) = (reading.value(tree, s, at.q), reading.rate(tree, s, at.v));
                 }
                 let n = readings.len();
-                // that it is told where it stands was asked of the position
+                // that it is reported where it stands was asked of the position
                 let found = called(*k, at.callers, at.t, (&x[..n], &rates[..n]), |_| false, name, room)?;
                 Ok((0..n).fold(found[2], |sum, i| sum + found[3 + i] * bias(i)))
             }
@@ -186,8 +188,8 @@ impl<S: Scalar> Law<S> {
     }
 }
 
-/// The numbers of a function of the user's at readings and rates. Near half a turn of a reading whose turns nothing counts it has
-/// to be the same a turn further on: else the next position might be another by a jump.
+/// The numbers of a function of the user's at readings and rates. Near half a turn of a reading whose turns nothing
+/// counts it has to be the same a turn further on: else the next position might be another by a jump.
 fn called<S: Scalar>(
     k: usize,
     callers: &Callers,

@@ -20,8 +20,8 @@ pub struct Place {
     pub period: Option<f64>,
 }
 
-/// Two angles whose whole turns nothing counts agree up to multiples of a common part of their factors; smaller parts than
-/// this (rad) are not told from errors, and the rates alone are held.
+/// Two angles whose whole turns nothing counts agree up to multiples of a common part of their factors; smaller parts
+/// than this (rad) are not distinguished from errors, and the rates alone are held.
 const SMALLEST_PERIOD: f64 = 0.1;
 
 /// The largest number of which all are multiples, up to rounding; 0 for none.

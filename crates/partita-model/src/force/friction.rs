@@ -22,8 +22,8 @@ pub struct Friction<G: Space> {
     pub stick: G::S,
 }
 
-/// What slides where the level follows the reaction of the joint. With the axis a of the coordinate, F and M the force and the
-/// moment of the joint about its point,
+/// What slides where the level follows the reaction of the joint. With the axis a of the coordinate, F and M the force
+/// and the moment of the joint about its point,
 ///
 /// - across: `|F_a|` of the part of F across a; with a length L it is that of two short bearings at the ends, which
 ///   take the moment across a too, `|F_a/2 + M_a × a/L| + |F_a/2 − M_a × a/L|`;
@@ -41,7 +41,7 @@ pub struct Bearing<S> {
     pub length: Option<S>,
     /// Where the force along the axis of a turn slides.
     pub collar: Option<S>,
-    /// Force that presses always.
+    /// Constant normal force.
     pub preload: S,
     /// Its place among those that follow reactions.
     pub place: usize,

@@ -8,10 +8,11 @@ use partita_system::{ConstrainedSystem, SystemError};
 
 /// Most combinations of branches that are looked at.
 const COMBINATIONS: usize = 4096;
-/// Farthest a target is approached at once, in reaches: no angle of a healthy loop turns by π meanwhile.
+/// Farthest a target is approached at once, in characteristic displacements: no angle of a healthy loop turns by π
+/// meanwhile.
 const STRIDE: f64 = 0.1;
-/// Largest |Φ| (in reaches) that a closed form leaves: its round-off, multiplied a hundred thousand times next to a limit
-/// position. A branch that is open by more does not close.
+/// Largest |Φ| (in characteristic displacements) that a closed form leaves: its round-off, multiplied a hundred
+/// thousand times next to a limit position. A branch that is open by more does not close.
 const CLOSES: f64 = 1e-10;
 
 /// One way to put the mechanism together.
@@ -48,7 +49,7 @@ impl LoopClosing<'_> {
         Ok(self.phi.iter().fold(0.0, |m: f64, x| m.max(x.abs())))
     }
 
-    /// Largest |Φ| in reaches at the last [`residual`](Self::residual).
+    /// Largest |Φ| in characteristic displacements at the last [`residual`](Self::residual).
     fn open(&self) -> f64 {
         self.phi
             .iter()
@@ -179,7 +180,7 @@ impl Model {
             .zip(&inputs)
             .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.characteristic_displacement(v)));
         let strides = (far / STRIDE).ceil().max(1.0);
-        // a target a hundred thousand strides away is a slip of the pen, as for the walk
+        // a target a hundred thousand strides away is a typing error, as for the walk
         if strides > 1e5 {
             return None;
         }

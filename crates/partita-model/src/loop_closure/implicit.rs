@@ -13,11 +13,12 @@ use partita_math::scalar::Scalar;
 use partita_system::manifold::{self, close, Ending, Linearization, Open, Part, Rule};
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// A move this small (in reaches) is the last: Newton's next one would be its square, below round-off.
+/// A move this small (in characteristic displacements) is the last: Newton's next one would be its square, below
+/// round-off.
 const LAST_MOVE: f64 = 1e-9;
-/// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 reaches (radians for turns); more iterations
-/// than any start within a turn needs. Rows that follow from others close slowly next to a singular position: that they
-/// hardly fall is no sign that they are closed.
+/// To round-off of what a large move opens a row by, or to rest, by moves of 0.3 characteristic displacements (radians
+/// for turns); more iterations than any start within a turn needs. Rows that follow from others close slowly next to a
+/// singular position: that they hardly fall is no sign that they are closed.
 const RULE: Rule = Rule::new(60, ROUND_OFF, ROUND_OFF).cut(0.3).to_rest(LAST_MOVE);
 /// Round-off of a closing, in parts of what a large move opens it by.
 const ROUND_OFF: f64 = 4.0 * f64::EPSILON;

@@ -9,9 +9,8 @@ use partita_math::rank::independent_rows;
 use partita_system::start::REDUNDANT;
 use partita_system::{ConstrainedSystem, SystemError};
 
-/// Closing residual (in reaches) up to which an explicit closing can be planned at a position: far below the angles by
-/// which
-/// branches differ, far above what an assembly leaves.
+/// Closing residual (in characteristic displacements) up to which an explicit closing can be planned at a position: far
+/// below the angles by which branches differ, far above what an assembly leaves.
 pub(super) const NEARLY_CLOSED: f64 = 1e-6;
 
 /// Rows that stand out of the span of others by less than this, in natural sizes, follow from them; a closed position

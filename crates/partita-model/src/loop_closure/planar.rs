@@ -10,7 +10,8 @@
 //! What is known as dyad RRR, RRP, RPR, ... depends only on which side is called the frame, and the closed forms do
 //! not: three turns are a triangle of given lengths, one slide a line met by a circle, two slides a line met by a line.
 //!
-//! Everything goes straight through, over any scalar; whether the polygon closes at all is told beside its solution.
+//! Everything goes straight through, over any scalar; whether the polygon closes at all is reported beside its
+//! solution.
 
 use super::arm::{rotated, PlanarArm};
 use partita_math::scalar::Scalar;

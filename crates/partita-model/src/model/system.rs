@@ -18,7 +18,7 @@ use partita_system::clusters::Clusters;
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::{ConstrainedSystem, Finite, Size, SystemError};
 
-/// Up to so many freedoms one small M_d costs less than any recursion, and existing bases share its way.
+/// Up to so many degrees of freedom one small M_d costs less than any recursion, and existing bases share its way.
 const FEW_FREEDOMS: usize = 6;
 
 fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {

@@ -71,8 +71,8 @@ pub struct Reactions<S = f64> {
     pub joints: Vec<Wrench<S>>,
     /// Effort of drives along each joint's velocities.
     pub drives: Vec<Vec<S>>,
-    /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size), inertia's
-    /// terms among them: a body that moves freely has no other.
+    /// Largest Newton-Euler residual over the bodies over the largest force (moments over the mechanism's size),
+    /// inertia's terms among them: a body that moves freely has no other.
     pub residual: S,
     /// The same of each body.
     pub residuals: Vec<S>,
@@ -100,7 +100,7 @@ struct Known<S> {
 const IN_LINE: f64 = 1e-14;
 
 /// Along `axes` (three at the most): replace the components of x by `wanted`. Axes in line (gimbal lock) leave x alone:
-/// nothing tells them apart.
+/// nothing distinguishes them.
 fn replace<S: Scalar>(x: Vec3<S>, axes: &[Vec3<S>], wanted: &[S]) -> Vec3<S> {
     let n = axes.len();
     if n == 0 {
@@ -216,8 +216,8 @@ impl<S: Scalar> Evaluator<S> {
         self.full.place(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)
     }
 
-    /// Wrench through every tree joint of `part` on its outer body, about that body's centre of mass, given what each body
-    /// needs.
+    /// Wrench through every tree joint of `part` on its outer body, about that body's centre of mass, given what each
+    /// body needs.
     fn inward(&self, part: &Part, s: &Scratch<S>, mut needed: Vec<Wrench<S>>) -> Vec<Wrench<S>> {
         for &e in part.edges.iter().rev() {
             let e = &self.placed.carrying[e];
@@ -240,9 +240,9 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass; and
-    /// the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each other. No
-    /// reaction is known yet.
+    /// What each body of `part` needs besides what is applied: m a − F, J α + ω × J ω − T, about its centre of mass;
+    /// and the applied efforts along the tree's velocities; and the largest of these terms, before they cancel each
+    /// other. No reaction is known yet.
     fn needed(
         &self,
         part: &Part,
@@ -282,8 +282,8 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
-    /// What the conditions of `part` do for the multipliers λ at (t, q), taken off what each body needs; a joint's own and
-    /// its drives go to its wrench where it is cut, else to `own` along each velocity; others along velocities to
+    /// What the conditions of `part` do for the multipliers λ at (t, q), taken off what each body needs; a joint's own
+    /// and its drives go to its wrench where it is cut, else to `own` along each velocity; others along velocities to
     /// `efforts`.
     fn hold_with(
         &self,
@@ -319,9 +319,9 @@ impl<S: Scalar> Evaluator<S> {
         Ok(())
     }
 
-    /// What a multiplier `x` of row `row` does, if the row is a condition's of a mechanism computed in space, at poses of its
-    /// tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of the tree's world;
-    /// and efforts along velocities of the tree.
+    /// What a multiplier `x` of row `row` does, if the row is a condition's of a mechanism computed in space, at poses
+    /// of its tree at (t, q): wrenches on the second of two nodes, their opposites on the first, about points of the
+    /// tree's world; and efforts along velocities of the tree.
     pub fn apply_condition(
         &self,
         tree: &TreeScratch<Spatial<S>>,
@@ -357,8 +357,8 @@ impl<S: Scalar> Evaluator<S> {
         joints
     }
 
-    /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs with
-    /// them.
+    /// What the multipliers give by themselves: the reactions of cut joints; and what each body of `part` still needs
+    /// with them.
     fn known(
         &self,
         part: &Part,
@@ -389,10 +389,11 @@ impl<S: Scalar> Evaluator<S> {
         efforts
     }
 
-    /// Reaction of one joint for a motion with the multipliers `lambda`, in world axes: action of the joint's constraints on
-    /// its child, reduced to the joint's point. `part` is its [`part_of_reaction`](Self::part_of_reaction).
+    /// Reaction of one joint for a motion with the multipliers `lambda`, in world axes: action of the joint's
+    /// constraints on its child, reduced to the joint's point. `part` is its
+    /// [`part_of_reaction`](Self::part_of_reaction).
     ///
-    /// What acts along the joint's own freedoms is not asked for: it is no reaction.
+    /// What acts along the joint's own degrees of freedom is not asked for: it is no reaction.
     pub fn reaction_of(
         &self,
         j: usize,
@@ -475,8 +476,8 @@ impl<S: Scalar> Evaluator<S> {
             }
             let axes = self.free_axes(j, s);
             let velocities = self.velocities_of(j);
-            // along a free direction only a drive or a condition of the joint's own can be a reaction; what is applied there
-            // is not one
+            // along a free direction only a drive or a condition of the joint's own can be a reaction; what is applied
+            // there is not one
             let reaction = with_along(&axes, &w, |i| own[velocities[i]]);
             let acting = with_along(&axes, &w, |i| own[velocities[i]] + efforts[velocities[i]]);
             result.joints[j] = reaction;
@@ -510,8 +511,8 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// Put other wrenches (world axes) in the place of those found at the same state, and judge them likewise. What
-    /// differs is meant to be a self-stress: `change` is what the multipliers of couplings and of drives of measures,
-    /// which are in no joint's wrench, differ by.
+    /// differs is intended to be a self-stress: `change` is what the multipliers of couplings and of drives of
+    /// measures, which are in no joint's wrench, differ by.
     pub fn replace_reactions(
         &self,
         r: &mut Reactions<S>,
@@ -544,7 +545,8 @@ impl<S: Scalar> Evaluator<S> {
             let more = Wrench { moment: basis.apply(more.moment), force: basis.apply(more.force) };
             let (p, point) = (&self.placed.joints[j], self.joint_point_now(s, j));
             let acting = match p.links {
-                // along its freedoms also what couplings and drives of measures do there, which is no reaction
+                // along its degrees of freedom also what couplings and drives of measures do there, which is no
+                // reaction
                 Some(_) => {
                     let (axes, velocities) = (self.free_axes(j, s), self.velocities_of(j));
                     let own = |i: usize| axes[i].1.dot(if axes[i].0 { more.moment } else { more.force });

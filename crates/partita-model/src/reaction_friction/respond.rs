@@ -1,4 +1,4 @@
-//! What presses the frictions: reactions without them, and for a unit of each.
+//! Normal forces of the frictions: reactions without friction, and for a unit of each.
 
 use super::{Following, ReactionFriction, Read};
 use crate::evaluator::Evaluator;
@@ -367,8 +367,8 @@ fn room_of<G: Space<S = f64>>(tree: &Mechanics<G>, s: &mut TreeScratch<G>) -> Ve
     room
 }
 
-/// What the joint of each link passes on to it, left in the second half of `partial`; the largest push of a closing or a
-/// condition, moments over the size of bodies.
+/// What the joint of each link passes on to it, left in the second half of `partial`; the largest push of a closing or
+/// a condition, moments over the size of bodies.
 fn transmit<G: Space<S = f64>>(
     model: &Evaluator<f64>,
     tree: &Mechanics<G>,

@@ -162,7 +162,7 @@ pub struct Follows {
     /// Where the force along the axis of a turn slides (m).
     #[serde(default)]
     pub collar: Option<f64>,
-    /// Force that presses always (N).
+    /// Constant normal force (N).
     #[serde(default)]
     pub preload: f64,
 }

@@ -1,14 +1,15 @@
 //! Velocities that a singular position allows to second order, and which of them given rates single out.
 //!
-//! Where C loses one rank, drives included, one combination n of its rows says nothing of velocities, and to second order
+//! Where C loses one rank, drives included, one combination n of its rows says nothing of velocities, and to second
+//! order
 //!
 //! ```text
 //! C v + a = 0,   F(v) = nᵀ b(t, q, v) = 0,   v = v₀ + K u
 //! ```
 //!
-//! is one quadratic equation for the k rates u. It falls into two planes (two branches) or is a cone; a smooth motion leaves
-//! along a velocity that satisfies it where its gradient does not vanish. With drives it is not homogeneous: of a slider driven
-//! inwards out of its dead centre the two planes are the two signs of the crank's rate.
+//! is one quadratic equation for the k rates u. It falls into two planes (two branches) or is a cone; a smooth motion
+//! leaves along a velocity that satisfies it where its gradient does not vanish. With drives it is not homogeneous: of
+//! a slider driven inwards out of its dead centre the two planes are the two signs of the crank's rate.
 
 mod messages;
 
@@ -18,23 +19,24 @@ use messages::{REST, TOUCH};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{least_squares_min_norm, svd, svd_full, symmetric_eigen};
 
-/// Velocities are on a branch when they are off by no more than this part of the fastest: what second rates are known to.
+/// Velocities are on a branch when they are off by no more than this part of the fastest: what second rates are known
+/// to.
 const ON: f64 = FLAT;
 /// Rates are met to this part of the fastest.
 const MET: f64 = 1e-9;
-/// Rates asked for that miss a branch by this part of the fastest are taken for its own: numbers as refusals print them are
-/// off by half of it.
+/// Rates asked for that miss a branch by this part of the fastest are taken for its own: numbers as refusals print them
+/// are off by half of it.
 pub const PRINTED: f64 = 2e-3;
 /// Another branch is to be this many times farther off.
 const CLEARLY: f64 = 10.0;
-/// Where drives leave no freedom, a rate tells the way alone, the drives its value: it is taken for the way whose rate is
-/// between this part of it and as many times it.
+/// Where drives leave no degree of freedom, a rate tells the way alone, the drives its value: it is taken for the way
+/// whose rate is between this part of it and as many times it.
 pub const SIGN_ONLY: f64 = 0.5;
 /// Gradients of F below this part of what they are elsewhere are those of velocities in which branches touch.
 const TOUCHES: f64 = 1e-3;
 /// Drives that ask for this part of the fastest rate in a dead centre may stand beside it by as much, see `NONE`.
 const BESIDE: f64 = 1e-4;
-/// Moves, in reaches, over which third orders are differences.
+/// Moves, in characteristic displacements, over which third orders are differences.
 const FAR: f64 = 0.03;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-8;
@@ -60,7 +62,7 @@ pub struct BranchDirections<'s, S: ConstrainedSystem> {
     pub rank: usize,
     /// Free rates in the position.
     k: usize,
-    /// Reaches of velocities; all that follows is in them.
+    /// Characteristic displacements of velocities; all that follows is in them.
     displacement: Vec<f64>,
     /// v₀ (n).
     particular: Vec<f64>,
@@ -72,7 +74,7 @@ pub struct BranchDirections<'s, S: ConstrainedSystem> {
     form: Matrix,
     /// Branches: F is the product of two of these, linear in (u over the unit, 1).
     planes: Option<[Vec<f64>; 2]>,
-    /// M in reaches.
+    /// M in characteristic displacements.
     mass: Matrix,
     /// Do drives prescribe motion here?
     driven: bool,
@@ -89,7 +91,7 @@ pub struct BranchDirections<'s, S: ConstrainedSystem> {
 /// A velocity that was looked for.
 struct Fit {
     v: Vec<f64>,
-    /// The largest rate missed by, in reaches.
+    /// The largest rate missed by, in characteristic displacements.
     miss: f64,
     /// Velocities that the rates leave open.
     open: Vec<Vec<f64>>,
@@ -126,8 +128,8 @@ pub enum Found<'s, S: ConstrainedSystem> {
     BranchDirections(Box<BranchDirections<'s, S>>),
 }
 
-/// Velocities with rates in the position that was refused as `singular`: those on the branch which the rates single out,
-/// otherwise as near to `near` as can be in the mass metric.
+/// Velocities with rates in the position that was refused as `singular`: those on the branch which the rates single
+/// out, otherwise as near to `near` as can be in the mass metric.
 ///
 /// # Errors
 /// `singular`, and why no branch is singled out; where the system cannot be evaluated.
@@ -319,7 +321,7 @@ fn planes(form: &Matrix) -> Option<[Vec<f64>; 2]> {
 }
 
 impl<S: ConstrainedSystem> BranchDirections<'_, S> {
-    /// (u over the unit, 1) of a velocity in reaches, and how far off C v + a = 0 it is.
+    /// (u over the unit, 1) of a velocity in characteristic displacements, and how far off C v + a = 0 it is.
     fn rates_of(&self, w: &[f64]) -> (Vec<f64>, f64) {
         let off: Vec<f64> = w.iter().zip(&self.particular).map(|(w, p)| w - p).collect();
         let mut u = self.kernel.transpose().matvec(&off);
@@ -330,7 +332,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         (u, miss)
     }
 
-    /// The velocity in reaches of rates over the unit.
+    /// The velocity in characteristic displacements of rates over the unit.
     fn velocity_of(&self, u: &[f64]) -> Vec<f64> {
         let free = self.kernel.matvec(&u[..self.k]);
         self.particular.iter().zip(free).map(|(p, f)| p + self.unit * f).collect()
@@ -400,12 +402,12 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         Some(Fit { v, miss, open })
     }
 
-    /// What is asked, at a velocity in reaches.
+    /// What is asked, at a velocity in characteristic displacements.
     fn read(&self, x: &Asked, w: &[f64]) -> f64 {
         x.row.iter().zip(w).zip(&self.displacement).map(|((r, w), displacement)| r * w * displacement).sum()
     }
 
-    /// Velocities of one plane: a base and a basis, in reaches.
+    /// Velocities of one plane: a base and a basis, in characteristic displacements.
     fn on_plane(&self, plane: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let k = self.k;
         let slope = &plane[..k];
@@ -457,10 +459,11 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         Asked { name: self.system.velocity_name(i), row, displacement: self.displacement[i], rate }
     }
 
-    /// The velocities on the branch that the rates single out, otherwise as near to `near` as can be in the mass metric.
+    /// The velocities on the branch that the rates single out, otherwise as near to `near` as can be in the mass
+    /// metric.
     ///
-    /// Rates are met exactly, or within [`PRINTED`] where only one branch is that near; where drives leave no freedom they
-    /// tell the way alone, each between half and twice what the drives make of it.
+    /// Rates are met exactly, or within [`PRINTED`] where only one branch is that near; where drives leave no degree of
+    /// freedom they tell the way alone, each between half and twice what the drives make of it.
     ///
     /// # Errors
     /// Why not, in words that end a sentence.
@@ -584,8 +587,8 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.velocity_of(&u)
     }
 
-    /// The accelerations with which the motion along `v`, one that [`holds`](Self::holds), leaves (t, q): the limit of those
-    /// next to it. None where nothing can be said.
+    /// The accelerations with which the motion along `v`, one that [`holds`](Self::holds), leaves (t, q): the limit of
+    /// those next to it. None where nothing can be said.
     ///
     /// To third order nᵀ Φ(q(t)) = 0 is linear in them; it takes the place of the row that says nothing here. Its
     /// coefficient comes from differences over moves of a few hundredths of reaches, exact to some six digits.

@@ -1,4 +1,4 @@
-//! Explicit closing of equations written by hand: one block, the user's function.                   (37)
+//! Explicit closing of user-defined equations: one block, the user's function.                   (37)
 
 use super::{Equations, UserSystem};
 use crate::closing::{Block, BlockState, Closing};

@@ -4,8 +4,8 @@
 //! y = (position coordinates, u, work),   v = Dᵀ u + γ,   M_d u' = D (h − M δ)                 (F1)
 //! ```
 //!
-//! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of them: a
-//! step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
+//! What a basis is, and how q is found, is told by [`Tangent`] and [`Positions`]; what remains is the same for all of
+//! them: a step is tried, judged, taken, its choice renewed, singular positions passed, outputs closed.
 
 mod checks;
 mod crossing;
@@ -51,7 +51,7 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     moved: bool,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
-    /// Knots of curves on its way.
+    /// Breakpoints of curves on its way.
     breakpoints: Watched,
     /// What is open at the ends of steps.
     watch: Watch,
@@ -121,7 +121,8 @@ impl<'s, S: ConstrainedSystem> TangentSpace<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
-    /// For a system of the given rank; needs the user's tangent velocities in the options. Their functions may count whole turns.
+    /// For a system of the given rank; needs the user's tangent velocities in the options. Their functions may count
+    /// whole turns.
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Result<Self> {
         let Some(map) = &options.tangent else {
             let message =

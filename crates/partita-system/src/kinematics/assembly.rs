@@ -2,9 +2,9 @@
 //! nearest closed position, [`move_to`] walks a closed mechanism along its own motion to given coordinates.
 //!
 //! Both solve min |W (q − q₀)|² under Φ(q, t) = 0 by damped Gauss-Newton steps with sparse rows, the same for three
-//! velocities and for thirty thousand. Everything is measured in natural scales: moves in reaches (a radian, a
-//! characteristic length), residuals in what a large move opens the row by. So a mechanism of micrometres and one of
-//! a thousand kilometres take the same steps.
+//! velocities and for thirty thousand. Everything is measured in natural scales: moves in characteristic displacements
+//! (a radian, a characteristic length), residuals in what a large move opens the row by. So a mechanism of micrometres
+//! and one of a thousand kilometres take the same steps.
 
 mod continuation;
 mod descent;
@@ -25,7 +25,8 @@ pub const CLOSED: f64 = 1e-12;
 /// A drawing closed to this part of the tolerance is left as it is drawn: what remains is its own round-off.
 const AS_DRAWN: f64 = 1e-3;
 
-/// What a drawing with twelve digits leaves open along its loops, and no motion closes: a tenth of what counts as closed.
+/// What a drawing with twelve digits leaves open along its loops, and no motion closes: a tenth of what counts as
+/// closed.
 const LAST_DIGITS: f64 = 1e-10;
 
 /// Starts around the drawing that are tried where the drawing itself leads to a position that is nearest to closing
@@ -51,8 +52,8 @@ pub struct Assembly {
 ///
 /// `tolerance` is relative: in radians for angles, in parts of each row's characteristic length for displacements; the
 /// loops are then closed further, to round-off. Redundant rows are harmless. `locked` velocities keep their coordinate.
-/// Loops that come to rest open, or closed with an axis pointing backwards, are tried again from a few starts around the
-/// drawing, always the same ones.
+/// Loops that come to rest open, or closed with an axis pointing backwards, are tried again from a few starts around
+/// the drawing, always the same ones.
 ///
 /// # Errors
 /// `Lengths` where every way ends at rest with the loop open: by how much, and which. `Assembly` where the iterations

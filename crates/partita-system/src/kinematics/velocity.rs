@@ -6,19 +6,19 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_math::formatted;
 
-/// Rates that hold together are met to this part of the largest velocity asked for or forced (in reaches a second): what
-/// solutions with a condition up to a million leave of sixteen digits.
+/// Rates that hold together are met to this part of the largest velocity asked for or forced (in characteristic
+/// displacements per second): what solutions with a condition up to a million leave of sixteen digits.
 const MET: f64 = 1e-9;
-/// Next to a singular position rates that hold together are known to this part over the square of the distance from it: of a
-/// position closed to round-off the directions of motion are off by the one over the distance, and what loops make of them by
-/// the other...
+/// Next to a singular position rates that hold together are known to this part over the square of the distance from it:
+/// of a position closed to round-off the directions of motion are off by the one over the distance, and what loops make
+/// of them by the other...
 const ROUNDED: f64 = 5e-15;
 /// ... but never to less than this part.
 const AT_MOST: f64 = 1e-5;
 /// Singular values below this part of the largest belong to rates that follow from the others.
 const FOLLOWS: f64 = 1e-10;
-/// A rate that takes others to this many times its own speed (in reaches a second) is that of a joint which is locked: what
-/// positions closed to round-off leave open of a dead point is the root of it, 1e-8.
+/// A rate that takes others to this many times its own speed (in characteristic displacements per second) is that of a
+/// joint which is locked: what positions closed to round-off leave open of a dead point is the root of it, 1e-8.
 const LOCKED: f64 = 1e7;
 
 /// To which part of the largest velocity rates that hold together are met at the last tangent.
@@ -30,7 +30,7 @@ pub fn met<S: ConstrainedSystem>(r: &mut Reduction<S>) -> f64 {
     (ROUNDED / (distance * distance)).clamp(MET, AT_MOST)
 }
 
-/// A rate that was wanted and the one that is possible, with as many digits as it takes to tell them apart.
+/// A rate that was wanted and the one that is possible, with as many digits as it takes to distinguish them.
 pub fn possible(want: f64, got: f64) -> String {
     let digits = match (got - want).abs() < 1e-5 * want.abs().max(1.0) {
         true => 12,
@@ -51,7 +51,8 @@ pub fn with_rates<S: ConstrainedSystem>(
     near_with_rates(r, t, q, &vec![0.0; r.size().nv], rates)
 }
 
-/// The same, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least energy.
+/// The same, but otherwise as near to `near` as the constraints allow, in the mass metric: the difference has least
+/// energy.
 pub fn near_with_rates<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     t: f64,

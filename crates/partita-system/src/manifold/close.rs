@@ -41,7 +41,8 @@ const STALLED: f64 = 0.5;
 const FLAT: f64 = 1e-12;
 /// ... and then steps are good that become shorter by this.
 const SHORTER: f64 = 0.7;
-/// Steps up to this (in reaches) need not become shorter: the error is its square, below round-off.
+/// Steps up to this (in characteristic displacements) need not become shorter: the error is its square, below
+/// round-off.
 const LAST: f64 = 1e-9;
 
 /// How far rows are open, in the scale of their linearization.
@@ -88,7 +89,7 @@ pub trait Linearization {
     /// # Errors
     /// Where there is no linear step.
     fn solve(&mut self, q: &[f64], parts: &[Part]) -> Result<bool>;
-    /// The largest move in the step of a part: in reaches where they are known.
+    /// The largest move in the step of a part: in characteristic displacements where they are known.
     fn length(&self, part: usize) -> f64;
     /// Shorten the step of a part.
     fn scale(&mut self, part: usize, by: f64);
@@ -177,8 +178,8 @@ impl Rule {
         Self { rest, ..self }
     }
 
-    /// Every step is taken: for linear steps that leave weak rows as they are, what these open by says nothing. They end
-    /// where steps below `rounding` become no shorter; up to `far` shortened ones come on top of the iterations.
+    /// Every step is taken: for linear steps that leave weak rows as they are, what these open by says nothing. They
+    /// end where steps below `rounding` become no shorter; up to `far` shortened ones come on top of the iterations.
     pub const fn undamped(self, rounding: f64, far: usize) -> Self {
         Self { rounding, undamped: Some(far), ..self }
     }

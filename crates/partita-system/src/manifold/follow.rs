@@ -13,7 +13,7 @@ use super::close::{Closed, Ending};
 use crate::error::Result;
 use crate::system::SystemError;
 
-/// Longest step, in reaches: a third of a radian is straight but for a twentieth.
+/// Longest step, in characteristic displacements: a third of a radian is straight but for a twentieth.
 pub const LONGEST: f64 = 0.3;
 /// A position that closes by taking back more than this part of the predictor was thrown back: no motion leads on
 /// there.
@@ -25,9 +25,9 @@ const EASY: f64 = 0.15;
 
 /// A curve of closed positions, by its parameter s.
 pub trait Curve {
-    /// The tangent at the closed position q, where the parameter is s: moves per unit of s, in reaches. It comes as it
-    /// was before, for curves that carry a direction on. False where there is none, as at a dead point of what is asked
-    /// for.
+    /// The tangent at the closed position q, where the parameter is s: moves per unit of s, in characteristic
+    /// displacements. It comes as it was before, for curves that carry a direction on. False where there is none, as at
+    /// a dead point of what is asked for.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
@@ -50,7 +50,7 @@ pub trait Curve {
 /// How long steps are.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
-    /// Longest step, in reaches of the fastest move.
+    /// Longest step, in characteristic displacements of the fastest move.
     pub longest: f64,
     /// Steps shorter than this, in s, end the curve.
     pub shortest: f64,
@@ -108,7 +108,7 @@ pub struct At<'a> {
     pub q: &'a [f64],
     /// Its parameter.
     pub s: f64,
-    /// The tangent there, moves per unit of s in reaches.
+    /// The tangent there, moves per unit of s in characteristic displacements.
     pub tangent: &'a [f64],
 }
 
@@ -207,8 +207,8 @@ pub fn follow<C: Curve + ?Sized>(
     Ok(Followed { end: End::Long, ..found })
 }
 
-/// One step from the closed position q, where the parameter is s, by so many `displacements` of the fastest move, but not
-/// beyond `length`: is there a position that it comes to, or why not? q is left there. For a single step, or for
+/// One step from the closed position q, where the parameter is s, by so many `displacements` of the fastest move, but
+/// not beyond `length`: is there a position that it comes to, or why not? q is left there. For a single step, or for
 /// looking beyond the end of a curve.
 ///
 /// # Errors

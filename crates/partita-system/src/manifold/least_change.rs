@@ -1,7 +1,7 @@
 //! Rows closed by the least change of coordinates in a diagonal metric, damped, of any rank: sparse, part by part.
 //!
 //! ```text
-//! min |C y + Φ|² + Σ μ_i z_i²,   y = Cᵀ z,   y in reaches
+//! min |C y + Φ|² + Σ μ_i z_i²,   y = Cᵀ z,   y in characteristic displacements
 //! ```
 
 use super::close::{Linearization, Open, Part, Rule};
@@ -13,8 +13,8 @@ use partita_math::least_norm::LeastNorm;
 /// Damping of the last steps, in squares of singular values of C in natural scales. Rows weaker than its root, 1e-5,
 /// count as repeated; a loop at a singular position is closed by moves of no more than 5e4 times its residual.
 pub const LEAST_DAMPING: f64 = 1e-10;
-/// Largest move in one iteration, in reaches (radians for turns): half a radian turns a direction by less than its own
-/// linear prediction errs by an eighth.
+/// Largest move in one iteration, in characteristic displacements (radians for turns): half a radian turns a direction
+/// by less than its own linear prediction errs by an eighth.
 const LARGEST_MOVE: f64 = 0.5;
 /// Iterations of one descent; half a radian each, so a hundred radians.
 pub const ITERATIONS: usize = 200;
@@ -24,7 +24,7 @@ pub const fn from_afar(tolerance: f64) -> Rule {
     Rule::new(ITERATIONS, f64::EPSILON, tolerance).cut(LARGEST_MOVE)
 }
 
-/// The first correction of a predicted position may be this large, in reaches...
+/// The first correction of a predicted position may be this large, in characteristic displacements...
 const BENT: f64 = 0.05;
 /// ... and each next one this part of the one before: Newton's method in its own neighbourhood has less than a half.
 const SHRINKS: f64 = 0.25;
@@ -141,8 +141,8 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
         self.blocks.iter().fold(0.0, |m: f64, b| m.max(b.open.worst))
     }
 
-    /// The move (in reaches) that takes the targets `ahead` by these steps with the loops closed to first order, where
-    /// last evaluated, locked velocities left out.
+    /// The move (in characteristic displacements) that takes the targets `ahead` by these steps with the loops closed
+    /// to first order, where last evaluated, locked velocities left out.
     pub fn ahead(&mut self, ahead: &[f64], y: &mut [f64]) {
         let rows = self.scaled.rows();
         self.mu.fill(LEAST_DAMPING);
@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> LeastChange<'s, S> {
         self.solver.solve(&self.r, y);
     }
 
-    /// q moved by `by` times a move in reaches.
+    /// q moved by `by` times a move in characteristic displacements.
     pub fn go(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
         self.scaled.advance(q, by, y, &mut self.dv);
     }

@@ -1,5 +1,5 @@
-//! Φ and C at one position in natural scales, with a row more for every target: moves in reaches (a radian, a
-//! characteristic length), residuals in what a large move opens the row by.
+//! Φ and C at one position in natural scales, with a row more for every target: moves in characteristic displacements
+//! (a radian, a characteristic length), residuals in what a large move opens the row by.
 
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -137,7 +137,7 @@ impl<S: ConstrainedSystem> Scaled<'_, S> {
         (rows.iter().map(|&i| self.phi[i]).collect(), m)
     }
 
-    /// q moved by `by` times a move in reaches.
+    /// q moved by `by` times a move in characteristic displacements.
     pub fn advance(&self, q: &mut [f64], by: f64, y: &[f64], dv: &mut [f64]) {
         dv.iter_mut()
             .zip(y.iter().zip(&self.displacement))

@@ -19,9 +19,9 @@ use partita_math::factor::{pivoted_least_norm, qr_null_space_by};
 const COARSE: f64 = 0.03;
 /// Ratio between grades.
 const GRADE: f64 = 0.1;
-/// Moves below this (in reaches), or this part of the grade, are the end of it.
+/// Moves below this (in characteristic displacements), or this part of the grade, are the end of it.
 const STILL: (f64, f64) = (1e-9, 1e-2);
-/// Longest step, in reaches.
+/// Longest step, in characteristic displacements.
 const LONGEST: f64 = 0.3;
 /// Longest steps at the most: guides that are out of parallel meet far away.
 const FARTHEST: usize = 400;
@@ -74,7 +74,7 @@ impl Cut {
 pub struct Motions {
     /// Pivots, descending.
     pub pivots: Vec<f64>,
-    /// Motions that no row opposes, in reaches.
+    /// Motions that no row opposes, in characteristic displacements.
     pub motions: Vec<Vec<f64>>,
 }
 
@@ -84,7 +84,7 @@ pub struct Truncated<'s, S: ConstrainedSystem> {
     pub scaled: Scaled<'s, S>,
     /// What counts.
     pub cut: Cut,
-    /// The move, in reaches, summed over the iterations.
+    /// The move, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
     t: f64,
     grade: f64,
@@ -131,7 +131,8 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         Ok(self.scaled.dense())
     }
 
-    /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the other.
+    /// Pivots at q, and the motions that no row opposes: cheaper than singular values, for one position after the
+    /// other.
     ///
     /// # Errors
     /// Where nothing can be evaluated at q.
@@ -148,13 +149,13 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
         Ok(Motions { motions: (0..f.null.cols()).map(column).collect(), pivots })
     }
 
-    /// How far a move (in reaches) goes: the fastest coordinate, or what stands for it whatever the axes.
+    /// Size of a move (in characteristic displacements): the fastest coordinate, or its invariant over axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
         let v: Vec<f64> = y.iter().zip(&self.scaled.displacement).map(|(y, displacement)| y * displacement).collect();
         self.scaled.system.travel(&v)
     }
 
-    /// q moved by `by` times a move in reaches.
+    /// q moved by `by` times a move in characteristic displacements.
     pub fn step(&mut self, q: &mut [f64], by: f64, y: &[f64]) {
         self.scaled.advance(q, by, y, &mut self.dv);
     }

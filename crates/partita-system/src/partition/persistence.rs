@@ -3,12 +3,12 @@
 //! The measure of one instant prefers what moves most just then; a coordinate that is never the best, but never bad
 //! either (a crank angle), serves without exchanges. The rule remembers Dᵀ over the window and exchanges i for j where
 //! the *least* volume that the new choice had in the window exceeds that of the present one, provided it is not much
-//! worse right now. A choice whose determinant changed its sign between two instants has passed through zero, and counts
-//! as zero however far from it the instants lie.
+//! worse right now. A choice whose determinant changed its sign between two instants has passed through zero, and
+//! counts as zero however far from it the instants lie.
 //!
 //! The least volume decides, not the average of log |Â|: a logarithm forgives a zero (it is integrable there), so the
-//! average prefers a coordinate that fails twice a turn and is large in between to one that never fails. On the four-bar
-//! in absolute coordinates it is −0.7 for a place of the coupler that passes zero, −1.7 for the crank angle.
+//! average prefers a coordinate that fails twice a turn and is large in between to one that never fails. On the
+//! four-bar in absolute coordinates it is −0.7 for a place of the coupler that passes zero, −1.7 for the crank angle.
 //!
 //! What is remembered belongs to no partition: Dᵀ of a past instant relative to any other choice is one k x k solve
 //! away. So an exchange loses nothing of the window.
@@ -16,7 +16,7 @@
 use super::volume;
 use std::collections::VecDeque;
 
-/// So many instants stand for a window; closer ones are left out.
+/// Instants that represent a window; closer ones are left out.
 const INSTANTS: f64 = 256.0;
 /// The least volume must grow by more than this: a dead band against round-off and the grid of the steps.
 const GAIN: f64 = 1.05;
@@ -26,7 +26,7 @@ const GUARD: f64 = 20.0;
 /// Dᵀ at one instant, and what it says about the present choice and its neighbours.
 struct Instant {
     t: f64,
-    /// Number of exchanges before: signs compare between instants of one gauge only.
+    /// Number of exchanges before: signs compare between instants of one generation only.
     generation: u64,
     /// ln of the volume of the partition the rows belong to.
     base: f64,
@@ -65,7 +65,8 @@ impl Persistence {
         Self { window, exchange, independent: independent.to_vec(), generation: 0, instants: VecDeque::new() }
     }
 
-    /// Remember `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a step.
+    /// Remember `rows`, Dᵀ of the present choice in natural units, and `base`, the ln of its volume, at the end of a
+    /// step.
     ///
     /// A step that is repeated replaces what it left. Cost: k³/3 + n k².
     pub fn record(&mut self, t: f64, rows: Vec<f64>, base: f64) {
@@ -107,7 +108,7 @@ impl Persistence {
         for instant in &mut self.instants {
             judge(instant, next);
         }
-        // the same instant once more as the first of the new gauge, so that no sign is lost between the two
+        // the same instant once more as the first of the new generation, so that no sign is lost between the two
         if let Some(now) = volume::relative_to(&rows, next) {
             let base = base + volume::log_minor(&rows, next);
             self.push(t, now, base);

@@ -3,10 +3,10 @@
 /// What the last step ended with, to hold the next one against.
 ///
 /// At a dead point of its inputs the equations in 2k states have two solutions: the mechanism passes, and its dependent
-/// coordinates go over to the other branch, or it is thrown back on the branch it came from. Both have the same inputs to
-/// second order, so the error estimate sees no difference, and a closing that keeps its branch takes the wrong one. What
-/// tells them apart is that velocities do not jump: thrown back, the dependent ones change sign within the step, however
-/// short it is, while no acceleration accounts for that.
+/// coordinates go over to the other branch, or it is thrown back on the branch it came from. Both have the same inputs
+/// to second order, so the error estimate sees no difference, and a closing that keeps its branch takes the wrong one.
+/// What distinguishes them is that velocities do not jump: thrown back, the dependent ones change sign within the step,
+/// however short it is, while no acceleration accounts for that.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Continuity {
     /// The end of the step before the last one, of the last one, and of the one that was judged, not yet accepted.
@@ -66,8 +66,8 @@ impl Continuity {
         gain.max(Self::DISTANCE / distance)
     }
 
-    /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations there go
-    /// on, and the change of the latter if the step before was not much shorter.
+    /// Displacement (in velocities) from the end of the last step to t, ahead of it: how velocities and accelerations
+    /// there go on, and the change of the latter if the step before was not much shorter.
     pub(super) fn predict(&self, t: f64, dv: &mut [f64]) {
         let (h, last) = (t - self.last.t, self.last.t - self.before.t);
         let part = if h < 2.0 * last { h / (3.0 * last) } else { 0.0 };
@@ -77,8 +77,8 @@ impl Continuity {
         }
     }
 
-    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends; where no
-    /// step was judged, as [`predict`](Self::predict).
+    /// The same for t inside the step that was judged, by the cubic of velocities and accelerations at both its ends;
+    /// where no step was judged, as [`predict`](Self::predict).
     pub(super) fn inside(&self, t: f64, dv: &mut [f64]) {
         let (from, to) = (&self.last, &self.next);
         let h = to.t - from.t;
@@ -102,8 +102,8 @@ impl Continuity {
         (self.before, self.next) = (self.last.clone(), self.last.clone());
     }
 
-    /// Does the step to here hold together? Velocities count in their scales s. If it does, [`accept`](Self::accept) makes it
-    /// the last one.
+    /// Does the step to here hold together? Velocities count in their scales s. If it does, [`accept`](Self::accept)
+    /// makes it the last one.
     pub(super) fn judge(&mut self, t: f64, v: &[f64], vdot: &[f64], s: &[f64], near: f64) -> bool {
         let from = &self.last;
         let norm = |f: &dyn Fn(usize) -> f64| (0..s.len()).map(|i| (f(i) / s[i]).powi(2)).sum::<f64>().sqrt();

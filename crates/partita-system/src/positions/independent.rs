@@ -1,11 +1,12 @@
-//! The coordinates of the independent velocities as states (2k in all); the dependent ones are solved for in every evaluation.
+//! The coordinates of the independent velocities as states (2k in all); the dependent ones are solved for in every
+//! evaluation.
 //!
-//! Same motion and same order of error as with all coordinates. Prefer it where forces, tables or events must never see an open
-//! loop, or where the number of states counts.
+//! Same motion and same order of error as with all coordinates. Prefer it where forces, tables or events must never see
+//! an open loop, or where the number of states counts.
 //!
-//! A ball joint's whole quaternion is a state as soon as one of its velocities is independent; closing turns it by what the
-//! dependent ones need, and the turned one is written back after a step. Because of that the number of states is counted for
-//! the choice that needs most; without ball joints it is k.
+//! A ball joint's whole quaternion is a state as soon as one of its velocities is independent; closing turns it by what
+//! the dependent ones need, and the turned one is written back after a step. Because of that the number of states is
+//! counted for the choice that needs most; without ball joints it is k.
 
 use super::continuity::Continuity;
 use super::state_coordinates::StateCoordinates;
@@ -66,9 +67,9 @@ pub trait Dependent<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn accept(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) {}
     /// The tangent has chosen anew.
     fn chosen_anew(&mut self, _tangent: &mut T) {}
-    /// What to say where two solutions cannot be told apart.
+    /// Message where two solutions cannot be distinguished.
     fn undecided(&mut self, core: &Core, tangent: &T, t: f64) -> SystemError;
-    /// What belongs to the journal of a run.
+    /// Contribution to the history of a run.
     fn report(&self, _journal: &mut History) {}
 }
 

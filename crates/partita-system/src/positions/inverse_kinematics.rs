@@ -1,8 +1,8 @@
 //! Dependent coordinates by inverse kinematics: `q_D = g(q_I, t; ε)` (37), nothing iterated over all loops.
 //!
-//! Its branches ε are constants of the motion between change points, where pivots go through zero because the mechanism itself
-//! is singular: these are passed on the branch that the velocities lead to, and told in the notes. At a dead point of inputs
-//! that stay the run ends with a message.
+//! Its branches ε are constants of the motion between change points, where pivots go through zero because the mechanism
+//! itself is singular: these are passed on the branch that the velocities lead to, and reported in the notes. At a dead
+//! point of inputs that stay the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
@@ -16,8 +16,8 @@ const LONGEST_NEXT: f64 = 5.0;
 /// A branch is chosen by the motion where it is at least twice as near as the other: the prediction is then wrong by
 /// less than what lies between them.
 const MOST_DOUBT: f64 = 0.5;
-/// A closing that leaves more than this open (in reaches) does not close: closed forms leave round-off, a function that
-/// iterates what it was told to.
+/// A closing that leaves more than this open (in characteristic displacements) does not close: closed forms leave
+/// round-off, a function that iterates what it was told to.
 const OPEN: f64 = 1e-6;
 
 /// The closing of a [`Blocks`] tangent, followed over change points.
@@ -56,10 +56,10 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Blocks<'s, S>> for InverseKinema
         self.trial.clone_from(&self.branches);
     }
 
-    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end of
-    /// the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell. Where
-    /// they lead too near to the position to tell the branches apart the step has to be another. Inside a finished step
-    /// the path is known better than any such distance that matters.
+    /// Where a singular position may be passed each block takes the branch nearest to where the velocities at the end
+    /// of the last step lead: its pivot goes through zero there, and which sign comes next only the velocities tell.
+    /// Where they lead too near to the position to distinguish the branches the step has to be another. Inside a
+    /// finished step the path is known better than any such distance that matters.
     fn solve(&mut self, core: &mut Core, tangent: &mut Blocks<'s, S>, t: f64, y: &[f64], at: Point) -> Result<()> {
         self.good.copy_from_slice(&core.q);
         let follow = match at {

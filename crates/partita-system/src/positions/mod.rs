@@ -25,8 +25,8 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn places(&self) -> usize;
     /// Take over the closed q and write y; the tangent was started there.
     fn start(&mut self, tangent: &mut T, t: f64, q: &[f64], y: &mut [f64]);
-    /// Find q for y, with the position level of the tangent's reduction there; `crossing`: a singular position is being passed.
-    /// True if the tangent's factors are of there too.
+    /// Find q for y, with the position level of the tangent's reduction there; `crossing`: a singular position is being
+    /// passed. True if the tangent's factors are of there too.
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool>;
     /// q, as last found.
     fn q(&self) -> &[f64];
@@ -66,7 +66,7 @@ pub trait Positions<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
     fn sizes(&self, _of_q: &[f64], out: &mut [f64]) {
         out.fill(1.0);
     }
-    /// What belongs to the journal of a run.
+    /// Contribution to the history of a run.
     fn report(&self, _journal: &mut History) {}
 }
 

@@ -1,9 +1,11 @@
-//! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from where the motion leads, q_I untouched (34).
+//! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from where the motion leads, q_I untouched
+//! (34).
 //!
-//! Classical coordinate partitioning (Wehage, Haug 1982; catalogue row 3). At dead points of fixed independent coordinates, and
-//! at singular positions of the mechanism, the equations have two solutions that meet. Newton's method starts where the
-//! velocities lead and so passes singular positions on the right one; a stage that might have found either, and a step in which
-//! velocities jump, are repeated. If none is left, as at most dead points of fixed coordinates, the run ends with a message.
+//! Classical coordinate partitioning (Wehage, Haug 1982; catalogue row 3). At dead points of fixed independent
+//! coordinates, and at singular positions of the mechanism, the equations have two solutions that meet. Newton's method
+//! starts where the velocities lead and so passes singular positions on the right one; a stage that might have found
+//! either, and a step in which velocities jump, are repeated. If none is left, as at most dead points of fixed
+//! coordinates, the run ends with a message.
 
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
@@ -76,7 +78,7 @@ impl Newton {
     }
 }
 
-/// What there is to say where two solutions cannot be told apart.
+/// Message where two solutions cannot be distinguished.
 fn undecided<S: ConstrainedSystem>(core: &Core, tangent: &Chosen<S>, t: f64) -> SystemError {
     let seen = "they cannot tell on which of two branches the others go on".to_string();
     let r = tangent.seen();
@@ -98,7 +100,7 @@ impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {
         found
     }
 
-    /// What there is to say where two solutions cannot be told apart.
+    /// Message where two solutions cannot be distinguished.
     fn undecided(&mut self, core: &Core, tangent: &Chosen<'s, S>, t: f64) -> SystemError {
         undecided(core, tangent, t)
     }

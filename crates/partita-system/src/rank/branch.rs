@@ -1,22 +1,23 @@
-//! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its freedoms.
+//! Along which finite motion a mechanism goes from a drawing, at a level of singular values: its kernel and its degrees
+//! of freedom.
 
 use super::{Cut, Kernel, Motions};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 
-/// Step of a path, in reaches.
+/// Step of a path, in characteristic displacements.
 const STEP: f64 = 0.1;
-/// Length of a path: a short one does not tell an order of four from a misfit.
+/// Length of a path: a short one does not distinguish order four from a geometric error.
 const FAR: usize = 25;
 /// A predictor thrown back by more than this part of itself ends the path.
 const THROWN_BACK: f64 = 0.5;
 /// Random directions in which paths leave the drawing, for each null direction.
 const MORE: usize = 1;
-/// Paths at the most, for drawings of many freedoms.
+/// Paths at the most, for drawings of many degrees of freedom.
 const PATHS: usize = 24;
-/// Where most ends have a larger kernel, a value up to so many levels counts as null too: in the tube of a lock values are as
-/// large as the level.
+/// Where most ends have a larger kernel, a value up to so many levels counts as null too: in the tube of a lock values
+/// are as large as the level.
 const TUBE: f64 = 100.0;
 /// Half differences of probes above this part of the longest are motions; in the tube of a lock they are shorter.
 const MOVES: f64 = 0.25;
@@ -182,9 +183,9 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
 
     /// How many of the null directions at q are tangents of motions, and whether probes say so clearly.
     ///
-    /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is thrown from one onto
-    /// another: then shorter ones are asked, and what is thrown back at any length is no motion. A crossing that is nearer
-    /// than the shortest probe leaves it open. `None` where probes do not close.
+    /// On one branch probes are projected onto its tangents. Where branches cross within a probe, it is thrown from one
+    /// onto another: then shorter ones are asked, and what is thrown back at any length is no motion. A crossing that
+    /// is nearer than the shortest probe leaves it open. `None` where probes do not close.
     fn probed(&mut self, q: &[f64], cut: Cut) -> Result<Option<(usize, bool)>, SystemError> {
         let directions = mixed(&self.motions(q, cut)?.motions);
         let (mut found, mut length) = (None, STEP);
@@ -204,7 +205,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(found.map(|freedoms| (freedoms, false)))
     }
 
-    /// Are sums of probes kept as the sums of what is kept? So it is on one branch also where weak rows make it no projection.
+    /// Are sums of probes kept as the sums of what is kept? So it is on one branch also where weak rows make it no
+    /// projection.
     fn is_linear(
         &mut self,
         q: &[f64],
@@ -226,8 +228,8 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         Ok(of_sums.data().iter().zip(expected.data()).all(|(x, y)| (x - y).abs() <= BENT))
     }
 
-    /// Half the differences of probes to both sides along unit directions, in parts of the probes and by their components
-    /// in an orthonormal frame: what is even in a probe is curvature. `None` where one does not close.
+    /// Half the differences of probes to both sides along unit directions, in parts of the probes and by their
+    /// components in an orthonormal frame: what is even in a probe is curvature. `None` where one does not close.
     fn kept(
         &mut self,
         q: &[f64],
@@ -287,7 +289,8 @@ fn tried(places: &[Place]) -> impl Iterator<Item = &Place> {
     ends.map(|i| &places[i]).chain(halfway)
 }
 
-/// The same space by directions that each mix all of it: along the axes of branches that cross, each by itself would go.
+/// The same space by directions that each mix all of it: along the axes of branches that cross, each by itself would
+/// go.
 fn mixed(motions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut seed = 1;
     let weights: Vec<f64> = motions.iter().map(|_| irregular(&mut seed)).collect();

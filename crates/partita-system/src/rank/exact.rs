@@ -1,7 +1,8 @@
-//! What pivots and a short motion settle: closings that are independent, and closings that are redundant to the last digit.
+//! What pivots and a short motion settle: closings that are independent, and closings that are redundant to the last
+//! digit.
 //!
-//! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the others
-//! open by nothing but rounding, or something else is the matter, which is not decided here.
+//! Sparse, so that it serves a thousand loops as well as one. Rows kept close the motion; where it is closed so, the
+//! others open by nothing but rounding, or something else is the matter, which is not decided here.
 
 use crate::manifold::kept_rows::close_kept;
 use crate::reduction::closure_error::CLOSED;
@@ -9,13 +10,15 @@ use crate::reduction::{largest, Reduction, FITS};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::rank::{weighed_rows, RowRank};
 
-/// What adds less than this (squared, in natural sizes) cannot be told from nothing: round-off of sums of squares.
+/// What adds less than this (squared, in natural sizes) cannot be distinguished from nothing: round-off of sums of
+/// squares.
 pub const EXACT: f64 = 1e-14;
 /// Rows kept are clear of those left out when they add so many times as much.
 const CLEAR: f64 = 10.0;
-/// Skip single freedoms above so many: directions that mix all of them still move each.
+/// Skip single degrees of freedom above this number: mixed directions still move each.
 const SINGLE: usize = 60;
-/// Length of the motion in reaches: an opening of the order p in it is a power p of this, far above rounding.
+/// Length of the motion in characteristic displacements: a closure error of the order p in it is a power p of this, far
+/// above rounding.
 const MOVED: f64 = 0.1;
 /// Its steps, each closed.
 const STEPS: usize = 5;
@@ -84,7 +87,7 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
 }
 
-/// Moved along each freedom and along mixtures of them, closed with the rows kept: do the others stay closed?
+/// Moved along each degree of freedom and along mixtures of them, closed with the rows kept: do the others stay closed?
 fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) -> Result<bool, SystemError> {
     let mut r = Reduction::geometric(system, closings);
     match r.first_partition(t, q) {

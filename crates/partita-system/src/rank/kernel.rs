@@ -12,7 +12,7 @@ use partita_math::factor::{svd, svd_full};
 pub struct Closed {
     /// Largest part of its size by which a row stays open.
     pub open: f64,
-    /// The move, in reaches, summed over the iterations.
+    /// The move, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
 }
 
@@ -20,7 +20,7 @@ pub struct Closed {
 pub struct Nulls {
     /// Singular values, descending.
     pub values: Vec<f64>,
-    /// Motions that no row opposes, in reaches.
+    /// Motions that no row opposes, in characteristic displacements.
     pub motions: Vec<Vec<f64>>,
     /// Self-stresses: combinations of rows, in parts of their sizes, that no motion feels.
     pub stresses: Vec<Vec<f64>>,
@@ -97,12 +97,12 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         self.closings.motions(q)
     }
 
-    /// How far a move (in reaches) goes: the fastest coordinate, or what stands for it whatever the axes.
+    /// Size of a move (in characteristic displacements): the fastest coordinate, or its invariant over axes.
     pub fn travel(&self, y: &[f64]) -> f64 {
         self.closings.travel(y)
     }
 
-    /// Move q by y, in reaches.
+    /// Move q by y, in characteristic displacements.
     pub fn step(&mut self, q: &mut [f64], y: &[f64]) {
         self.closings.step(q, 1.0, y);
     }

@@ -1,4 +1,4 @@
-//! Branches whose freedoms are known in closed form, also next to where they cross.
+//! Branches whose degrees of freedom are known in closed form, also next to where they cross.
 
 use super::{Branch, Cut, Kernel};
 use crate::equations::{Equations, UserSystem};

@@ -1,7 +1,7 @@
 //! The arithmetic of P1-P3 and R1, given a choice: straight-line, over any number type.
 //!
-//! Nothing here searches, looks at a value or allocates. What is chosen (rows, coordinates, the order of the elimination, the way
-//! through the clusters) comes as a [`Choice`]; whether it still fits is asked elsewhere.
+//! Nothing here searches, looks at a value or allocates. What is chosen (rows, coordinates, the order of the
+//! elimination, the way through the clusters) comes as a [`Choice`]; whether it still fits is asked elsewhere.
 
 use partita_math::dense;
 use partita_math::elimination::Plan;
@@ -26,7 +26,7 @@ pub struct Choice<'a> {
     pub entries: &'a [(u32, u32, u32)],
     /// The same for all independent velocities: step, entry, place in v_I.
     pub spread_entries: &'a [(u32, u32, u32)],
-    /// Does a column stand for the freedoms of several clusters?
+    /// Does a column stand for the degrees of freedom of several clusters?
     pub packed: bool,
     /// Are there rows that depend on time?
     pub rheonomic: bool,

@@ -1,12 +1,13 @@
-//! What is decided now and then, at a position: scales of velocities and rows, the choice and the plan of its elimination,
-//! the way through the clusters, and where everything of an evaluation has its place.
+//! What is decided now and then, at a position: scales of velocities and rows, the choice and the plan of its
+//! elimination, the way through the clusters, and where everything of an evaluation has its place.
 
 use super::{choice, watch, Choice, Reduction, NONE, SINGULAR_PIVOT};
 use crate::clusters::Clusters;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::{Plan, PlanOptions};
 
-/// Rows of C weaker than this (squared, against their reach) hold round-off only, that of a repaired drawing included.
+/// Rows of C weaker than this (squared, against their characteristic displacement) hold round-off only, that of a
+/// repaired drawing included.
 const EMPTY_ROW: f64 = 1e-18;
 
 impl<S: ConstrainedSystem> Reduction<'_, S> {
@@ -55,8 +56,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
     }
 
-    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position. The rows in
-    /// use stay in use where they serve: they span all others, whatever the coordinates.
+    /// Take `independent` as the independent velocities and plan the elimination of the others at the last position.
+    /// The rows in use stay in use where they serve: they span all others, whatever the coordinates.
     pub fn set_partition(&mut self, t: f64, independent: &[usize]) -> Result<(), SystemError> {
         self.refresh_row_scales();
         if self.has_rows() && (self.plan_with(t, independent, &self.rows_in_use()).is_ok()) {
@@ -84,7 +85,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.take(t, plan, independent)
     }
 
-    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent there.
+    /// Any admissible partition at (t, q): the one a sparse elimination with pivoting arrives at. Leaves the tangent
+    /// there.
     pub(crate) fn first_partition(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
         self.position(t, q)?;
         self.refresh_scales(t, q)?;

@@ -1,19 +1,19 @@
-//! How far conditions stand open: in parts of what a large move opens them by, so that units and sizes cancel.
+//! Constraint violation relative to what a large move causes, so that units and sizes cancel.
 
 use super::{largest, velocity_residuals, Reduction};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// Conditions open by less than this part of their size count as closed: the accuracy asked of whole runs.
 pub const CLOSED: f64 = 1e-9;
-/// Conditions open by more than this part of their size are open: a thousand times what is called closed, so that what is
-/// merely badly conditioned stays below.
+/// Conditions open by more than this part of their size are open: a thousand times what is called closed, so that what
+/// is merely badly conditioned stays below.
 pub const OPEN: f64 = 1e-6;
-/// Rates off by more than this part of the fastest are open. Of positions that are closed they may be the root of [`OPEN`] off
-/// next to a singular position; where conditions hold for rates alone [`OPEN`] is asked of these.
+/// Rates off by more than this part of the fastest are open. Of positions that are closed they may be the root of
+/// [`OPEN`] off next to a singular position; where conditions hold for rates alone [`OPEN`] is asked of these.
 pub const OPEN_RATE: f64 = 1e-3;
 
-/// A step drifts by its error; one that leaves a condition by more than this part of its size is too long, whatever it was
-/// allowed.
+/// A step drifts by its error; one that leaves a condition by more than this part of its size is too long, whatever it
+/// was allowed.
 const JUMP: f64 = 1e-3;
 
 /// What holds a dropped row takes part in its contradiction with at least this part of the row: less is round-off.
@@ -75,13 +75,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         pattern.row(i).map(|e| self.c[e] * x[pattern.col_idx[e]]).sum()
     }
 
-    /// The fastest rate at hand [1/s]: of velocities in reaches, and of what moves the conditions themselves.
+    /// The fastest rate at hand [1/s]: of velocities in characteristic displacements, and of what moves the conditions
+    /// themselves.
     pub fn fastest(&self) -> f64 {
         let moved = largest(self.v.iter().zip(&self.displacement).map(|(v, displacement)| v / displacement));
         moved.max(largest(self.a.iter().zip(&self.row_size).map(|(a, size)| a / size)))
     }
 
-    /// An energy at hand: of what is hardest to move, moved by its reach in a second.
+    /// An energy at hand: of what is hardest to move, moved by its characteristic displacement in a second.
     pub fn natural_energy(&self) -> f64 {
         let energies =
             self.s2.iter().zip(&self.displacement).map(|(s2, displacement)| displacement * displacement / s2);

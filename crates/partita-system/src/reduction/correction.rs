@@ -6,7 +6,7 @@ use crate::system::ConstrainedSystem;
 /// A step of the dependent coordinates, left in the reduction.
 #[derive(Clone, Copy, Debug)]
 pub struct DependentStep {
-    /// Its largest move: in reaches, or in natural scales where the system knows no sizes of rows.
+    /// Its largest move: in characteristic displacements, or in natural scales where the system knows no sizes of rows.
     pub length: f64,
     /// Is it a large multiple of what is open, as next to a singular position, where round-off is amplified without
     /// bounds?
@@ -32,7 +32,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if let Some(plan) = &self.plan {
             plan.solve(&self.factors, x, 1);
         }
-        // both in reaches where the system knows them; elsewhere both in natural scales, so that units cancel
+        // both in characteristic displacements where the system knows them; elsewhere both in natural scales, so that
+        // units cancel
         let known = self.row_displacement.iter().all(Option::is_some);
         let part = |i: usize| match known {
             true if self.noise[i] > 0.0 => 4.0 * f64::EPSILON / self.noise[i],
@@ -59,7 +60,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.work[..self.rank].iter_mut().for_each(|x| *x *= by);
     }
 
-    /// Φ of the rows that are to be closed, in units of their own round-off as in [`closure_error`](Self::closure_error).
+    /// Φ of the rows that are to be closed, in units of their own round-off as in
+    /// [`closure_error`](Self::closure_error).
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {

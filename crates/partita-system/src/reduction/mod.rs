@@ -1,5 +1,5 @@
 //! The reduction itself: P1-P3 at one point, with everything prepared so that an evaluation allocates nothing. What is
-//! decided now and then is in `choosing`, what stands against it in `watch`.
+//! decided now and then is in `choosing`, what counts against it in `watch`.
 
 mod arithmetic;
 mod choosing;
@@ -30,13 +30,13 @@ const NONE: u32 = u32::MAX;
 /// Rows left out that are open by less than this part of their size fit: it makes no difference which are left out.
 pub const FITS: f64 = 1e-11;
 
-/// Pivots of M_d below this part of the metric's are rounding: a freedom that moves no mass. Far below any that does,
-/// with the worst choice of coordinates allowed for.
+/// Pivots of M_d below this part of the metric's are rounding: a degree of freedom that moves no mass. Far below any
+/// that does, with the worst choice of coordinates allowed for.
 const UNFELT: f64 = 1e-13;
 
 /// A correction that moves coordinates by more than this many times the relative residual is round-off, not closing...
 pub const LARGEST_AMPLIFICATION: f64 = 1e3;
-/// ... unless it is larger than this (in reaches): then the loops are really open.
+/// ... unless it is larger than this (in characteristic displacements): then the loops are really open.
 const POSTPONED: f64 = 1e-6;
 
 /// The choice of a reduction; a macro, so that its other fields stay free.
@@ -76,13 +76,13 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     plan: Option<Plan>,
     /// Blocks of C.
     pub clusters: Clusters,
-    /// Where many freedoms make one M_d dear: how the clusters are gone through.
+    /// Where many degrees of freedom make one M_d dear: how the clusters are gone through.
     recursion: Option<Recursion>,
     /// Whether a recursion may be taken at all.
     dense_only: bool,
     /// The rows it was planned for, ascending.
     planned_rows: Option<Vec<usize>>,
-    /// Columns of `dt` and `a_matrix`: all freedoms, or the most of one cluster.
+    /// Columns of `dt` and `a_matrix`: all degrees of freedom, or the most of one cluster.
     columns: usize,
     /// Column of each independent velocity; `NONE` where its cluster needs no D.
     column_of: Vec<u32>,
@@ -108,7 +108,7 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     dropped: Vec<usize>,
     /// Is this row not kept? Then nothing is closed by it.
     left_out: Vec<bool>,
-    /// Do velocities weigh by their reaches, whatever the masses?
+    /// Do velocities weigh by their characteristic displacements, whatever the masses?
     weighs_displacements: bool,
     /// Is M short of mass?
     lacks_mass: bool,
@@ -162,13 +162,15 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self
     }
 
-    /// Room for a system whose constraints have rank `rank`; no partition yet. With many freedoms the accelerations come
-    /// from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are packed by cluster.
+    /// Room for a system whose constraints have rank `rank`; no partition yet. With many degrees of freedom the
+    /// accelerations come from the system's recursion over clusters; then there is no M_d, and `dt`, `a_matrix` are
+    /// packed by cluster.
     pub fn new(system: &'s S, rank: usize) -> Self {
         Self::room(system, rank, Some(system.clusters()))
     }
 
-    /// For questions of geometry alone: velocities weigh by their reaches, so that masses do not enter and may be missing.
+    /// For questions of geometry alone: velocities weigh by their characteristic displacements, so that masses do not
+    /// enter and may be missing.
     pub fn geometric(system: &'s S, rank: usize) -> Self {
         Self::new(system, rank).weighing_displacements()
     }
@@ -179,7 +181,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self
     }
 
-    /// Weigh velocities by their reaches, or by masses, from the next scales on.
+    /// Weigh velocities by their characteristic displacements, or by masses, from the next scales on.
     pub fn weigh_reaches(&mut self, displacements: bool) {
         self.weighs_displacements = displacements;
     }
@@ -191,7 +193,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         new
     }
 
-    /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many freedoms there are.
+    /// The same with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
     pub fn dense(system: &'s S, rank: usize) -> Self {
         Self::room(system, rank, None)
     }
@@ -265,7 +267,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn k(&self) -> usize {
         self.k
     }
-    /// Columns of `dt` and `a_matrix`: k, or with a recursion over clusters the most freedoms of one of them.
+    /// Columns of `dt` and `a_matrix`: k, or with a recursion over clusters the most degrees of freedom of one of them.
     pub fn columns(&self) -> usize {
         self.columns
     }

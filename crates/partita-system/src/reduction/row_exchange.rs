@@ -10,12 +10,12 @@ use super::{Reduction, NONE};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::elimination::SparseRoom;
 
-/// Rows are exchanged where the volume of those kept grows by more than this: long before rounding suffers, and seldom, as
-/// distances from a singular position by other rows do not compare and foretell nothing together.
+/// Rows are exchanged where the volume of those kept grows by more than this: long before rounding suffers, and seldom,
+/// as distances from a singular position by other rows do not compare and foretell nothing together.
 const GAIN: f64 = 2.5;
-/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone: closings
-/// kept close the positions, and what drives prescribe is told apart from what the mechanism can do. A drive takes the place
-/// of a closing only where closings lose rank that the drive holds.
+/// Closings count for so many times a drive, and drives for so many times a row that holds for velocities alone:
+/// closings kept close the positions, and what drives prescribe is distinguished from what the mechanism can do. A
+/// drive takes the place of a closing only where closings lose rank that the drive holds.
 const PRECEDENCE: f64 = 8.0;
 
 /// A row left out that takes the place of one kept.
@@ -73,8 +73,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         precedence / self.row_size[i]
     }
 
-    /// Exchanges of rows that gain, with the factors at hand: at most one of each row left out, such that none changes the
-    /// gain of another. Cost: the rows of the factors that rows left out touch.
+    /// Exchanges of rows that gain, with the factors at hand: at most one of each row left out, such that none changes
+    /// the gain of another. Cost: the rows of the factors that rows left out touch.
     fn row_exchanges(&mut self) -> &[RowExchange] {
         let mut room = std::mem::take(&mut self.row_room);
         room.found.clear();
@@ -108,8 +108,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         !self.dropped.is_empty() && !self.row_exchanges().is_empty()
     }
 
-    /// Exchange redundant rows at the last position until nothing gains any more; the partition stays. True if rows were
-    /// exchanged; needs the factors, and leaves those of the new rows.
+    /// Exchange redundant rows at the last position until nothing gains any more; the partition stays. True if rows
+    /// were exchanged; needs the factors, and leaves those of the new rows.
     pub fn exchange_rows(&mut self, t: f64) -> Result<bool, SystemError> {
         let before = self.choices;
         // each exchange multiplies the volume, so the loop ends; the bound is for round-off
@@ -153,8 +153,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.tangent(t)
     }
 
-    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not determine the
-    /// dependent velocities the rows in use stay.
+    /// Keep these rows for the same partition, at the last position; leaves the tangent there. Where they do not
+    /// determine the dependent velocities the rows in use stay.
     pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
         let mut eligible = vec![false; self.size.rows];
         rows.iter().for_each(|&i| eligible[i] = true);

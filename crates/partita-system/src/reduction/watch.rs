@@ -14,15 +14,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
     }
 
-    /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With the
-    /// number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
+    /// How far the mechanism is from a singular position at the last tangent: falls linearly to zero towards one. With
+    /// the number of the plan it belongs to: values of different choices of coordinates or rows do not compare.
     ///
-    /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are measured
-    /// in reaches. Where only the choice of coordinates is singular the one falls as the other grows; where the mechanism
-    /// itself is, A stays as it is. Pivots alone would not do: one of them may vanish for the order of elimination only.
-    /// Three solves with the factors at hand.
+    /// It is the smallest singular value of C_D, by inverse iteration, times √(1 + |A|²); rows and coordinates are
+    /// measured in characteristic displacements. Where only the choice of coordinates is singular the one falls as the
+    /// other grows; where the mechanism itself is, A stays as it is. Pivots alone would not do: one of them may vanish
+    /// for the order of elimination only. Three solves with the factors at hand.
     ///
-    /// Clusters have each their own; the least is told, so that a thousand healthy ones hide nothing.
+    /// One per cluster; the smallest is reported.
     pub fn distance(&mut self) -> (f64, u64) {
         let x = &mut self.work[..self.rank];
         for (x, &row) in x.iter_mut().zip(&self.partition.rows) {
@@ -77,7 +77,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         (least.fold(f64::INFINITY, f64::min).sqrt(), self.plans)
     }
 
-    /// On which side of the singular positions of C_D the last factors stand.
+    /// Side of the singular positions of C_D at the last factorisation.
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
         sides.choice = self.choices;
@@ -86,8 +86,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
     }
 
-    /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the rank of C
-    /// and not with that of C_D alone.
+    /// Clusters that form no A: |uᵀ C|² over all columns, u the left singular vector of C_D, falls to zero with the
+    /// rank of C and not with that of C_D alone.
     fn margins_without_a(&mut self) {
         let room = &mut self.room;
         room.along.fill(0.0);
@@ -121,8 +121,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         self.phi.iter().zip(&self.noise).zip(&self.left_out).all(|((x, n), left_out)| *left_out || x.abs() <= *n)
     }
 
-    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it by: a
-    /// row that nothing moves is made of rounding errors alone. NaN counts as infinite.
+    /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of what a large move opens it
+    /// by: a row that nothing moves is made of rounding errors alone. NaN counts as infinite.
     pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
@@ -142,7 +142,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a))
     }
 
-    /// Squared size of row i of C for unit reaches, over what a large move can open it by: 1 for a healthy row.
+    /// Squared size of row i of C for unit characteristic displacements, over what a large move can open it by: 1 for a
+    /// healthy row.
     pub fn strength(&self, i: usize) -> Option<f64> {
         let pattern = self.system.pattern();
         let displacement = self.row_displacement[i]?;
@@ -150,8 +151,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Some(sum / (displacement * displacement))
     }
 
-    /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself. Clusters
-    /// that form no D keep what they have; exchanges see to them.
+    /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each chooses for itself.
+    /// Clusters that form no D keep what they have; exchanges see to them.
     pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
         let Some(recursion) = &self.recursion else { return Ok(self.partition.independent.clone()) };
         let n = self.size.nv;
@@ -190,8 +191,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok(chosen)
     }
 
-    /// Velocities with these rates that satisfy S4 and differ from some with the momentum `M v` by the least kinetic energy, and
-    /// the rates they reach; by responses to efforts along the rated velocities. Needs the tangent of the partition.
+    /// Velocities with these rates that satisfy S4 and differ from some with the momentum `M v` by the least kinetic
+    /// energy, and the rates they reach; by responses to efforts along the rated velocities. Needs the tangent of the
+    /// partition.
     pub fn least_energy(
         &mut self,
         momentum: &[f64],
@@ -239,7 +241,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
     }
 
-    /// The best exchange of each cluster at the last tangent, for these scales, those that gain more than `threshold`. (P6)
+    /// The best exchange of each cluster at the last tangent, for these scales, those that gain more than `threshold`.
+    /// (P6)
     ///
     /// Cost: the entries of A; clusters that form no A have its columns solved for here.
     pub fn best_exchanges(&mut self, scales: &[f64], threshold: f64) -> Vec<exchange::Exchange> {
@@ -268,7 +271,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             }
         }
         let Some(plan) = &self.plan else { return Vec::new() };
-        // the other clusters, some columns at a time: the n-th freedom of each shares a column
+        // the other clusters, some columns at a time: the n-th degree of freedom of each shares a column
         let x = &mut room.columns;
         for chunk in room.waves.chunks(WIDTH) {
             x.fill(0.0);
@@ -389,7 +392,7 @@ impl Sides {
         self.choice
     }
 
-    /// Was C_D singular in between? Not told from sides of another choice.
+    /// Was C_D singular in between? Not distinguished from sides of another choice.
     pub fn differ(&self, other: &Self) -> bool {
         if self.choice != other.choice {
             false
@@ -454,7 +457,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 }
 
-/// What inverse iteration tells of one cluster.
+/// Result of inverse iteration for one cluster.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Margin {
     /// Squared size of what was solved for, and of what was solved for before it.

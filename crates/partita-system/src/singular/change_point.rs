@@ -1,6 +1,6 @@
 //! Change points foreseen and stepped over.
 
-/// How a march goes on: what it plans for the next step, and what it is told.
+/// How a march continues: its plan for the next step, and the advice.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Length of the next step.
@@ -15,10 +15,10 @@ pub struct Pace {
 
 /// Stepping over singular positions of the mechanism.
 ///
-/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps that
-/// end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact as any
-/// other. The distance falls linearly in time, so the passage is foreseen: the march takes care to arrive with room to
-/// spare and crosses in one step whose stages keep away from it.
+/// Next to one the tangent is a quotient of small numbers: what went wrong before is divided by the distance, so steps
+/// that end close to it are followed by ever shorter ones, while one step across it, with no stage near it, is as exact
+/// as any other. The distance falls linearly in time, so the crossing is foreseen: the march takes care to arrive with
+/// room to spare and crosses in one step whose stages keep away from it.
 #[derive(Default)]
 pub struct Crossing {
     /// Distance at the ends of the last two steps, the latest first: time, distance, number of its plan.
@@ -66,12 +66,12 @@ pub enum Advice {
 impl Crossing {
     /// A crossing step is this part of the usual one, so that its own error is far below the tolerance.
     const PART: f64 = 0.6;
-    /// Around a passage the estimate cannot fall below round-off divided by the square of the distance, and shorter steps
-    /// make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand passages of forty loops.
-    /// Errors up to this (in natural sizes) are accepted there.
+    /// Around a crossing the estimate cannot fall below round-off divided by the square of the distance, and shorter
+    /// steps make it worse: about 1e-12 for a comfortable crossing, up to 1e-10 in one of a thousand crossings of forty
+    /// loops. Errors up to this (in natural sizes) are accepted there.
     const ROUND_OFF: f64 = 1e-10;
-    /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close to
-    /// it. So many tolerances are accepted; its own error is small by its length.
+    /// The crossing step itself may not fail: where the position lay a little off the expected place a stage came close
+    /// to it. So many tolerances are accepted; its own error is small by its length.
     const CROSSING: f64 = 1e3;
 
     /// From this part of a usual step on a crossing would have its first stages next to the position.
@@ -90,7 +90,8 @@ impl Crossing {
         self.usual
     }
 
-    /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was crossed.
+    /// The step to t was taken; `flip` is where C_D changed sides in it, if it did. True if a singular position was
+    /// crossed.
     pub fn crossed(&mut self, t: f64, flip: Option<f64>) -> bool {
         let foreseen = self.planned.take().filter(|zero| *zero < t);
         // two that coincide change no sign: they count when the step after them has changed none either
@@ -159,8 +160,8 @@ impl Crossing {
         (self.tries < Self::LENGTHS.len() && self.usual > 0.0).then_some(zero - far * self.usual)
     }
 
-    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead. `probe`
-    /// tells the distance so far ahead, by the same plan.
+    /// Look at the distance at the start of the next step and choose its length if a singular position lies ahead.
+    /// `probe` tells the distance so far ahead, by the same plan.
     pub fn foresee(
         &mut self,
         t: f64,
@@ -230,7 +231,8 @@ impl Crossing {
             }
             self.cross(zero, t, pace);
         } else {
-            // one that was expected at the same time a step ago is there; a look ahead costs digits, for it may need new plans
+            // one that was expected at the same time a step ago is there; a look ahead costs digits, for it may need
+            // new plans
             let differs = |x: f64| (x - zero).abs() > 0.3 * ahead;
             if last.is_none_or(differs) && self.confirmed.is_none_or(differs) {
                 match probe(ahead) {
@@ -263,8 +265,8 @@ pub enum Probe {
     Unknown,
 }
 
-/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it the
-/// distance is small already, and a guess that is off by more than this is none.
+/// Where a singular position is expected, the distance must be below this part of what it is now: a little beside it
+/// the distance is small already, and a guess that is off by more than this is none.
 const CONFIRMED: f64 = 0.3;
 
 /// From far away, where a look ahead is rough, it must have fallen to this part.

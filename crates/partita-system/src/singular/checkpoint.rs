@@ -1,4 +1,4 @@
-//! A singular position crossed: where the march stood before it, and whether the motion kept its branch.
+//! A singular position crossed: states before it to return to, and whether the motion kept its branch.
 
 /// A state of the march.
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ struct Mark {
     place: usize,
 }
 
-/// Some states since the last singular position, to go back to where a march came too close to the next one to cross it.
+/// States since the last singular position, to return to where a march came too close to the next one to cross it.
 #[derive(Clone, Debug)]
 pub struct Checkpoints {
     nq: usize,
@@ -80,7 +80,7 @@ impl Checkpoints {
     }
 }
 
-/// Start of a step, to hold its end against.
+/// Boundary of a step: its start is compared with its end.
 #[derive(Clone, Debug)]
 pub struct StepBoundary {
     t: f64,
@@ -91,8 +91,9 @@ pub struct StepBoundary {
 }
 
 impl StepBoundary {
-    /// Of the mean speed, what accelerations may leave unexplained over a step that keeps its branch. The trapezoidal rule
-    /// misses a twentieth over half a radian; where branches part their velocities differ by about as much as they are.
+    /// Of the mean speed, what accelerations may leave unexplained over a step that keeps its branch. The trapezoidal
+    /// rule misses a twentieth over half a radian; where branches part their velocities differ by about as much as they
+    /// are.
     const MISSED: f64 = 0.3;
     /// In one velocity: of its change, and of the fastest.
     const ONE: (f64, f64) = (0.75, 0.1);
@@ -128,14 +129,14 @@ impl StepBoundary {
         self.all.get(self.nq + self.nv..).unwrap_or_default()
     }
 
-    /// Displacement, in velocities, from here to half-way to `end`, as far as velocities at both tell.
+    /// Displacement, in velocities, from here half-way to `end`, by the velocities at both.
     pub fn half_way(&self, end: &Self) -> Vec<f64> {
         let h = end.t - self.t;
         self.v().iter().zip(end.v()).map(|(a, b)| 0.5 * h * (0.75 * a + 0.25 * b)).collect()
     }
 
-    /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their scales s, so
-    /// that the sum is nearly the mass metric's.
+    /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their
+    /// scales s, so that the sum is nearly the mass metric's.
     pub fn continues_to(&self, end: &Self, s: &[f64]) -> bool {
         if self.all.len() != end.all.len() {
             return true; // no step began yet

@@ -4,12 +4,13 @@ use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Where even the best choice leaves a scaled pivot below this, the mechanism itself is next to a singular position. Sound
-/// ones have pivots of the order of 1; coordinates are given up within 1e-4 of their dead point at the latest, so what is
-/// above this is not the reason, with a margin of ten.
+/// Where even the best choice leaves a scaled pivot below this, the mechanism itself is next to a singular position.
+/// Sound ones have pivots of the order of 1; coordinates are given up within 1e-4 of their dead point at the latest, so
+/// what is above this is not the reason, with a margin of ten.
 const SOUND: f64 = 1e-3;
 
-/// What to say of `independent` coordinates that fail next to `(t, q)` for the reason `seen`: would others do, and which?
+/// What to say of `independent` coordinates that fail next to `(t, q)` for the reason `seen`: would others do, and
+/// which?
 ///
 /// Chooses a partition there: for failures only.
 pub(crate) fn dead_point<S: ConstrainedSystem>(
@@ -34,7 +35,7 @@ fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64])
 
 /// What lost rank where C_D changed sides.
 pub(crate) enum Loss {
-    /// The mechanism stands in a singular position.
+    /// The mechanism is in a singular position.
     Mechanism,
     /// The independent coordinates are at a dead point of theirs.
     Coordinates,
@@ -42,9 +43,9 @@ pub(crate) enum Loss {
     Rows(Vec<usize>),
 }
 
-/// What lost rank between two positions on whose way the C_D of a choice changed sides? Where C itself does, all rows taken
-/// together, the determinants of all choices change their signs; other coordinates or rows, best half-way, have C_D on one
-/// side at both ends.
+/// What lost rank between two positions on whose way the C_D of a choice changed sides? Where C itself does, all rows
+/// taken together, the determinants of all choices change their signs; other coordinates or rows, best half-way, have
+/// C_D on one side at both ends.
 ///
 /// Chooses a partition there: for steps alone in which C_D changed sides.
 pub(crate) fn loss<S: ConstrainedSystem>(

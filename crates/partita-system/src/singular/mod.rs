@@ -1,4 +1,4 @@
-//! Singular positions: foreseen and passed, or told from dead points of a choice.
+//! Singular positions: foreseen and passed, or distinguished from dead points of a choice.
 
 pub mod change_point;
 pub mod checkpoint;

@@ -71,7 +71,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     /// then; true if they are.
     pub(super) fn accept(&mut self, t: f64, q: &[f64], scaled: bool) -> bool {
         if std::mem::take(&mut self.fading) {
-            // should no better rows be found, the next evaluation tells
+            // if no better rows are found, the next evaluation reports it
             let _ = self.r.renew_rows(t);
         }
         self.steps_since_scales += u32::from(scaled);

@@ -18,7 +18,7 @@ pub trait Basis: Send {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// Eigenvectors of the zero eigenvalues of CᵀC (Kamman, Huston 1984): orthonormal, they span the null space of C in
-    /// the units at hand. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are told apart only
+    /// the units at hand. Forming CᵀC squares the condition of C: a zero and a small eigenvalue are distinguished only
     /// down to √ε, 1e-8 of the largest. Cost when frozen: n²m/2 + about 4.5 n³. Of historical interest; prefer
     /// `OrthogonalTriangular` for the same space at less cost and full accuracy.
     ZeroEigenvalue,
@@ -30,8 +30,8 @@ pub enum Rule {
     /// QR of Cᵀ (Kim, Vanderploeg 1986): `Cᵀ = [Q₁ Q₂] [R; 0]`, S = Q₂ᵀ, orthonormal in the units at hand, the cheapest
     /// such basis: nm² − m³/3 + (2nm − m²)k when frozen.
     OrthogonalTriangular,
-    /// The differentiable null space of Liang, Lance 1987: orthonormal in the units at hand, and the continuation of the
-    /// basis before it.
+    /// The differentiable null space of Liang, Lance 1987: orthonormal in the units at hand, and the continuation of
+    /// the basis before it.
     ///
     /// A Gram-Schmidt process on the columns of [Cᵀ, Sᵀ] with S from the last basis: what is left of the old
     /// directions orthogonal to the constraints of now, made orthonormal in their order. With the same C the same
@@ -67,7 +67,7 @@ impl Basis for Rule {
             Self::ZeroEigenvalue => Ok(columns(&factor::symmetric_eigen(&c.transpose().matmul(c))?.1, 0)),
             Self::SingularValues | Self::OrthogonalTriangular | Self::LiangLance if r == 0 => Ok(Matrix::identity(n)),
             Self::SingularValues => Ok(columns(&factor::svd_full(c)?.v, r)),
-            // a rank that fell shows as too many rows: the caller tells
+            // a rank that fell shows as too many rows: the caller reports it
             Self::OrthogonalTriangular => Ok(factor::qr_null_space(c)?.null.transpose()),
             Self::LiangLance => match last.filter(|s| (s.rows(), s.cols()) == (n - r, n)) {
                 None => Self::OrthogonalTriangular.basis(mass, c, None),
@@ -90,7 +90,7 @@ fn continued(last: &Matrix, c: &Matrix) -> Result<Matrix, FactorError> {
     let n = last.cols();
     let space = factor::qr_null_space(c)?;
     if n - space.rank != last.rows() {
-        return Ok(space.null.transpose()); // a rank that fell shows as too many rows: the caller tells
+        return Ok(space.null.transpose()); // a rank that fell shows as too many rows: the caller reports it
     }
     let mut done = space.range.transpose();
     let r = done.rows();

@@ -73,7 +73,8 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         }
     }
 
-    /// The position level at q; refuses a q that the closing has left open by more than `limit` (in reaches).
+    /// The position level at q; refuses a q that the closing has left open by more than `limit` (in characteristic
+    /// displacements).
     pub fn check_closed(&mut self, t: f64, q: &[f64], limit: f64) -> Result<()> {
         let r = &mut self.base.r;
         r.position(t, q)?;

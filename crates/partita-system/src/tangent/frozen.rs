@@ -328,7 +328,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     }
     fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {
         if std::mem::take(&mut self.base.fading) {
-            // should none better be found, the next evaluation tells
+            // if none better is found, the next evaluation reports it
             let _ = start::choose_partition(&mut self.base.r, t, q, None, None);
         }
         Ok(())
@@ -398,7 +398,8 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Frozen<'s, S> {
     }
 }
 
-/// M, or the metric beside it, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity level of r was last evaluated.
+/// M, or the metric beside it, and S of a rule that goes on from `last`, at `(t, q)`, the point where the velocity
+/// level of r was last evaluated.
 fn made<S: ConstrainedSystem>(
     basis: &dyn Basis,
     r: &mut Reduction<S>,

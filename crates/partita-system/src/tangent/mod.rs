@@ -125,12 +125,12 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     fn integrates_velocities(&self) -> bool {
         false
     }
-    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions are
-    /// left open and nothing is paced by it.
+    /// Distance from a singular position at the last evaluation, as [`margin`](Self::margin) tells it, where conditions
+    /// are left open and nothing is paced by it.
     fn distance_of_drift(&mut self) -> Option<f64> {
         None
     }
-    /// Tell a choice that stays from a mechanism that is singular.
+    /// Distinguish a poor choice of coordinates from a singular configuration.
     fn blame(&self, _t: f64, _q: &[f64], e: SystemError) -> SystemError {
         e
     }
@@ -149,6 +149,6 @@ pub trait Tangent<'s, S: ConstrainedSystem + 's> {
     ) -> Result<()> {
         Ok(())
     }
-    /// What belongs to the journal of a run besides what all tangents have.
+    /// Contribution to the history of a run besides that of all tangents.
     fn report(&self, history: &mut History);
 }

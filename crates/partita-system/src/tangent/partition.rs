@@ -30,8 +30,8 @@ pub struct Chosen<'s, S: ConstrainedSystem> {
 }
 
 impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
-    /// For a system of the given rank (see [`crate::start::analyse`]). Of the options it reads `independent`, `exchange`,
-    /// `weights`, `selection` and `window`.
+    /// For a system of the given rank (see [`crate::start::analyse`]). Of the options it reads `independent`,
+    /// `exchange`, `weights`, `selection` and `window`.
     pub fn new(system: &'s S, rank: usize, options: &FormulationOptions) -> Self {
         Self {
             // the other rules look at D and M_d in full
@@ -162,7 +162,7 @@ impl<'s, S: ConstrainedSystem> Tangent<'s, S> for Chosen<'s, S> {
         let r = &self.base.r;
         if let Some(chooser) = &mut self.chooser {
             chooser.record(r, t); // a step that is repeated replaces what it left
-                                  // what fails here fails again in `renew`, which can tell
+                                  // a failure here recurs in `renew`, which reports it
             return if matches!(chooser.propose(r, t), Ok(None)) { Verdict::Keep } else { Verdict::Change };
         }
         let best = self.best_exchanges(self.options.exchange);

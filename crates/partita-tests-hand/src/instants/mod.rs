@@ -1,4 +1,4 @@
-//! Constrained systems at one instant: random matrices in random units, handed to the library as a system by hand.
+//! Constrained systems at one instant: random matrices in random units, handed to the library as a user-defined system.
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
 use partita_math::dense::{self, Matrix};

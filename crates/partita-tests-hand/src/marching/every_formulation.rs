@@ -75,8 +75,8 @@ fn run<E: Equations>(
 #[test]
 fn the_table_names_every_formulation() {
     let (mut named, mut all): (Vec<&str>, _) = (TABLE.iter().map(|row| row.0).collect(), NAMES.to_vec());
-    // the one that runs nowhere without a tangent written for the mechanism is marched beside the tangent methods; the fixed
-    // choice is the compact form with its exchanges switched off
+    // the one that runs nowhere without a tangent written for the mechanism is marched beside the tangent methods; the
+    // fixed choice is the compact form with its exchanges switched off
     named.extend(["user-tangent", "fixed"]);
     named.sort_unstable();
     all.sort_unstable();
@@ -102,7 +102,8 @@ fn one_motion() {
                 let samples = march(&mut f, &start.0, &start.1, &at, &reference(at[4]));
                 let off = distance(&samples, &exact);
                 assert!(off < within, "{what}, {name}, {correction:?}: {off:e}");
-                // what went in as work is all that changes it; forces of some tens of newtons times the error in q and v
+                // what went in as work is all that changes it; forces of some tens of newtons times the error in q and
+                // v
                 let balance = |s: &Sample| energy(s) - s.work;
                 let lost = samples.iter().fold(0.0, |m: f64, s| m.max((balance(s) - balance(&exact[0])).abs()));
                 assert!(lost < 100.0 * within, "{what}, {name}, {correction:?}: energy off by {lost:e} J");
@@ -110,7 +111,7 @@ fn one_motion() {
                 if correction != Correction::None && drift != Drift::Stabilised || drift == Drift::Never {
                     assert!(open < 1e-12, "{what}, {name}, {correction:?}: open by {open:e}");
                 } else {
-                    // what is not corrected is told
+                    // what is not corrected is reported
                     let reported = f.history().notes.iter().any(|n| n.contains("not exactly closed"));
                     assert!(reported || drift == Drift::Position, "{what}, {name}: {:?}", f.history().notes);
                 }
@@ -202,8 +203,8 @@ fn drift() {
     }
 }
 
-/// At a dead point of inputs that stay, a form with 2k states can pass or be thrown back, both within any tolerance. What
-/// it tells is true all the same: it goes on as the mechanism does, or it stops and says so.
+/// At a dead point of inputs that stay, a form with 2k states can pass or be thrown back, both within any tolerance.
+/// What it tells is true all the same: it goes on as the mechanism does, or it stops and says so.
 #[test]
 fn nothing_is_thrown_back_at_a_dead_point() {
     let system = any(Pendulum::RESTING_PIVOT);

@@ -1,4 +1,4 @@
-//! Small constrained systems written by hand, and short ways to march them.
+//! Small constrained user-defined systems, and short ways to march them.
 #![allow(dead_code, unused_imports, reason = "each test file uses the part it needs")]
 
 pub use crate::user_system::*;

@@ -59,8 +59,8 @@ fn tangent_at<E: Equations>(system: &UserSystem<E>, t: f64, q: &[f64], v: &[f64]
     Arc::new(Given { dt: mixed(&r.dt, r.partition.independent.len()), gamma: r.gamma, delta: r.delta })
 }
 
-/// Directions that are no partition's: each a combination of all, the same ones at all times, so that what is left of v' where
-/// u' is nothing stays as it is.
+/// Directions that are no partition's: each a combination of all, the same ones at all times, so that what is left of
+/// v' where u' is nothing stays as it is.
 fn mixed(dt: &[f64], k: usize) -> Vec<f64> {
     let weight = |i: usize, j: usize| f64::from(u8::from(i == j)) + 0.8 / k as f64 * ((1 + 3 * i + 5 * j) as f64).sin();
     let row = |row: &[f64]| (0..k).map(|j| (0..k).map(|i| row[i] * weight(i, j)).sum()).collect::<Vec<f64>>();
@@ -320,7 +320,8 @@ fn senseless_options_are_refused() {
     }
 }
 
-/// What a formulation reads changes what it does or is asked for; the rest is named, and nothing is named that is not set.
+/// What a formulation reads changes what it does or is asked for; the rest is named, and nothing is named that is not
+/// set.
 #[test]
 fn unread_options_are_named() {
     let plain = FormulationOptions::default();
@@ -431,7 +432,7 @@ fn the_proximal_iteration_tells_what_it_could_not_settle() {
     assert!(notes.len() == 1 && notes[0].contains("1 evaluations"), "{notes:?}");
 }
 
-/// `Φ̈ + 2α Φ̇ + β² Φ = 0` on rows that stand open in position and in rate; on one without a position the last
+/// `Φ̈ + 2α Φ̇ + β² Φ = 0` on rows that remain open in position and in rate; on one without a position the last
 /// term is missing.
 #[test]
 fn baumgarte_pulls_open_rows_as_it_says() {

@@ -1,8 +1,8 @@
 //! The rules of choice over many poses of the planar robot with three legs (two links each, a platform), in absolute
 //! coordinates: 21 of them, 18 pin rows, three degrees of freedom.
 //!
-//! Which of two rules is better is a matter of many poses: a rule that looks fine in the median may take a choice a hundred
-//! times worse now and then.
+//! Which of two rules is better is a matter of many poses: a rule that looks fine in the median may take a choice a
+//! hundred times worse now and then.
 
 use crate::instants::{between, Instant};
 use partita_math::dense::{self, Matrix};
@@ -163,7 +163,7 @@ fn quality_of_the_rules_over_many_poses() {
     for pair in [metres, one_by_one, scaled, greedy, collective].windows(2) {
         assert!(pair[0].1 < pair[1].1, "{summary:.3?}");
     }
-    // the worst case tells them apart: one by one fails, pivoting loses, the criterion with locks does not
+    // the worst case distinguishes them: one by one fails, pivoting loses, the criterion with locks does not
     assert!(one_by_one.0 < 0.01 && metres.0 < 0.1, "{summary:.3?}");
     assert!(scaled.0 < greedy.0 && millimetres.0 < greedy.0 && greedy.0 <= collective.0, "{summary:.3?}");
     // the dependent side optimises the same volume, one coordinate at a time: as good in the median, less sure

@@ -1,4 +1,4 @@
-//! Small constrained systems written by hand.
+//! Small constrained user-defined systems.
 #![allow(dead_code, reason = "each test file uses the part it needs")]
 
 use partita_system::equations::{Equations, UserSystem};
@@ -335,7 +335,8 @@ pub fn nearest_turn(x: f64, last: f64) -> f64 {
     x + turn * ((last - x) / turn).round()
 }
 
-/// A body on a pin at the origin, its centre of mass at distance 0.7, in x, y and the angle: k = 1, C_D = 1 for the angle.
+/// A body on a pin at the origin, its centre of mass at distance 0.7, in x, y and the angle: k = 1, C_D = 1 for the
+/// angle.
 #[derive(Clone, Copy)]
 pub struct Plate;
 

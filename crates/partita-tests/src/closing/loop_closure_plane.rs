@@ -226,7 +226,7 @@ fn assemblies_are_mirror_images() {
     let model = six_bar(true, "t1").model();
     let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "1")])).unwrap();
     assert_eq!(all.found.len(), 4);
-    // an implicit block is told
+    // an implicit block is reported
     let model = six_bar(false, "c").model();
     let all = model.assemblies(0.0, &model.initial(), Some(&[velocity(&model, "5")])).unwrap();
     assert!(all.notes.iter().any(|n| n.contains("only the solution near")), "{:?}", all.notes);
@@ -389,7 +389,7 @@ fn jumps_keep_the_whole_turns_of_slides() {
 }
 
 /// On the way into a limit the loops stay closed to the last digit, whatever is left of the pivot; at the exactly flat
-/// position they close, beyond it the shortfall is told.
+/// position they close, beyond it the shortfall is reported.
 #[test]
 fn closed_up_to_the_limit() {
     let lengths = [1.0, 0.8, 0.5, 0.6];

@@ -7,7 +7,7 @@ use partita_model::tree::LinkMotion;
 use partita_model::Model;
 use partita_system::ConstrainedSystem;
 
-/// Four-bars on common uprights: one freedom, as many loops as asked for.
+/// Four-bars on common uprights: one degree of freedom, as many loops as asked for.
 pub fn uprights(n: usize, coupler: impl Fn(usize) -> f64) -> Drawing {
     let mut d = drawing("uprights");
     let at = |i: usize| 1.1 * i as f64;
@@ -176,7 +176,8 @@ pub fn spatial_cranks(n: usize) -> Drawing {
     d
 }
 
-/// The drawing with every link turned (slid) by up to `part` of a radian (of its reach) against the world.
+/// The drawing with every link turned (slid) by up to `part` of a radian (of its characteristic displacement) against
+/// the world.
 pub fn rough(model: &Model, rng: &mut fastrand::Rng, part: f64) -> Vec<f64> {
     let links = &model.full.links;
     let noise: Vec<f64> = (0..links.len()).map(|_| 2.0 * rng.f64() - 1.0).collect();

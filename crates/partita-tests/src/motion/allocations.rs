@@ -81,8 +81,8 @@ fn in_space() -> Spec {
     spec
 }
 
-/// Twelve pendulums side by side, two of them coupled: nearly as many freedoms as coordinates, so that dense matrices are
-/// the cheaper way.
+/// Twelve pendulums side by side, two of them coupled: nearly as many degrees of freedom as coordinates, so that dense
+/// matrices are the cheaper way.
 fn rank_and_file(kind: JointKind) -> Spec {
     let mut rng = fastrand::Rng::with_seed(3);
     let mut spec = empty("rank and file");
@@ -280,8 +280,8 @@ fn bytes<R>(f: impl FnOnce() -> R) -> (R, usize) {
     (result, BYTES.get() - start)
 }
 
-/// From the look at its drawing to the end of a few steps: nothing in a run is kept for each pair of loops, let alone for each
-/// three of them.
+/// From the look at its drawing to the end of a few steps: nothing in a run is kept for each pair of loops, let alone
+/// for each three of them.
 #[test]
 fn memory_of_a_run_grows_as_the_loops_do() {
     let text = r#"{"t_end": 0.004, "rtol": 1e-8, "atol": 1e-10, "method": "rk4", "formulation": "projective", "step": 1e-3,

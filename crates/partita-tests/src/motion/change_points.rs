@@ -67,7 +67,8 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
     Seen { outcome, error, closure, notes: f.history().notes }
 }
 
-/// Ten passages in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to passages as well.
+/// Ten crossings in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to crossings as
+/// well.
 #[test]
 fn chains_pass_their_change_points_in_2k_states() {
     let times: Vec<f64> = (1..=200).map(|i| 0.05 * f64::from(i)).collect();
@@ -83,10 +84,10 @@ fn chains_pass_their_change_points_in_2k_states() {
                     let case = format!("{loops} loops, {rule}, rate {rate}, rtol {rtol}: {}", seen.outcome.message);
                     assert_eq!(seen.outcome.status, Status::Finished, "{case}");
                     // near the upright position errors grow by 1e3 to 1e4 in 10 s: those of the tolerance and the
-                    // round-off of a passage, up to 1e-10
+                    // round-off of a crossing, up to 1e-10
                     assert!(seen.error <= 1e5 * rtol + 1e-6, "{case}: error {:.2e}", seen.error);
-                    // lengths of 1 m, whatever lies between a stage and a change point: next to one Newton's method leaves up
-                    // to a hundred round-offs of three of them, which it would amplify, not remove
+                    // lengths of 1 m, whatever lies between a stage and a change point: next to one Newton's method
+                    // leaves up to a hundred round-offs of three of them, which it would amplify, not remove
                     assert!(seen.closure <= 2e-13, "{case}: closure {:.2e}", seen.closure);
                     assert!(seen.outcome.counters.steps < 400, "{case}: {} steps", seen.outcome.counters.steps);
                     if rule == "explicit-closing" {

@@ -1,4 +1,5 @@
-//! The recursion over clusters is the reduced equations: in every way through them, for a few freedoms and for many.
+//! The recursion over clusters is the reduced equations: in every way through them, for a few degrees of freedom and
+//! for many.
 
 use crate::mechanisms::{apart, compile, on_random_mechanisms, Moment, Wishes};
 use partita_model::clusters::Preference;
@@ -94,7 +95,7 @@ fn absolute_coordinates_are_gone_through_as_well() {
     });
 }
 
-/// Mechanisms with as many freedoms as wanted.
+/// Mechanisms with as many degrees of freedom as wanted.
 mod families {
     use crate::mechanisms::{body, empty};
     use partita_model::spec::{Joint, JointKind, Spec};

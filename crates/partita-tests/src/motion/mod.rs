@@ -1,4 +1,4 @@
-//! Whole mechanisms: evaluations, formulations, passages, reactions.
+//! Whole mechanisms: evaluations, formulations, crossings, reactions.
 
 mod allocations;
 mod change_points;

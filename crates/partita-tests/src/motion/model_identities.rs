@@ -201,7 +201,7 @@ fn inverse_mass_matrix_by_recursion() {
         model.inverse_mass_columns(m.t, &m.q, &which, &mut s, &mut columns).unwrap();
         for i in 0..n {
             let natural = |j: usize| (inverse[i * n + i] * inverse[j * n + j]).sqrt();
-            // light bodies at the end of long chains: condition up to 1e5
+            // massless bodies at the end of long chains: condition up to 1e5
             assert!(
                 (diagonal[i] - inverse[i * n + i]).abs() < 1e-9 * natural(i),
                 "{} {}",

@@ -5,8 +5,8 @@
 //! prepare   what depends on constants and settled inputs alone
 //! stage k   what the outputs of stage k need and no stage before has computed
 //! ```
-//! Long functions are cut into pieces: engines optimise what they compile in one go only up to a size. What is read once
-//! stays on the stack, what is read again lies in a local, which is free again after its last reader.
+//! Long functions are cut into pieces: engines optimise what they compile in one go only up to a size. What is read
+//! once stays on the stack, what is read again lies in a local, which is free again after its last reader.
 
 use super::{Operation, Recording};
 use std::collections::HashMap;
@@ -46,9 +46,9 @@ pub struct Module {
 }
 
 impl Recording {
-    /// As a WebAssembly module. `settled` inputs change seldom: what depends on them alone is computed by `prepare`. The
-    /// outputs are told apart by `stages`, each with the name of its function; a function may be called when those before
-    /// it were. An output may be written as soon as it is known, by an earlier function.
+    /// As a WebAssembly module. `settled` inputs change seldom: what depends on them alone is computed by `prepare`.
+    /// The outputs are distinguished by `stages`, each with the name of its function; a function may be called when
+    /// those before it were. An output may be written as soon as it is known, by an earlier function.
     pub fn module(&self, settled: Range<usize>, stages: &[(&str, Range<usize>)]) -> Module {
         let mut names = vec![("prepare", 0..0)];
         names.extend(stages.iter().cloned());

@@ -1,8 +1,8 @@
-//! Lengths that were meant to be equal: of a parallelogram they say more than all its motion does.
+//! Lengths that were intended to be equal: of a parallelogram they say more than all its motion does.
 //!
-//! Where pins lie in a line and cranks were parallel, a crank that is off turns the coupler by p and opens the loop by p²: what
-//! opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not there. Equal lengths
-//! between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
+//! Where pins lie in a line and cranks were parallel, a crank that is off turns the coupler by p and opens the loop by
+//! p²: what opens has a double root, and says neither where it lies nor, below the root of rounding, that it is not
+//! there. Equal lengths between parallel axes, and axes of one body in one plane, are simple roots of the same drawing.
 
 use super::change::{is_sought, LARGEST, OWN, PARALLEL, ROUNDED};
 use super::{blocks, Drawing};
@@ -31,7 +31,7 @@ struct Pin {
     axis: Vec3<f64>,
 }
 
-/// What is nearly so, and was meant to be.
+/// What is nearly so, and was intended to be.
 pub(super) enum Alike {
     /// Two axes of one body are parallel.
     Parallel(usize, usize),
@@ -43,7 +43,8 @@ pub(super) enum Alike {
     Equal([usize; 2], [usize; 2]),
 }
 
-/// A condition on a change of the drawing: its parts, each a place in the change and a direction, and what it is off by.
+/// A condition on a change of the drawing: its parts, each a place in the change and a direction, and what it is off
+/// by.
 pub(super) struct Condition {
     parts: Vec<(usize, Vec3<f64>)>,
     pub(super) off: f64,
@@ -59,7 +60,8 @@ impl Condition {
 }
 
 impl Drawing {
-    /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one plane.
+    /// Axes of one body, parallel to each other, that are as far apart as others within a few tolerances, or lie in one
+    /// plane.
     pub(super) fn alike(&self, tolerance: f64) -> Vec<Alike> {
         alike(&pins(&self.model, 0..self.model.spec.joints.len()), PARALLEL * tolerance * self.length)
     }
@@ -94,7 +96,8 @@ impl Drawing {
     }
 }
 
-/// Are lengths of one block off that are nearly alike, by more than rounding? Blocks in which nothing is sought are not asked:
+/// Are lengths of one block off that are nearly alike, by more than rounding? Blocks in which nothing is sought are not
+/// asked:
 /// what is alike grows with the third power of the axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
     let (size, near) = (model.placed.size, PARALLEL * tolerance * model.placed.size);

@@ -1,7 +1,7 @@
 //! The least change of a drawing by which it moves.                                                     (11.9, 4)
 //!
-//! Between free bodies every joint is a closing. Its frame on either body may sit a little off, by p (displacements over the
-//! block's length, and turns). Along the motion each self-stress n asks for
+//! Between free bodies every joint is a closing. Its frame on either body may sit a little off, by p (displacements
+//! over the block's length, and turns). Along the motion each self-stress n asks for
 //!
 //! ```text
 //! nᵀ (Φ + P p) = 0,   P = C times the motion of the body that carries the frame
@@ -40,7 +40,7 @@ const LEAST: f64 = 1e-9;
 const MOST: f64 = 1e-3;
 /// A round that gains less than this is near a double root: smaller values are asked.
 const GAINS: f64 = 0.1;
-/// Axes that are parallel within so many tolerances were meant to be.
+/// Axes that are parallel within so many tolerances were intended to be.
 pub(super) const PARALLEL: f64 = 3.0;
 /// Products of a decomposition beyond which nothing is sought.
 pub(super) const LARGEST: usize = 150_000_000;
@@ -65,7 +65,8 @@ pub(super) struct Change {
 }
 
 impl Change {
-    /// Does the change rest on a double root in lengths that are `off` by so much? They say something then where they are off.
+    /// Does the change rest on a double root in lengths that are `off` by so much? They say something then where they
+    /// are off.
     pub(super) fn is_double(&self, off: f64) -> bool {
         self.least < SURE || off < LEFT && self.weak.iter().any(|s| *s > (DOUBLE * off).max(ROUNDED))
     }
@@ -82,8 +83,8 @@ pub(super) fn is_sought(joints: usize) -> bool {
 }
 
 impl Drawing {
-    /// The shortest change, next to the one that is `begun` and with what is `kept` of it, by which this drawing goes through
-    /// the places with `kernel` null directions. None where there is none.
+    /// The shortest change, next to the one that is `begun` and with what is `kept` of it, by which this drawing goes
+    /// through the places with `kernel` null directions. None where there is none.
     pub(super) fn change(
         &self,
         places: &[Place],
@@ -130,8 +131,8 @@ impl Drawing {
         Ok(None)
     }
 
-    /// What self-stresses at the positions, closed anew, and conditions on the drawing ask of a change: rows, and what each is
-    /// off by.
+    /// What self-stresses at the positions, closed anew, and conditions on the drawing ask of a change: rows, and what
+    /// each is off by.
     fn asked(&self, at: &mut Vec<Vec<f64>>, cut: Cut, kept: &[Condition]) -> Result<(Matrix, Vec<f64>), SystemError> {
         let columns = OWN * self.model.spec.joints.len();
         let (mut rows, mut open): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -222,8 +223,8 @@ impl Drawing {
         self.model.is_planar().then(|| self.model.placed.basis.apply_transposed(up))
     }
 
-    /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how much it
-    /// was off.
+    /// This change, axes parallel and lengths equal besides that nearly are so; what is to be kept of it; and by how
+    /// much it was off.
     pub(super) fn alike_too(&self, change: &[f64], q: &[f64], tolerance: f64) -> Option<(Vec<f64>, Vec<Alike>, f64)> {
         let mut numbers = change.to_vec();
         let mut off = 0.0f64;
@@ -238,8 +239,8 @@ impl Drawing {
         (off > ROUNDED).then_some((numbers, alike, off))
     }
 
-    /// The change of this drawing by which axes that are parallel within `near` where they stand at q are so exactly: where the
-    /// fit of others is a double root, to first order these would do as they are.
+    /// The change of this drawing by which axes that are parallel within `near` where they stand at q are so exactly:
+    /// where the fit of others is a double root, to first order these would do as they are.
     pub(super) fn parallel(&self, q: &[f64], near: f64) -> Vec<f64> {
         let model = &self.model;
         let mut change = vec![0.0; OWN * model.spec.joints.len()];
@@ -306,8 +307,8 @@ impl Drawing {
         }
     }
 
-    /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from what each of its velocities
-    /// feels.
+    /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from what each of its
+    /// velocities feels.
     fn effort(&self, link: usize, of: impl Fn(usize) -> f64) -> (Vec3<f64>, Vec3<f64>) {
         let links = &self.model.placed.links;
         let v = links[link].v;
@@ -326,8 +327,8 @@ fn spread(places: &[Place], kernel: usize) -> Vec<&Place> {
     (0..PLACES.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
 }
 
-/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane they turn about
-/// its normal.
+/// Change the frames of a joint by displacements (in parts of `size`) and turns, first on the parent; in a plane they
+/// turn about its normal.
 fn set(joint: &mut Joint, by: &[f64], size: f64, normal: Option<Vec3<f64>>) {
     let part = |i: usize| Vec3([by[i], by[i + 1], by[i + 2]]);
     let turned = |w: Vec3<f64>| normal.map_or(w, |n| n.times(n.dot(w)));

@@ -1,8 +1,8 @@
 //! What a drawing means: exactly one mechanism, decided when it is compiled.                            (11.9)
 //!
-//! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it move over a
-//! finite path; or it stands *as drawn*. Blocks of loops are judged one by one, by what pivots and a short exact motion settle
-//! ([`exact`]), else by levels of singular values along finite motions.
+//! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it move
+//! over a finite path; or it stands *as drawn*. Blocks of loops are judged one by one, by what pivots and a short exact
+//! motion settle ([`exact`]), else by levels of singular values along finite motions.
 
 mod alike;
 mod blocks;
@@ -21,13 +21,14 @@ use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The coarsest level, in tolerances: singular values of random misfits are up to 0.9 of them, of longer loops more.
+/// The coarsest level, in tolerances: singular values of random geometric errors are up to 0.9 of them, of longer loops
+/// more.
 const COARSEST: f64 = 10.0;
 /// No level is coarser, whatever the tolerance.
 const WIDEST: f64 = 3e-2;
 /// Levels below it.
 const LEVELS: [f64; 2] = [1e-5, 1e-7];
-/// Conditions below this are told from none by the verdict alone, not by pivots at a position.
+/// Conditions below this are distinguished from none by the verdict alone, not by pivots at a position.
 const WEAK: f64 = 1e-3;
 /// Below this values are rounding.
 const FINEST: f64 = 1e-9;
@@ -39,7 +40,7 @@ const DRAWN: f64 = 1e-9;
 const FITS: f64 = 1e-11;
 /// The largest change of a joint frame, in tolerances.
 const CHANGED: f64 = 2.0;
-/// Axes are parallel within so many tolerances in what was meant to be plane.
+/// Axes are parallel within so many tolerances in what was intended to be plane.
 const PLANE: f64 = 4.0;
 /// The part of the bodies' lengths by which the drawing of a block may be open for its decision to mean anything.
 const NEAR: f64 = 0.5;
@@ -57,7 +58,7 @@ pub enum Verdict {
     Regular,
     /// Closings are redundant wherever it goes.
     Redundant,
-    /// The drawing is exact, but stands in a singular position.
+    /// The drawing is exact, but is in a singular position.
     SingularHere,
     /// Some motions exist for an instant at every position and are locked at a higher order.
     Shaky,
@@ -166,8 +167,8 @@ impl Drawing {
     }
 }
 
-/// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to ask what would make it
-/// move. The joints of a repaired mechanism stand in the second.
+/// Decide the geometry of a compiled mechanism. `tolerance` is that of its drawing, or a larger one to ask what would
+/// make it move. The joints of a repaired mechanism stand in the second.
 pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let spec = &model.spec;
     let drawn = closed(model, coarsest(tolerance));
@@ -235,7 +236,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
 
 /// The drawing closed, if it is or nearly so; what moves by its dimensions moves where it is closed alone.
 ///
-/// Weak rows close nothing here: they would pull a drawing that misfits along its own motion.
+/// Weak rows close nothing here: they would pull a drawing that geometric errors along its own motion.
 fn closed(model: &Model, level: f64) -> Option<Vec<f64>> {
     let mut q = model.initial();
     let mut kernel = Kernel::new(model, 0.0);
@@ -269,7 +270,8 @@ fn coarsest(tolerance: f64) -> f64 {
     (COARSEST * tolerance).clamp(COARSEST * FINEST, WIDEST)
 }
 
-/// What the weakest condition of a mechanism of so many freedoms adds where it is drawn, squared; 1 where nobody knows.
+/// What the weakest condition of a mechanism of so many degrees of freedom adds where it is drawn, squared; 1 where
+/// nobody knows.
 fn weakest_of(model: &Model, q: Option<&[f64]>, freedoms: Option<usize>) -> f64 {
     let closings = freedoms.map(|k| model.size().nv.saturating_sub(k));
     q.zip(closings).and_then(|(q, m)| weakest(model, 0.0, q, m).ok()).unwrap_or(1.0)
@@ -390,7 +392,7 @@ fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, (tolerance, 
     if !is_sought(spec.joints.len()) {
         return undecided();
     }
-    // what was meant to be plane is made so first: there three numbers of a body are all there is
+    // what was intended to be plane is made so first: there three numbers of a body are all there is
     if let Some((plane, numbers)) = drawing.flattened(tolerance) {
         let own = plane.afloat(floats);
         let decided = plane.settled(own, tolerance).or_else(|| plane.decided(own, (tolerance, pose)));
@@ -417,7 +419,7 @@ impl Drawing {
         }
     }
 
-    /// What pivots and a short motion settle; `own` freedoms are those of the whole.
+    /// What pivots and a short motion settle; `own` degrees of freedom are those of the whole.
     fn settled(&self, own: usize, tolerance: f64) -> Option<Decided> {
         let level = coarsest(tolerance);
         match at(&self.model, closed(&self.model, level).as_deref(), level) {
@@ -613,7 +615,8 @@ impl Drawing {
         Ok(2 * weak > asked)
     }
 
-    /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the branch?
+    /// Does this drawing, with its closings taken at their word, go along all its motions with the kernel of the
+    /// branch?
     fn goes(&self, home: &[f64], branch: &partita_system::rank::Branch) -> Result<bool, SystemError> {
         let cut = Cut::Rank(self.model.size().nv - branch.kernel);
         let mut kernel = Kernel::new(&self.model, 0.0);
@@ -646,7 +649,7 @@ impl Drawing {
         before.iter().zip(&after).any(|(d, now)| *d > LENGTH * self.length && *now < 0.5 * d)
     }
 
-    /// Does it fold away a length that is no misfit beside the others?
+    /// Does it fold away a length that is no geometric error beside the others?
     fn folds_all(&self, numbers: &[f64], tolerance: f64) -> bool {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
@@ -660,7 +663,8 @@ const ASKED: usize = 5;
 /// Steps of the path on which a change is checked: one radian.
 const CHECKED: usize = 10;
 
-/// The fit of the most freedoms; of equal ones that of the least change, unless it folds a length that a finer level keeps.
+/// The fit of the most degrees of freedom; of equal ones that of the least change, unless it folds a length that a
+/// finer level keeps.
 fn chosen(fits: Vec<Fit>) -> Option<Fit> {
     let most = fits.iter().map(|x| x.freedoms).max()?;
     let better = |a: &Fit, b: &Fit| b.freedoms.cmp(&a.freedoms).then(a.most.total_cmp(&b.most));

@@ -69,7 +69,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         self.none(asked, &best.unwrap_or_else(|| self.projected(w)))
     }
 
-    /// The branch along `v`, as it is told.
+    /// The branch along `v`, as it is reported.
     pub fn described(&self, v: &[f64]) -> String {
         let w: Vec<f64> = v.iter().zip(&self.displacement).map(|(v, r)| v / r).collect();
         let top = largest(&w);

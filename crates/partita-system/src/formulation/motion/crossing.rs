@@ -1,4 +1,4 @@
-//! Singular positions on the way of a motion: foreseen, crossed and verified, told from dead points of the choice.
+//! Singular positions during a motion: foreseen, crossed, verified, and distinguished from dead points of the choice.
 
 use super::Motion;
 use crate::error::Result;
@@ -34,7 +34,7 @@ struct Others {
     distance: f64,
 }
 
-/// The way since the last singular position, and what the step under way and the one that was judged tell of the next.
+/// Motion since the last singular position, and indications of the next from the current and the last step.
 pub(super) struct CrossingMonitor {
     pub(super) crossing: Crossing,
     pub(super) crosses_next: bool,
@@ -58,7 +58,7 @@ pub(super) struct CrossingMonitor {
     pub(super) spoilt: bool,
     pub(super) serving: Option<Vec<usize>>,
     pub(super) spoilt_in_a_row: u32,
-    /// Largest rate at the end of the step that was judged, in reaches.
+    /// Largest rate at the end of the step that was judged, in characteristic displacements.
     fastest: f64,
 }
 
@@ -183,7 +183,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.monitor.crossing.forget();
         }
         if P::CLOSED {
-            return; // positions on another branch are told apart where they are solved for
+            return; // positions on another branch are distinguished where they are solved for
         }
         let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
         let creeps = self.monitor.flipped && self.monitor.crossing.creeps(t - self.monitor.step_start.t());
@@ -200,8 +200,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         dead_point::loss(self.tangent.seen(), ends, (half_t, &half))
     }
 
-    /// Redundant rows: is the mechanism as far from singular half-way through the step that was judged as at its ends? Rows
-    /// kept come near to dependence elsewhere, and what their distance foretells need not be there.
+    /// Redundant rows: is the mechanism as far from singular half-way through the step that was judged as at its ends?
+    /// Rows kept come near to dependence elsewhere, and what their distance foretells need not be there.
     fn stays_clear(&self) -> bool {
         let at_ends =
             [self.monitor.margin_before, self.margin].into_iter().flatten().fold(f64::INFINITY, |m, x| x.0.min(m));

@@ -6,7 +6,7 @@ use crate::manifold::least_change::{near_by, LeastChange};
 use crate::manifold::{self, follow, Closed, Curve, End, Linearization, Pace, Room, Visit};
 use crate::system::{ConstrainedSystem, SystemError};
 
-/// Where steps that move the targets by this (in reaches) do not lead on, the loops resist.
+/// Where steps that move the targets by this (in characteristic displacements) do not lead on, the loops resist.
 const SHORTEST: f64 = 1e-6;
 /// What the linear conditions may take from a step: beyond that they forbid it. A part of the step that errors of the
 /// linear solution (its damping against a nearly singular loop) stay below.
