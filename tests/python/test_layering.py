@@ -338,8 +338,8 @@ def test_paths_from_the_root_of_a_crate_are_found() -> None:
     assert crate_names_used(source, 2) == {"one", "two", "three", "four", "five"}
 
 
-def test_every_place_that_the_architecture_names_exists() -> None:
-    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+def test_every_room_that_the_pages_name_exists() -> None:
+    text = "".join((ROOT / page).read_text("utf-8") for page in ("ARCHITECTURE.md", "docs/rooms.md"))
     named = re.findall(
         r"`((?:crates/)?(?:partita-\w+/src|python/partita|docs|examples|benches|tools)/?[\w./-]*)`", text
     )
