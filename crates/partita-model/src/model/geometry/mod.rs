@@ -2,7 +2,7 @@
 //!
 //! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it move
 //! over a finite path; or it stands *as drawn*. Blocks of loops are judged one by one, by what pivots and a short exact
-//! motion settle ([`exact`]), else by levels of singular values along finite motions.
+//! motion settle ([`exact()`]), else by levels of singular values along finite motions.
 
 mod alike;
 mod blocks;
