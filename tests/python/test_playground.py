@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import DESKTOP, PHONE, Chromium
+from chromium import DESKTOP, PHONE, PROGRAM, Chromium
 from pages import CONTRAST
 
 import partita as pt
@@ -26,7 +26,7 @@ from partita.mechanism.playground import changed, recorded
 from partita.playground.page import COMPUTES, text
 from partita.state import State
 
-NODE, CHROMIUM = shutil.which("node"), shutil.which("chromium")
+NODE = shutil.which("node")
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
 """Both programs at this tolerance: the page needs it where freedoms amplify errors over 10 s."""
 needs_node = pytest.mark.skipif(NODE is None, reason="there is no Node to run the scripts of the page")
@@ -467,7 +467,7 @@ def test_names_carry_no_markup(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Chromium]:
-    if CHROMIUM is None:
+    if PROGRAM is None:
         pytest.skip("there is no Chromium to open the page in")
     with Chromium() as opened:
         yield opened
