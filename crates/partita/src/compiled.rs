@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::run::{Run, Simulation};
 use partita_analysis::poses::{self, Ask, Goal, Target};
-use partita_analysis::{Mobility, mobility};
+use partita_analysis::{AnalysisError, Mobility, mobility};
 use partita_system::ConstrainedSystem;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -148,6 +148,7 @@ impl Model {
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn with_rates(&self, state: &State, rates: &[(&str, f64)]) -> Result<State, Error> {
+        self.fits(state)?;
         let rates = self.targets(rates)?;
         let v = poses::with_rates(&self.inner, state.t, &state.q, &state.v, &[], &rates)?;
         Ok(State { v, ..state.clone() })
@@ -156,7 +157,7 @@ impl Model {
     /// Simulate from a state. A run that ends early is a run, with what was computed and why it ended.
     ///
     /// # Errors
-    /// `Analysis` where options make no sense or nothing can start.
+    /// `Analysis` where the state is not one of this model, options make no sense or nothing can start.
     ///
     /// ```
     /// # use partita::{GROUND, Mechanism, Simulation};
@@ -164,6 +165,10 @@ impl Model {
     /// # let model = m.revolute("pin", GROUND, "rod", [0.0; 3], [0.0, 0.0, 1.0]).compile()?;
     /// let run = model.simulate(&model.assemble(&[])?, &Simulation::new(1.0))?;
     /// assert!(run.is_success());
+    /// let other = partita::State { t: 0.0, q: vec![0.0, 1.0], v: vec![f64::NAN] };
+    /// assert!(model.simulate(&other, &Simulation::new(1.0)).is_err());
+    /// assert!(model.simulate(&model.assemble(&[])?, &Simulation::new(-1.0)).is_err());
+    /// assert!(model.simulate(&model.assemble(&[])?, &Simulation::new(1.0).tolerances(f64::NAN, 1e-8)).is_err());
     /// # Ok::<(), partita::Error>(())
     /// ```
     pub fn simulate(&self, start: &State, simulation: &Simulation) -> Result<Run, Error> {
@@ -189,12 +194,32 @@ impl Model {
         simulation: &Simulation,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Run, Error> {
+        self.fits(start)?;
+        simulation.check()?;
         let request = simulation.request(start.t);
         let times = simulation.times(start.t);
         let mut watch = |t: f64| if go_on(t) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
         let state = (&start.q[..], &start.v[..]);
         let found = partita_analysis::run::run(&*self.inner, &request, None, &times, state, &mut watch)?;
         Ok(Run::of(self.clone(), found))
+    }
+
+    /// Is it a state of this model?
+    fn fits(&self, state: &State) -> Result<(), Error> {
+        let size = self.inner.size();
+        let finite = state.t.is_finite() && state.q.iter().chain(&state.v).all(|x| x.is_finite());
+        if (state.q.len(), state.v.len()) == (size.nq, size.nv) && finite {
+            return Ok(());
+        }
+        let message = format!(
+            "the state has {} coordinates and {} velocities{}; this model has {} and {}: take one from assemble()",
+            state.q.len(),
+            state.v.len(),
+            if finite { "" } else { ", not all of them finite" },
+            size.nq,
+            size.nv
+        );
+        Err(AnalysisError::Argument { argument: "state", message }.into())
     }
 
     fn targets(&self, named: &[(&str, f64)]) -> Result<Vec<(Target, f64)>, Error> {

@@ -79,6 +79,20 @@ impl Simulation {
         (0..self.outputs).map(at).collect()
     }
 
+    /// Does it make sense?
+    pub(crate) fn check(&self) -> Result<(), AnalysisError> {
+        let tolerated = |x: f64| x.is_finite() && x > 0.0;
+        let (argument, message) = if !tolerated(self.duration) {
+            ("duration", format!("a duration of {} s is none; give a positive, finite number", self.duration))
+        } else if !(tolerated(self.request.rtol) && tolerated(self.request.atol)) {
+            let both = (self.request.rtol, self.request.atol);
+            ("tolerances", format!("rtol = {} and atol = {} must be positive and finite", both.0, both.1))
+        } else {
+            return Ok(());
+        };
+        Err(AnalysisError::Argument { argument, message })
+    }
+
     /// All options of a run that starts at t0.
     ///
     /// ```
