@@ -31,17 +31,17 @@ pub(crate) struct GeometricError {
 /// What was repaired of the drawing of a mechanism, or what beyond its tolerance would let it move.
 pub(crate) fn of_drawing(model: &Model) -> GeometricError {
     let own = model.geometry();
-    if own.misfit() > 0.0 {
+    if own.geometric_error() > 0.0 {
         let drawn = model.as_drawn();
         let sentences = drawn.as_ref().map_or_else(Vec::new, |drawn| sentences(drawn, own));
-        return GeometricError { sentences, size: own.misfit(), repaired_mobility: None };
+        return GeometricError { sentences, size: own.geometric_error(), repaired_mobility: None };
     }
     let freedoms = own.freedoms.unwrap_or(0);
     let wide = model.geometry_within(LARGEST_TOLERANCE);
-    match wide.freedoms.filter(|x| *x > freedoms && wide.misfit() > 0.0) {
+    match wide.freedoms.filter(|x| *x > freedoms && wide.geometric_error() > 0.0) {
         Some(repaired_mobility) => GeometricError {
             sentences: sentences(model, &wide),
-            size: wide.misfit(),
+            size: wide.geometric_error(),
             repaired_mobility: Some(repaired_mobility),
         },
         None => GeometricError::default(),

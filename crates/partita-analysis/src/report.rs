@@ -70,7 +70,8 @@ pub struct Report {
     /// Bodies that spin between their ball joints: a degree of freedom each.
     pub idle: Vec<Idle>,
     /// Joints to replace so that nothing is redundant.
-    pub cures: Vec<Remedy>,
+    #[serde(rename = "cures")]
+    pub remedies: Vec<Remedy>,
     /// What is redundant, why and what to do, in one paragraph; empty where nothing is.
     pub redundancy: String,
     /// Coordinates that the closed loops lock.
@@ -245,7 +246,7 @@ fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
         freedoms: 0,
         gruebler,
         idle: idle(model),
-        cures: Vec::new(),
+        remedies: Vec::new(),
         redundancy: String::new(),
         locked: Vec::new(),
         dead: Vec::new(),
@@ -335,7 +336,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         gruebler: 6 * placed.bodies.len() as i64 - found.joint_rows as i64,
         idle,
         redundancy: redundancy(&found, &cures),
-        cures,
+        remedies: cures,
         locked,
         dead,
         suspicious: suspicious(model),
@@ -519,7 +520,7 @@ mod tests {
         let sigma = r.sigma.unwrap();
         assert!((best.rho - sigma).abs() < 1e-12, "one coordinate: σ is its ρ");
         assert!((r.sqrt_mu.unwrap() - sigma).abs() < 1e-12);
-        assert_eq!((r.gruebler, r.freedoms, r.cures.len()), (-2, 1, 2));
+        assert_eq!((r.gruebler, r.freedoms, r.remedies.len()), (-2, 1, 2));
         assert!(r.coordinates.iter().all(|c| c.scale > 0.0));
         assert_eq!(r.cuts.len(), 1);
         assert_eq!(

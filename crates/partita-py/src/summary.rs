@@ -105,7 +105,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
         misfit: mobility.map_or(0.0, |x| x.misfit),
-        repaired: m.geometry().misfit(),
+        repaired: m.geometry().geometric_error(),
         notes: note.map(str::to_string).into_iter().chain(of_drawing).collect(),
     };
     serde_json::to_string(&summary)

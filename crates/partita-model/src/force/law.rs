@@ -93,7 +93,7 @@ impl<G: Space> Law<G> {
         for (p, w) in self.on.iter().zip(answers.chunks_exact(WRENCH)) {
             let own = |w: &[G::S]| self.out.apply_transposed(Vec3([w[0], w[1], w[2]]));
             let (force, moment, x) = (own(&w[..3]), own(&w[3..]), at.spot(p));
-            let push = at.push(&p.place, x, moment, force);
+            let push = at.wrench_at(&p.place, x, moment, force);
             // in the plane of a planar mechanism alone is there work
             power += G::dot(push.force, at.velocity(p.place.link, push.arm));
             power += G::dot_ang(push.moment, at.s.links[p.place.link].w);

@@ -46,7 +46,13 @@ impl<G: Space> At<'_, G> {
 
     /// A wrench at a point of space on a link.
     #[inline(always)]
-    pub(super) fn push(&self, on: &Place<G>, x: Vec3<G::S>, moment: Vec3<G::S>, force: Vec3<G::S>) -> AppliedWrench<G> {
+    pub(super) fn wrench_at(
+        &self,
+        on: &Place<G>,
+        x: Vec3<G::S>,
+        moment: Vec3<G::S>,
+        force: Vec3<G::S>,
+    ) -> AppliedWrench<G> {
         AppliedWrench {
             node: on.node,
             link: on.link,
@@ -66,7 +72,7 @@ impl<G: Space> At<'_, G> {
         moment: Vec3<G::S>,
         force: Vec3<G::S>,
     ) -> ForceApplication<G> {
-        ForceApplication::Between(self.push(on, x, moment, force), self.push(other, x, -moment, -force))
+        ForceApplication::Between(self.wrench_at(on, x, moment, force), self.wrench_at(other, x, -moment, -force))
     }
 }
 

@@ -17,7 +17,7 @@ use crate::system::SystemError;
 pub const LONGEST: f64 = 0.3;
 /// A position that closes by taking back more than this part of the predictor was thrown back: no motion leads on
 /// there.
-const THROWN_BACK: f64 = 0.5;
+pub const THROWN_BACK: f64 = 0.5;
 /// A tangent may change by this part of itself in one step; one that doubles is that of a limit near by.
 const TURNS: f64 = 0.5;
 /// Changes below this part let the next step be longer.

@@ -8,7 +8,7 @@
 //! afar the level is graded, strong rows first, else steps jump off along weak ones.                            (11.9)
 
 use super::close::{close, Closed, Ending, Linearization, Open, Part, Room, Rule};
-use super::follow::Curve;
+use super::follow::{Curve, LONGEST};
 use super::scaled::Scaled;
 use crate::error::Result;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -21,8 +21,6 @@ const COARSE: f64 = 0.03;
 const GRADE: f64 = 0.1;
 /// Moves below this (in characteristic displacements), or this part of the grade, are the end of it.
 const STILL: (f64, f64) = (1e-9, 1e-2);
-/// Longest step, in characteristic displacements.
-const LONGEST: f64 = 0.3;
 /// Longest steps at the most: guides that are out of parallel meet far away.
 const FARTHEST: usize = 400;
 /// Iterations besides: three or four of Newton's method for each grade.

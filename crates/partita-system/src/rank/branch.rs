@@ -2,6 +2,7 @@
 //! of freedom.
 
 use super::{Cut, Kernel, Motions};
+use crate::manifold::follow::THROWN_BACK;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
@@ -10,8 +11,6 @@ use partita_math::factor::svd;
 const STEP: f64 = 0.1;
 /// Length of a path: a short one does not distinguish order four from a geometric error.
 const FAR: usize = 25;
-/// A predictor thrown back by more than this part of itself ends the path.
-const THROWN_BACK: f64 = 0.5;
 /// Random directions in which paths leave the drawing, for each null direction.
 const MORE: usize = 1;
 /// Paths at the most, for drawings of many degrees of freedom.

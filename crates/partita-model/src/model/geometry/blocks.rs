@@ -150,7 +150,7 @@ impl Model {
     }
 
     /// Coordinates of these free bodies in a pose.
-    pub(super) fn standing(&self, pose: &Pose) -> Vec<f64> {
+    pub(super) fn coordinates_in(&self, pose: &Pose) -> Vec<f64> {
         let mut q = self.initial();
         for (body, drawn) in self.spec.bodies.iter().enumerate() {
             let moved = pose.of(&drawn.name);

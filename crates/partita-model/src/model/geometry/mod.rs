@@ -110,7 +110,7 @@ pub struct Geometry {
 
 impl Geometry {
     /// The largest change of a joint frame (rad, parts of lengths); 0 where nothing was repaired.
-    pub fn misfit(&self) -> f64 {
+    pub fn geometric_error(&self) -> f64 {
         let repaired = self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
         repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
     }
@@ -489,7 +489,7 @@ impl Drawing {
         let there = if open.is_none_or(|x| x > tolerance) { pose() } else { None };
         if let Some(pose) = there {
             // what no change within the tolerance closes here closes elsewhere: then lengths are those there
-            let mut q = self.model.standing(pose);
+            let mut q = self.model.coordinates_in(pose);
             let (spec, length) = ((*self.model.spec).clone(), self.model.length_at(&q));
             let there = Self::new(spec, self.model.functions(), length, self.model.is_planar());
             if let Some(there) = there.filter(|x| x.model.is_planar() == self.model.is_planar()) {
