@@ -161,7 +161,7 @@ fn moved<S: ConstrainedSystem>(x: &Scaled<S>, t: f64, q: &[f64], w: &[f64]) -> R
     let mut rows = Truncated::new(scaled, t, Cut::Level(NONE));
     rows.scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = !x.rows.contains(&i));
     let mut there = q.to_vec();
-    let end = leap(&mut Along::new(rows, CLOSED), &mut there, w, (0.0, MOVE), MOVE, &mut |_, _| Ok(Visit::On))?;
+    let end = leap(&mut Along::new(&mut rows, CLOSED), &mut there, w, (0.0, MOVE), MOVE, &mut |_, _| Ok(Visit::On))?;
     Ok((end == End::There).then_some(there))
 }
 

@@ -45,6 +45,10 @@ pub trait Curve {
     }
     /// The position last closed is taken, or refused: then what was counted on the way to it is taken back.
     fn conclude(&mut self, _taken: bool) {}
+    /// Size of a move, in characteristic displacements.
+    fn travel(&self, tangent: &[f64]) -> f64 {
+        largest(tangent)
+    }
 }
 
 /// How long steps are.
@@ -134,7 +138,7 @@ fn step<C: Curve + ?Sized>(
     if !curve.accepts(&closed) {
         return Ok(Err(End::Open(closed.ending)));
     }
-    if closed.moved > THROWN_BACK * ds * largest(tangent) {
+    if closed.moved > THROWN_BACK * ds * curve.travel(tangent) {
         return Ok(Err(End::ThrownBack));
     }
     next.copy_from_slice(tangent);
@@ -175,7 +179,7 @@ pub fn follow<C: Curve + ?Sized>(
     let (mut next, mut trial) = (tangent.clone(), q.to_vec());
     let mut part = length;
     while found.steps < pace.steps {
-        part = part.min(pace.longest / largest(&tangent).max(f64::MIN_POSITIVE));
+        part = part.min(pace.longest / curve.travel(&tangent).max(f64::MIN_POSITIVE));
         let last = found.s + part >= length - 0.01 * part;
         let ds = if last { length - found.s } else { part };
         trial.copy_from_slice(q);
@@ -225,7 +229,7 @@ pub fn leap<C: Curve + ?Sized>(
     if !curve.direct(q, s, &mut tangent)? {
         return Ok(End::Limit);
     }
-    let ds = (displacements / largest(&tangent)).min(length - s);
+    let ds = (displacements / curve.travel(&tangent)).min(length - s);
     let mut next = tangent.clone();
     let taken = step(curve, q, (&tangent, &mut next), (s, ds), &mut 0, visit)?;
     curve.conclude(taken.is_ok());

@@ -302,7 +302,7 @@ fn rows_that_contradict_each_other_rest_half_way_and_are_followed_there() {
         let least = 0.5 * (e / 1.1f64.powi(2)).powi(2);
         assert!(half(&q).abs() < 1e-13 && (done.open.square - least).abs() < 1e-6 * least, "{done:?}");
         let pace = Pace { longest: 0.1, shortest: 1e-6, steps: 1000 };
-        let done = follow(&mut Along::new(rows, e), &mut q, &[0.0, 1.0], 5.0, &pace, &mut |_, at| {
+        let done = follow(&mut Along::new(&mut rows, e), &mut q, &[0.0, 1.0], 5.0, &pace, &mut |_, at| {
             assert!(half(at.q).abs() < 1e-13);
             Ok(Visit::On)
         });
@@ -434,8 +434,8 @@ fn a_four_bar_is_followed_over_full_turns_on_its_branch() {
     let system = Chains::one(&lengths, base);
     let start = four_bar(0.3);
     for sign in [1.0, -1.0] {
-        let rows = truncated(&system, &start, 1e-7);
-        let mut curve = Along::new(rows, 1e-12);
+        let mut rows = truncated(&system, &start, 1e-7);
+        let mut curve = Along::new(&mut rows, 1e-12);
         let mut q = start;
         // three turns: the crank is the fastest link most of the time
         let (mut positions, mut least) = (0, f64::INFINITY);
@@ -462,10 +462,10 @@ fn halving_steps_lead_to_the_same_positions() {
     let mut ends = Vec::new();
     for longest in [0.3, 0.1, 0.01] {
         let mut q = four_bar(0.3);
-        let rows = truncated(&system, &q, 1e-7);
+        let mut rows = truncated(&system, &q, 1e-7);
         let pace = Pace { longest, shortest: 1e-6, steps: 10_000 };
         let done =
-            follow(&mut Along::new(rows, 1e-12), &mut q, &[1.0, 0.0, 0.0], 1.5, &pace, &mut |_, _| Ok(Visit::On));
+            follow(&mut Along::new(&mut rows, 1e-12), &mut q, &[1.0, 0.0, 0.0], 1.5, &pace, &mut |_, _| Ok(Visit::On));
         assert_eq!(done.unwrap().end, End::There);
         ends.push(q);
         // wherever along the curve it came to: on it
@@ -482,29 +482,31 @@ fn curves_end_with_their_reason() {
     // three links in one line, as long as the base: free for an instant only
     let line = Chains::one(&[1.0, 1.5, 0.5], 3.0);
     let mut q = [0.0; 3];
-    let mut curve = Along::new(truncated(&line, &q, 1e-7), 1e-12);
+    let mut rows = truncated(&line, &q, 1e-7);
+    let mut curve = Along::new(&mut rows, 1e-12);
     let done = follow(&mut curve, &mut q, &[1.0, -1.0, 1.0], 1.0, &pace, &mut { on }).unwrap();
     assert_eq!(done.end, End::ThrownBack);
     assert!(done.s < 1e-2 && q.iter().all(|x| x.abs() < 1e-2), "{done:?} {q:?}");
     // nothing to go along: two links and a base that is a triangle
     let triangle = Chains::one(&[1.0, 1.0], 1.0);
     let mut q = [PI / 3.0, -PI / 3.0];
-    let mut curve = Along::new(truncated(&triangle, &q, 1e-7), 1e-12);
+    let mut rows = truncated(&triangle, &q, 1e-7);
+    let mut curve = Along::new(&mut rows, 1e-12);
     let done = follow(&mut curve, &mut q, &[1.0, 1.0], 1.0, &pace, &mut { on }).unwrap();
     assert!(done.end == End::Limit && done.steps == 0);
     // a visitor that stops, one that refuses, and more steps than allowed
     let (lengths, base) = CRANK_ROCKER;
     let system = Chains::one(&lengths, base);
-    let begin = || (four_bar(0.3), Along::new(truncated(&system, &four_bar(0.3), 1e-7), 1e-12));
-    let (mut q, mut curve) = begin();
+    let mut rows = truncated(&system, &four_bar(0.3), 1e-7);
+    let (mut q, mut curve) = (four_bar(0.3), Along::new(&mut rows, 1e-12));
     let direction = [1.0, 0.0, 0.0];
     let done = follow(&mut curve, &mut q, &direction, 9.0, &pace, &mut |_, _| Ok(Visit::Stop)).unwrap();
     assert!(done.end == End::Stopped && done.steps == 1 && done.s > 0.2);
-    let (mut q, mut curve) = begin();
+    q = four_bar(0.3);
     let wall = |_: &mut Along<UserSystem<Chains>>, at: At| Ok(if at.q[0] > 1.0 { Visit::Back } else { Visit::On });
     let done = follow(&mut curve, &mut q, &direction, 9.0, &pace, &mut { wall }).unwrap();
     assert!(done.end == End::Refused && (0.999_999..=1.0).contains(&q[0]), "{done:?} {q:?}");
-    let (mut q, mut curve) = begin();
+    q = four_bar(0.3);
     let few = Pace { steps: 3, ..pace };
     let done = follow(&mut curve, &mut q, &direction, 9.0, &few, &mut { on }).unwrap();
     assert!(done.end == End::Long && done.steps == 3);

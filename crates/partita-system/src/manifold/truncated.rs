@@ -202,9 +202,9 @@ impl<S: ConstrainedSystem> Linearization for Truncated<'_, S> {
 }
 
 /// The curve along a direction that is carried on in what the level leaves free, by the length of its fastest move.
-pub struct Along<'s, S: ConstrainedSystem> {
+pub struct Along<'r, 's, S: ConstrainedSystem> {
     /// The rows.
-    pub rows: Truncated<'s, S>,
+    pub rows: &'r mut Truncated<'s, S>,
     /// What is free at the position last closed.
     pub free: Option<Motions>,
     /// Rows may stay open by this.
@@ -212,14 +212,14 @@ pub struct Along<'s, S: ConstrainedSystem> {
     room: Room,
 }
 
-impl<'s, S: ConstrainedSystem> Along<'s, S> {
+impl<'r, 's, S: ConstrainedSystem> Along<'r, 's, S> {
     /// Along what these rows leave free; they may stay open by `open`, where they rest.
-    pub fn new(rows: Truncated<'s, S>, open: f64) -> Self {
+    pub fn new(rows: &'r mut Truncated<'s, S>, open: f64) -> Self {
         Self { rows, free: None, open, room: Room::default() }
     }
 }
 
-impl<S: ConstrainedSystem> Curve for Along<'_, S> {
+impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
     /// The projection of the direction before on what is free now, its fastest move 1.
     fn direct(&mut self, q: &[f64], _s: f64, tangent: &mut [f64]) -> Result<bool> {
         let found = self.rows.motions(q)?;
@@ -230,9 +230,9 @@ impl<S: ConstrainedSystem> Curve for Along<'_, S> {
             on.iter_mut().zip(free).for_each(|(x, d)| *x += part * d);
         }
         self.free = Some(found);
-        let (after, fastest) = (norm(&on), largest(&on));
+        let (after, fastest) = (norm(&on), self.travel(&on));
         tangent.iter_mut().zip(&on).for_each(|(t, x)| *t = x / fastest);
-        Ok(after > GOES_ON * before && before > 0.0)
+        Ok(after > GOES_ON * before && fastest > 0.0 && fastest.is_finite())
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         self.rows.step(q, ds, tangent);
@@ -243,12 +243,11 @@ impl<S: ConstrainedSystem> Curve for Along<'_, S> {
     fn accepts(&self, closed: &Closed) -> bool {
         closed.ending <= Ending::AtRest && closed.open.worst <= self.open
     }
+    fn travel(&self, tangent: &[f64]) -> f64 {
+        self.rows.travel(tangent)
+    }
 }
 
 fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
 }

@@ -2,13 +2,17 @@
 //! of freedom.
 
 use super::{Cut, Kernel, Motions};
-use crate::manifold::follow::THROWN_BACK;
+use crate::manifold::follow::{self, follow, Pace};
+use crate::manifold::truncated::Along;
+use crate::reduction::largest;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
 use partita_math::factor::svd;
 
 /// Step of a path, in characteristic displacements.
 const STEP: f64 = 0.1;
+/// Steps that would have to be shorter than this part of it end a path.
+const WHOLE: f64 = 0.9;
 /// Length of a path: a short one does not distinguish order four from a geometric error.
 const FAR: usize = 25;
 /// Random directions in which paths leave the drawing, for each null direction.
@@ -102,33 +106,17 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         steps: usize,
         visit: Visit,
     ) -> Result<(), SystemError> {
-        let mut q = home.to_vec();
-        let Some(mut along) = self.unit(direction) else { return Ok(()) };
-        for step in 1..=steps {
-            let by: Vec<f64> = along.iter().map(|x| STEP * x).collect();
-            let mut there = q.clone();
-            self.step(&mut there, &by);
-            let Some(closed) = self.close(&mut there, cut)? else { return Ok(()) };
-            let total: Vec<f64> = by.iter().zip(&closed.moved).map(|(x, y)| x + y).collect();
-            if dot(&total, &by) < THROWN_BACK * dot(&by, &by) {
-                return Ok(());
-            }
-            q = there;
-            let nulls = self.motions(&q, cut)?;
-            if !visit(step, &q, closed.open, &nulls) {
-                return Ok(());
-            }
-            let mut ahead = vec![0.0; total.len()];
-            for motion in &nulls.motions {
-                let part = dot(motion, &total);
-                ahead.iter_mut().zip(motion).for_each(|(y, x)| *y += part * x);
-            }
-            if dot(&ahead, &ahead) < (THROWN_BACK * STEP).powi(2) * dot(&along, &along) {
-                return Ok(());
-            }
-            let Some(next) = self.unit(&ahead) else { return Ok(()) };
-            along = next;
-        }
+        let Some(direction) = self.unit(direction) else { return Ok(()) };
+        let (mut q, mut taken) = (home.to_vec(), 0);
+        let pace = Pace { longest: STEP, shortest: WHOLE * STEP, steps };
+        self.closings.cut = cut;
+        let mut curve = Along::new(&mut self.closings, f64::INFINITY);
+        follow(&mut curve, &mut q, &direction, steps as f64 * STEP, &pace, &mut |curve, at| {
+            taken += 1;
+            let open = largest(curve.rows.scaled.phi.iter().copied());
+            let goes_on = curve.free.as_ref().is_some_and(|free| visit(taken, at.q, open, free));
+            Ok(if goes_on { follow::Visit::On } else { follow::Visit::Stop })
+        })?;
         Ok(())
     }
 
@@ -158,7 +146,9 @@ impl<S: ConstrainedSystem> Kernel<'_, S> {
         for (path, direction) in directions.iter().enumerate() {
             let before = places.len();
             self.path(home, direction, cut, FAR, &mut |steps, q, open, nulls| {
-                let kernel = (n - cut.count(&nulls.pivots), n - tube.count(&nulls.pivots));
+                // rank does not fall from a position to generic ones
+                let null = (n - cut.count(&nulls.pivots)).min(motions.len());
+                let kernel = (null, n - tube.count(&nulls.pivots));
                 places.push(Place { path, steps, q: q.to_vec(), kernel, open });
                 true
             })?;

@@ -28,7 +28,7 @@ pub struct Nulls {
 
 /// The closings of a system, drives released, at time t.
 pub struct Kernel<'s, S: ConstrainedSystem> {
-    closings: Truncated<'s, S>,
+    pub(super) closings: Truncated<'s, S>,
     room: Room,
     /// Holonomic rows that prescribe no motion.
     pub rows: Vec<usize>,
